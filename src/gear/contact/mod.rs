@@ -1,0 +1,27 @@
+//! Contact laws, one per file.
+//!
+//! `p` is the penetration, m, positive in contact; `ṗ` its rate, m/s; `F ≥ 0` pushes the flanks apart
+//! (a bilateral law may pull, and says so).
+
+mod hysteresis;
+mod linear;
+mod power;
+mod rigid;
+
+pub use hysteresis::{Hysteresis, coefficient, exact_coefficient, restitution};
+pub use linear::{Linear, Release};
+pub use power::{PowerLaw, Ratio};
+pub use rigid::Rigid;
+
+/// The law of one contact element.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Law {
+    /// Linear spring and damper that never lets go: no guard, no backlash.
+    Bilateral(Linear),
+    /// Linear spring and damper (Kelvin–Voigt) beyond the backlash.
+    KelvinVoigt(Linear, Release),
+    /// `F = K pⁿ (1 + χ ṗ)`, hysteresis latched at each contact start.
+    Power(PowerLaw),
+    /// No penetration: Newton restitution, sustained contact held by a multiplier.
+    Rigid(Rigid),
+}

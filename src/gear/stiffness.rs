@@ -1,0 +1,93 @@
+//! Mesh stiffness in time, k(t), N/m (N/mⁿ for a power law).
+
+use super::Harmonic;
+
+/// One piece of a periodic schedule: from `start` on, `k(t) = value + slope · (t − t_start)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Piece {
+    /// Where the piece starts, fraction of the period after the origin, `[0, 1)`.
+    pub start: f64,
+    /// Stiffness at the start, N/m.
+    pub value: f64,
+    /// Rate of change, N/(m s).
+    pub slope: f64,
+}
+
+/// A stiffness schedule.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Stiffness {
+    /// `k(t) = k`.
+    Constant(f64),
+    /// `k(t) = mean · (1 + Σ a cos(ω t + φ))`, at least one harmonic.
+    Harmonic {
+        /// Mean stiffness.
+        mean: f64,
+        /// Harmonics, amplitudes relative to the mean.
+        harmonics: Vec<Harmonic>,
+    },
+    /// Pieces that repeat: rectangular (slopes zero) or trapezoidal. At most 8 pieces; their starts
+    /// are known switching times.
+    Periodic {
+        /// Period, s.
+        period: f64,
+        /// Time at which the first period starts, s.
+        origin: f64,
+        /// Pieces in rising order of their starts; the last one runs on to the next period's first.
+        pieces: Vec<Piece>,
+    },
+    /// Starts at `levels[0]` and alternates between the two levels at the listed times.
+    Switched {
+        /// Switching times, s, strictly rising.
+        times: Vec<f64>,
+        /// The two stiffnesses.
+        levels: [f64; 2],
+    },
+}
+
+impl Stiffness {
+    /// Largest value the schedule takes (a bound, attained for piecewise schedules).
+    #[must_use]
+    pub fn maximum(&self) -> f64 {
+        match self {
+            Self::Constant(k) => *k,
+            Self::Harmonic { mean, harmonics } => {
+                mean * (1.0 + harmonics.iter().map(|h| h.amplitude.abs()).sum::<f64>())
+            }
+            Self::Periodic { period, pieces, .. } => (0..pieces.len())
+                .map(|i| {
+                    let p = pieces[i];
+                    let end = pieces.get(i + 1).map_or(1.0 + pieces[0].start, |q| q.start);
+                    p.value.max(p.value + p.slope * (end - p.start) * period)
+                })
+                .fold(0.0, f64::max),
+            Self::Switched { levels, .. } => levels[0].max(levels[1]),
+        }
+    }
+
+    /// Time average over a period (of the two levels, for a list of times).
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        match self {
+            Self::Constant(k) => *k,
+            Self::Harmonic { mean, .. } => *mean,
+            Self::Periodic { period, pieces, .. } => (0..pieces.len())
+                .map(|i| {
+                    let p = pieces[i];
+                    let width = pieces.get(i + 1).map_or(1.0 + pieces[0].start, |q| q.start) - p.start;
+                    width * (p.value + 0.5 * p.slope * width * period)
+                })
+                .sum(),
+            Self::Switched { levels, .. } => 0.5 * (levels[0] + levels[1]),
+        }
+    }
+
+    /// Rectangular schedule: `high` while `frac((t − origin)/period) < duty`, else `low`.
+    #[must_use]
+    pub fn rectangular(high: f64, low: f64, period: f64, duty: f64, origin: f64) -> Self {
+        Self::Periodic {
+            period,
+            origin,
+            pieces: vec![Piece { start: 0.0, value: high, slope: 0.0 }, Piece { start: duty, value: low, slope: 0.0 }],
+        }
+    }
+}

@@ -1,0 +1,71 @@
+/// Names one guard function of a hybrid system.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct GuardId(pub u16);
+
+/// Which sign changes of a guard count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Crossing {
+    /// From positive to negative.
+    Falling,
+    /// From negative to positive.
+    Rising,
+    /// Both.
+    Either,
+}
+
+/// What a crossing does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// Ends the arc and calls the system's jump.
+    Jump,
+    /// Is recorded; the flow goes on.
+    Monitor,
+}
+
+/// A scalar function of time and state, watched in one mode.
+///
+/// Jump guards are oriented: the interior of the mode is `g > 0`, and the guard fires where `g`
+/// falls through zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Guard {
+    /// Which function.
+    pub id: GuardId,
+    /// Which sign changes count.
+    pub crossing: Crossing,
+    /// What happens at a crossing.
+    pub role: Role,
+}
+
+/// A set of guards, as a bit mask over [`GuardId`] 0 to 127.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GuardSet(pub u128);
+
+impl GuardSet {
+    /// The empty set.
+    pub const EMPTY: Self = Self(0);
+
+    /// Adds a guard.
+    ///
+    /// # Panics
+    /// If the id is 128 or more (debug builds).
+    pub fn insert(&mut self, id: GuardId) {
+        self.0 |= 1 << id.0;
+    }
+
+    /// Whether the guard is in the set.
+    #[must_use]
+    pub fn contains(self, id: GuardId) -> bool {
+        self.0 >> id.0 & 1 == 1
+    }
+
+    /// Whether the set is empty.
+    #[must_use]
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// The members in rising order.
+    pub fn iter(self) -> impl Iterator<Item = GuardId> {
+        (0..128).filter(move |i| self.0 >> i & 1 == 1).map(GuardId)
+    }
+}

@@ -1,0 +1,17 @@
+//! The vocabulary of a hybrid automaton: modes, guards, flows, instants. No algorithm lives here.
+//!
+//! The meaning of every word is fixed in `docs/EVENTS.md`.
+
+mod flow;
+mod guard;
+mod instant;
+mod mode;
+mod power;
+mod system;
+
+pub use flow::{Flow, Jet, JetField, JetRequest, VectorField};
+pub use guard::{Crossing, Guard, GuardId, GuardSet, Role};
+pub use instant::{Clock, Instant, Wide};
+pub use mode::Mode;
+pub use power::{PowerBalance, Powers};
+pub use system::{Chatter, HybridSystem, Jump, ModelError};

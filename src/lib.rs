@@ -1,0 +1,6 @@
+//! Flank simulates gear vibro-impact with exact events.
+#![warn(missing_docs)]
+
+pub mod gear;
+pub mod hybrid;
+pub mod train;
