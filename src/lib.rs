@@ -1,6 +1,10 @@
 //! Flank simulates gear vibro-impact with exact events.
 #![warn(missing_docs)]
 
+pub mod engine;
+pub mod event;
 pub mod gear;
 pub mod hybrid;
+pub mod integrate;
+pub mod poly;
 pub mod train;

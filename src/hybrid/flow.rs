@@ -3,8 +3,8 @@ use super::{Guard, GuardSet, Instant, Mode};
 /// The smooth motion inside one mode.
 #[derive(Clone, Copy)]
 pub enum Flow<'a> {
-    /// The field knows the Taylor coefficients of its own solution.
-    Jet(&'a dyn JetField),
+    /// The field knows the Taylor coefficients of its own solution (and can be evaluated too).
+    Jet(&'a dyn JetField, &'a dyn VectorField),
     /// The field can only be evaluated.
     Smooth(&'a dyn VectorField),
 }
@@ -20,6 +20,8 @@ pub struct JetRequest<'a> {
     pub x: &'a [f64],
     /// Guards known to be exactly zero at `at`.
     pub pinned: GuardSet,
+    /// Guards whose rate is known to be exactly zero as well.
+    pub still: GuardSet,
     /// Wanted span of the step, s: the field may return a shorter one.
     pub span: f64,
     /// Truncation wanted, relative to the size of each component.
@@ -34,9 +36,6 @@ pub trait JetField {
     /// Expands the solution through `request.x`: fills `out` with the coefficients of state, clock and
     /// guards in the step's own clock `θ`, and the largest `θ` up to which they hold to tolerance.
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet);
-
-    /// A time scale of the mode, s: a step the series can take. A hint for the first step.
-    fn time_scale(&self, mode: Mode) -> f64;
 }
 
 /// A vector field `ẋ = f(t, x)` with its Jacobian.
@@ -72,10 +71,12 @@ pub struct Jet {
     pub stride: usize,
     /// For each guard, a bound on what the truncated tail adds on `[0, reach]`.
     pub remainder: Vec<f64>,
+    /// For each guard, the rounding error of its value where it is computed from scratch.
+    pub rounding: Vec<f64>,
     /// Largest `θ` at which the series holds to tolerance.
     pub reach: f64,
-    /// Truncation error of the state relative to its size, an estimate.
-    pub truncation: f64,
+    /// Working space of the field.
+    pub work: Vec<f64>,
 }
 
 impl Jet {

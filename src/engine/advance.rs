@@ -1,0 +1,386 @@
+//! One run: arcs between events.
+
+use std::ops::ControlFlow;
+
+use super::{EngineError, Observer, Outcome, chatter::Chatter};
+use crate::{
+    event::{Accumulation, Conditioning, EventRecord, Located, Locator},
+    hybrid::{GuardId, GuardSet, HybridSystem, Instant, Jump, Mode},
+    integrate::{Arc, DenseStep, Integrator},
+};
+
+/// Where a run stands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// When.
+    pub at: Instant,
+    /// State, `[dim]`.
+    pub x: Vec<f64>,
+    /// Mode and exact zeros.
+    pub jump: Jump,
+}
+
+/// What a run is allowed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Records after which the run ends with [`Outcome::EventBudgetSpent`].
+    pub max_events: u64,
+    /// A chatter is summed when the rebound speed has fallen to this fraction of the fastest in the sequence, `(0, 1)`.
+    pub chatter_fraction: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { max_events: u64::MAX, chatter_fraction: 1e-10 }
+    }
+}
+
+/// Work done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Dense steps taken, the cut ones included.
+    pub steps: u64,
+    /// Smooth arcs.
+    pub arcs: u64,
+    /// Records of a changed mode or state.
+    pub events: u64,
+    /// Guards fired in them.
+    pub fired: u64,
+    /// Known switching times passed.
+    pub switches: u64,
+    /// Touches without crossing.
+    pub grazes: u64,
+    /// Impact sequences summed to their accumulation point.
+    pub accumulations: u64,
+    /// Interval subdivisions of the root isolation.
+    pub splits: u64,
+}
+
+/// Jumps allowed at one instant.
+const MAX_CASCADE: usize = 64;
+
+/// Drives a hybrid system from event to event.
+pub struct Engine<'s> {
+    integrator: Box<dyn Integrator + 's>,
+    state: State,
+    /// Scratch for the state at the end of an arc.
+    end: Vec<f64>,
+    core: Core<'s>,
+}
+
+/// What a visit to a step needs.
+struct Core<'s> {
+    system: &'s dyn HybridSystem,
+    options: Options,
+    counters: Counters,
+    locator: Locator,
+    chatter: Chatter,
+    /// The record of the current instant, open until no further guard fires at it.
+    open: EventRecord,
+    is_open: bool,
+    /// Modes visited at the current instant.
+    cascade: Vec<Mode>,
+    /// Where the current arc was left.
+    left_at: Instant,
+    left_x: Vec<f64>,
+}
+
+/// What ended an arc.
+enum End {
+    Bound,
+    Event(Located),
+    Settle(GuardSet, Accumulation),
+    Observer,
+}
+
+/// What a visit needs to know about the arc.
+#[derive(Clone, Copy)]
+struct Place {
+    mode: Mode,
+    /// The bound is a known switching time: it goes before a state event at the same instant.
+    switching: bool,
+    bound: Instant,
+}
+
+impl<'s> Engine<'s> {
+    /// An engine at `state`.
+    #[must_use]
+    pub fn new(system: &'s dyn HybridSystem, integrator: Box<dyn Integrator + 's>, options: Options, state: State) -> Self {
+        let dim = system.dim();
+        let open = EventRecord {
+            at: state.at,
+            from: state.jump.mode,
+            to: state.jump.mode,
+            x_minus: state.x.clone(),
+            x_plus: state.x.clone(),
+            start: true,
+            ..EventRecord::default()
+        };
+        let core = Core {
+            system,
+            options,
+            counters: Counters::default(),
+            locator: Locator::default(),
+            chatter: Chatter::default(),
+            // A start on a guard is a decision worth a record.
+            is_open: !state.jump.pinned.is_empty(),
+            open,
+            cascade: Vec::with_capacity(MAX_CASCADE),
+            left_at: state.at,
+            left_x: vec![0.0; dim],
+        };
+        Self { integrator, end: vec![0.0; dim], core, state }
+    }
+
+    /// Where the run stands.
+    #[must_use]
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Work done so far.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        Counters { splits: self.core.locator.splits, ..self.core.counters }
+    }
+
+    /// Advances to `end`. Events at `end` belong to the run.
+    ///
+    /// # Errors
+    /// [`EngineError`]; the state is then where the last arc started.
+    pub fn run(&mut self, end: Instant, observer: &mut dyn Observer) -> Result<Outcome, EngineError> {
+        let clock = *self.core.system.clock();
+        while clock.between(self.state.at, end) > 0.0 {
+            if self.core.counters.events >= self.core.options.max_events {
+                return Ok(Outcome::EventBudgetSpent);
+            }
+            let switch = self.core.system.next_switch(self.state.at).filter(|s| clock.between(*s, end) > 0.0);
+            match self.arc(switch.unwrap_or(end), switch.is_some(), observer)? {
+                End::Observer => return Ok(Outcome::StoppedByObserver),
+                End::Event(located) => self.jump(located)?,
+                End::Settle(fired, accumulation) => {
+                    if self.settle(fired, accumulation, observer)?.is_break() {
+                        return Ok(Outcome::StoppedByObserver);
+                    }
+                }
+                End::Bound if switch.is_some() => self.switch(),
+                End::Bound => {}
+            }
+        }
+        // An event exactly at the end is still open: it belongs to this run.
+        if self.core.close(&self.state, observer).is_break() {
+            return Ok(Outcome::StoppedByObserver);
+        }
+        Ok(Outcome::ReachedEnd)
+    }
+
+    /// One smooth arc up to `bound`; leaves the state where it ended, in the mode it ran in.
+    fn arc(&mut self, bound: Instant, switching: bool, observer: &mut dyn Observer) -> Result<End, EngineError> {
+        let Self { integrator, state, end, core } = self;
+        core.counters.arcs += 1;
+        let place = Place { mode: state.jump.mode, switching, bound };
+        let arc = Arc { mode: place.mode, at: state.at, x: &state.x, pinned: state.jump.pinned, still: state.jump.still, bound };
+        let (mut ended, mut first) = (End::Bound, true);
+        integrator
+            .integrate_arc(core.system, &arc, end, &mut |step| {
+                let flow = core.visit(step, place, first, state, observer);
+                first = false;
+                match flow {
+                    None => ControlFlow::Continue(()),
+                    Some(e) => {
+                        ended = e;
+                        ControlFlow::Break(())
+                    }
+                }
+            })
+            .map_err(|source| EngineError::Integrate { mode: place.mode, source })?;
+        if let End::Bound = ended {
+            state.at = bound;
+            std::mem::swap(&mut state.x, end);
+        } else {
+            state.at = core.left_at;
+            std::mem::swap(&mut state.x, &mut core.left_x);
+        }
+        state.jump.pinned = GuardSet::EMPTY;
+        state.jump.still = GuardSet::EMPTY;
+        Ok(ended)
+    }
+
+    /// The guards of `located` fire: one jump, kept in the open record.
+    fn jump(&mut self, located: Located) -> Result<(), EngineError> {
+        let Self { state, core, .. } = self;
+        let model = |source| EngineError::Model { t: core.system.clock().time(state.at).value(), source };
+        if !core.is_open {
+            core.begin(state);
+        }
+        let open = &mut core.open;
+        open.fired.0 |= located.fired.0;
+        if located.conditioning.time >= open.conditioning.time {
+            open.conditioning = located.conditioning;
+        }
+        core.cascade.push(state.jump.mode);
+        if core.cascade.len() > MAX_CASCADE {
+            return Err(EngineError::Cycle { t: core.system.clock().time(state.at).value(), modes: core.cascade.clone() });
+        }
+        state.jump = core.system.jump(state.jump.mode, located.fired, state.at, &mut state.x).map_err(model)?;
+        open.projected = open.projected.max(state.jump.projected);
+        open.jumps += 1;
+        Ok(())
+    }
+
+    /// A known switching time: the mode's schedule moves on.
+    fn switch(&mut self) {
+        let Self { state, core, .. } = self;
+        core.counters.switches += 1;
+        if !core.is_open {
+            core.begin(state);
+        }
+        core.open.switched = true;
+        state.jump.mode = core.system.switched(state.jump.mode, state.at);
+    }
+
+    /// An impact sequence ends: the contacts come to rest, `accumulation.remaining` later.
+    fn settle(
+        &mut self,
+        fired: GuardSet,
+        accumulation: Accumulation,
+        observer: &mut dyn Observer,
+    ) -> Result<ControlFlow<()>, EngineError> {
+        let Self { state, core, .. } = self;
+        core.begin(state);
+        let at = core.system.clock().advance(state.at, accumulation.remaining);
+        core.open.at = at;
+        core.open.fired = fired;
+        core.open.accumulation = Some(accumulation);
+        core.open.jumps = 1;
+        state.jump = core
+            .system
+            .settle(state.jump.mode, fired, state.at, &mut state.x)
+            .map_err(|source| EngineError::Model { t: core.system.clock().time(at).value(), source })?;
+        core.counters.accumulations += 1;
+        core.chatter.clear();
+        Ok(core.close(state, observer))
+    }
+}
+
+impl Core<'_> {
+    /// Opens the record of the instant at which `state` stands.
+    fn begin(&mut self, state: &State) {
+        let open = &mut self.open;
+        open.at = state.at;
+        open.from = state.jump.mode;
+        open.x_minus.clear();
+        open.x_minus.extend_from_slice(&state.x);
+        open.fired = GuardSet::EMPTY;
+        open.conditioning = Conditioning::default();
+        open.jumps = 0;
+        open.switched = false;
+        open.start = false;
+        open.graze = false;
+        open.accumulation = None;
+        open.projected = 0.0;
+        self.is_open = true;
+        self.cascade.clear();
+    }
+
+    /// Closes the open record, if any, with the state after it.
+    fn close(&mut self, state: &State, observer: &mut dyn Observer) -> ControlFlow<()> {
+        if !std::mem::take(&mut self.is_open) {
+            return ControlFlow::Continue(());
+        }
+        let open = &mut self.open;
+        open.to = state.jump.mode;
+        open.x_plus.clear();
+        open.x_plus.extend_from_slice(&state.x);
+        if !open.fired.is_empty() && !open.start {
+            self.counters.events += 1;
+            self.counters.fired += u64::from(open.fired.0.count_ones());
+        }
+        observer.event(open)
+    }
+
+    /// Looks at one step: closes the instant before it, finds the first event on it, hands it on.
+    fn visit(
+        &mut self,
+        step: &dyn DenseStep,
+        place: Place,
+        first: bool,
+        state: &State,
+        observer: &mut dyn Observer,
+    ) -> Option<End> {
+        self.counters.steps += 1;
+        let reach = step.reach();
+        let closes = !place.switching && self.system.clock().between(step.start(), place.bound) <= step.time(reach) * (1.0 + 4.0 * f64::EPSILON);
+        let (located, touch) = self.locator.first(step, closes);
+        if first {
+            if let Some(located) = located.filter(|l| l.theta == 0.0) {
+                self.leave(step, 0.0);
+                return Some(End::Event(located));
+            }
+            let fired = self.open.fired;
+            if self.is_open {
+                let flow = self.close(state, observer);
+                if flow.is_break() {
+                    self.leave(step, 0.0);
+                    return Some(End::Observer);
+                }
+                if let Some((ending, accumulation)) =
+                    self.chatter.ends(self.system, step, fired, self.options.chatter_fraction)
+                {
+                    self.leave(step, 0.0);
+                    return Some(End::Settle(ending, accumulation));
+                }
+            }
+        }
+        if let Some((theta, guard)) = touch
+            && self.graze(step, theta, guard, place, observer).is_break()
+        {
+            return Some(End::Observer);
+        }
+        // A state event at a switching time waits for the switch: it fires at the start of the next arc.
+        let located = located.filter(|l| {
+            !place.switching || {
+                let left = self.system.clock().between(step.start(), place.bound) - step.time(l.theta);
+                left > l.conditioning.time
+            }
+        });
+        let until = located.map_or(reach, |l| l.theta);
+        if observer.step(place.mode, step, until).is_break() {
+            self.leave(step, until);
+            return Some(End::Observer);
+        }
+        let located = located?;
+        self.leave(step, located.theta);
+        Some(End::Event(located))
+    }
+
+    fn leave(&mut self, step: &dyn DenseStep, theta: f64) {
+        self.left_at = self.system.clock().advance(step.start(), step.time(theta));
+        step.state(theta, &mut self.left_x);
+    }
+
+    /// A touch without crossing: recorded, and nothing else.
+    fn graze(
+        &mut self,
+        step: &dyn DenseStep,
+        theta: f64,
+        guard: GuardId,
+        place: Place,
+        observer: &mut dyn Observer,
+    ) -> ControlFlow<()> {
+        self.counters.grazes += 1;
+        self.leave(step, theta);
+        let mut fired = GuardSet::EMPTY;
+        fired.insert(guard);
+        observer.event(&EventRecord {
+            at: self.left_at,
+            fired,
+            from: place.mode,
+            to: place.mode,
+            x_minus: self.left_x.clone(),
+            x_plus: self.left_x.clone(),
+            graze: true,
+            ..EventRecord::default()
+        })
+    }
+}

@@ -1,0 +1,46 @@
+use std::ops::ControlFlow;
+
+use crate::{event::EventRecord, hybrid::Mode, integrate::DenseStep};
+
+/// Watches a run. Every method may break it off; the run then ends with an outcome, not an error.
+pub trait Observer {
+    /// A piece of smooth motion: the step, valid on `[0, until]`.
+    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        let _ = (mode, step, until);
+        ControlFlow::Continue(())
+    }
+
+    /// An instant at which something changed (or was touched, or decided at the start).
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        let _ = record;
+        ControlFlow::Continue(())
+    }
+}
+
+/// Watches nothing.
+impl Observer for () {}
+
+/// Both watch; either may break off.
+impl<A: Observer, B: Observer> Observer for (A, B) {
+    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        let first = self.0.step(mode, step, until);
+        self.1.step(mode, step, until)?;
+        first
+    }
+
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        let first = self.0.event(record);
+        self.1.event(record)?;
+        first
+    }
+}
+
+impl<T: Observer + ?Sized> Observer for &mut T {
+    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        (**self).step(mode, step, until)
+    }
+
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        (**self).event(record)
+    }
+}

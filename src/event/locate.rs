@@ -1,0 +1,122 @@
+//! When the first guard fires on a dense step.
+
+use super::Conditioning;
+use crate::{
+    hybrid::{GuardId, GuardSet},
+    integrate::DenseStep,
+    poly::{self, FirstRoot},
+};
+
+/// The first event on a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Located {
+    /// Where, in the step's clock.
+    pub theta: f64,
+    /// All guards that fire there.
+    pub fired: GuardSet,
+    /// How well it is determined.
+    pub conditioning: Conditioning,
+}
+
+/// Finds first events. Holds only counters.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Locator {
+    /// Subdivisions spent where the coefficients alone did not decide.
+    pub splits: u64,
+}
+
+/// One guard's series, with exact zeros at the start divided out: `p(θ) = θ^m p̃(θ)`.
+struct Deflated<'a> {
+    p: &'a [f64],
+    order: usize,
+    error: f64,
+}
+
+impl<'a> Deflated<'a> {
+    /// A guard that is zero at the start to within rounding starts on its surface: the first non-zero
+    /// derivative decides which side it goes to.
+    fn new(step: &'a dyn DenseStep, i: usize) -> Self {
+        let p = step.guard(i);
+        let (tail, rounding) = step.guard_error(i);
+        let mut order = p.iter().take_while(|c| **c == 0.0).count();
+        if order == 0 && p[0].abs() <= rounding {
+            order = 1;
+        }
+        if order == 0 {
+            return Self { p, order, error: tail + rounding };
+        }
+        // From an exact zero on, errors are relative to what the series adds.
+        let reach = step.reach();
+        let p = &p[order.min(p.len() - 1)..];
+        let added = p.iter().rev().fold(0.0, |s, c| s * reach + c.abs());
+        Self { p, order, error: tail * reach.powi(-(order as i32)) + 8.0 * f64::EPSILON * added }
+    }
+}
+
+impl Locator {
+    /// The first event on the step, and the first touch before it, if any.
+    ///
+    /// `closed_end` makes an event exactly at the end of the step belong to it (the end of a run).
+    pub fn first(&mut self, step: &dyn DenseStep, closed_end: bool) -> (Option<Located>, Option<(f64, GuardId)>) {
+        let mut first: Option<(f64, usize)> = None;
+        let mut touch: Option<(f64, GuardId)> = None;
+        let mut reach = step.reach();
+        for (i, guard) in step.guards().iter().enumerate() {
+            let series = Deflated::new(step, i);
+            let found = poly::first_root(series.p, reach, series.error);
+            self.splits += u64::from(found.splits);
+            if let FirstRoot::At(theta) = found.root {
+                if first.is_none_or(|(t, _)| theta < t) {
+                    first = Some((theta, i));
+                    reach = theta;
+                }
+            } else if closed_end && first.is_none() {
+                let (value, slope) = poly::eval_with_slope(series.p, reach);
+                if value <= series.error && slope < 0.0 {
+                    first = Some((reach, i));
+                }
+            }
+            if let Some(theta) = found.touch
+                && touch.is_none_or(|(t, _)| theta < t)
+            {
+                touch = Some((theta, guard.id));
+            }
+        }
+        let Some((theta, lead)) = first else { return (None, touch) };
+        (Some(self.batch(step, theta, lead)), touch.filter(|(t, _)| *t < theta))
+    }
+
+    /// All guards that fire at `theta` together with guard `lead`.
+    fn batch(&self, step: &dyn DenseStep, theta: f64, lead: usize) -> Located {
+        let series = Deflated::new(step, lead);
+        let (residual, slope) = poly::eval_with_slope(step.guard(lead), theta);
+        let (_, deflated_slope) = poly::eval_with_slope(series.p, theta);
+        let width = if theta == 0.0 { 0.0 } else { (series.error / deflated_slope.abs()).min((series.error / deflated_slope.abs()).sqrt()) };
+        let mut fired = GuardSet::EMPTY;
+        for (i, guard) in step.guards().iter().enumerate() {
+            let series = Deflated::new(step, i);
+            let fires = if i == lead {
+                true
+            } else if theta == 0.0 {
+                // At the start of an arc: outside already, or on the surface and going out.
+                series.p.iter().find(|c| **c != 0.0).is_some_and(|c| *c < 0.0) && (series.order > 0 || series.p[0] < 0.0)
+            } else {
+                let (value, slope) = poly::eval_with_slope(series.p, theta);
+                slope < 0.0 && value <= series.error + slope.abs() * width
+            };
+            if fires {
+                fired.insert(guard.id);
+            }
+        }
+        // Slope and width in time.
+        let step_back = (theta - 1e-6 * step.reach()).max(0.0);
+        let rate = (step.time(theta) - step.time(step_back)) / (theta - step_back);
+        let per_second = if rate > 0.0 { rate } else { f64::INFINITY };
+        let conditioning = Conditioning {
+            residual,
+            slope: slope / per_second,
+            time: if per_second.is_finite() { width * per_second } else { 0.0 },
+        };
+        Located { theta, fired, conditioning }
+    }
+}

@@ -1,0 +1,106 @@
+//! Integrators: they offer dense steps along one smooth arc and know nothing of events or gears.
+//!
+//! One arc is one call. Nothing of a solver can survive a jump, because the call does not.
+
+#[cfg(feature = "diffsol")]
+mod diffsol;
+mod taylor;
+
+use std::ops::ControlFlow;
+
+use crate::hybrid::{Guard, GuardSet, HybridSystem, Instant, Mode};
+
+#[cfg(feature = "diffsol")]
+pub use diffsol::{Diffsol, Method};
+pub use taylor::Taylor;
+
+/// One accepted step with its dense output, in the step's own clock `θ ∈ [0, reach]`.
+pub trait DenseStep {
+    /// When the step starts.
+    fn start(&self) -> Instant;
+    /// Largest `θ` at which the step holds.
+    fn reach(&self) -> f64;
+    /// Elapsed time `t(θ) − t(0)`, s; monotone up to the first event.
+    fn time(&self, theta: f64) -> f64;
+    /// State at `θ` into `x` `[dim]`.
+    fn state(&self, theta: f64, x: &mut [f64]);
+    /// The guards of the mode.
+    fn guards(&self) -> &[Guard];
+    /// Guard `i` as a polynomial in θ, coefficients in rising powers.
+    fn guard(&self, i: usize) -> &[f64];
+    /// Bounds on the error of guard `i`: of its polynomial on `[0, reach]`, and of rounding where a value is
+    /// computed from scratch.
+    fn guard_error(&self, i: usize) -> (f64, f64);
+    /// `Some(h)` if the clock is plain time, `t = h θ`.
+    fn plain_span(&self) -> Option<f64>;
+}
+
+/// A smooth arc to integrate.
+#[derive(Clone, Copy, Debug)]
+pub struct Arc<'a> {
+    /// The mode it runs in.
+    pub mode: Mode,
+    /// Where it starts.
+    pub at: Instant,
+    /// State there, `[dim]`.
+    pub x: &'a [f64],
+    /// Guards that are exactly zero there.
+    pub pinned: GuardSet,
+    /// Guards whose rate is exactly zero there.
+    pub still: GuardSet,
+    /// Where it ends unless the visitor stops it.
+    pub bound: Instant,
+}
+
+/// Why an arc could not be integrated.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum IntegrateError {
+    /// The state or its series is not finite.
+    #[error("the solution stops being finite at t = {t} s")]
+    NotFinite {
+        /// When, s.
+        t: f64,
+    },
+    /// No progress: the step fell below the resolution of time.
+    #[error("the step at t = {t} s falls below {step:e} s")]
+    StepTooSmall {
+        /// When, s.
+        t: f64,
+        /// The step, s.
+        step: f64,
+    },
+    /// The method needs Taylor coefficients and the flow has none.
+    #[error("the flow does not know its Taylor series: use an integrator that only evaluates it")]
+    NoJet,
+    /// The solver behind the method gave up.
+    #[error("{method} fails at t = {t} s: {reason}")]
+    Solver {
+        /// Which method.
+        method: &'static str,
+        /// When, s.
+        t: f64,
+        /// What it said.
+        reason: String,
+    },
+}
+
+/// Integrates smooth arcs.
+pub trait Integrator {
+    /// Name for logs.
+    fn name(&self) -> &'static str;
+    /// Order of the method, if it has a fixed one.
+    fn order(&self) -> Option<u32>;
+    /// Integrates one arc, handing every step to `visit`, until the bound or until the visitor breaks off.
+    /// On return at the bound, `end` holds the state there.
+    ///
+    /// # Errors
+    /// [`IntegrateError`]; what was visited until then stands.
+    fn integrate_arc(
+        &mut self,
+        system: &dyn HybridSystem,
+        arc: &Arc<'_>,
+        end: &mut [f64],
+        visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
+    ) -> Result<(), IntegrateError>;
+}

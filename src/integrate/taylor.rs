@@ -1,0 +1,102 @@
+//! The Taylor method: each step is the solution's own series, to round-off.
+
+use std::ops::ControlFlow;
+
+use super::{Arc, DenseStep, IntegrateError, Integrator};
+use crate::hybrid::{Flow, Guard, GuardSet, HybridSystem, Instant, Jet, JetRequest};
+
+/// Taylor steps of a [`JetField`](crate::hybrid::JetField).
+///
+/// A step asks for the whole remaining arc; the series itself tells how far it holds. There is no step-size
+/// memory, and a restart costs nothing.
+#[derive(Debug, Default)]
+pub struct Taylor {
+    jet: Jet,
+    x: Vec<f64>,
+}
+
+/// Truncation relative to the size of the rates: half a unit in the last place.
+const TOLERANCE: f64 = 1e-16;
+
+struct Step<'a> {
+    start: Instant,
+    jet: &'a Jet,
+}
+
+impl DenseStep for Step<'_> {
+    fn start(&self) -> Instant {
+        self.start
+    }
+    fn reach(&self) -> f64 {
+        self.jet.reach
+    }
+    fn time(&self, theta: f64) -> f64 {
+        self.jet.time_at(theta)
+    }
+    fn state(&self, theta: f64, x: &mut [f64]) {
+        self.jet.state_at(theta, x);
+    }
+    fn guards(&self) -> &[Guard] {
+        &self.jet.guards
+    }
+    fn guard(&self, i: usize) -> &[f64] {
+        self.jet.guard(i)
+    }
+    fn guard_error(&self, i: usize) -> (f64, f64) {
+        (self.jet.remainder[i], self.jet.rounding[i])
+    }
+    fn plain_span(&self) -> Option<f64> {
+        self.jet.time.is_empty().then_some(self.jet.span)
+    }
+}
+
+impl Integrator for Taylor {
+    fn name(&self) -> &'static str {
+        "taylor"
+    }
+
+    fn order(&self) -> Option<u32> {
+        None
+    }
+
+    fn integrate_arc(
+        &mut self,
+        system: &dyn HybridSystem,
+        arc: &Arc<'_>,
+        end: &mut [f64],
+        visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
+    ) -> Result<(), IntegrateError> {
+        let Flow::Jet(field, _) = system.flow() else { return Err(IntegrateError::NoJet) };
+        let clock = system.clock();
+        let Self { jet, x } = self;
+        x.clear();
+        x.extend_from_slice(arc.x);
+        let (mut at, mut pinned, mut still) = (arc.at, arc.pinned, arc.still);
+        loop {
+            let span = clock.between(at, arc.bound);
+            if span <= 0.0 {
+                end.copy_from_slice(x);
+                return Ok(());
+            }
+            field.jet(&JetRequest { mode: arc.mode, at, x, pinned, still, span, tolerance: TOLERANCE }, jet);
+            if !jet.reach.is_finite() {
+                return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
+            }
+            let elapsed = jet.time_at(jet.reach);
+            let resolution = f64::EPSILON * f64::EPSILON * clock.time(at).hi.abs().max(span);
+            if !(elapsed > resolution || elapsed >= span) {
+                return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });
+            }
+            if visit(&Step { start: at, jet }).is_break() {
+                return Ok(());
+            }
+            jet.state_at(jet.reach, x);
+            if x.iter().any(|v| !v.is_finite()) {
+                return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
+            }
+            let arrived = elapsed >= span * (1.0 - 2.0 * f64::EPSILON);
+            at = if arrived { arc.bound } else { clock.advance(at, elapsed) };
+            (pinned, still) = (GuardSet::EMPTY, GuardSet::EMPTY);
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! Bernstein form on `[0, 1]`.
+
+use super::MAX_DEGREE;
+
+/// A polynomial of degree `n` by its Bernstein coefficients `b_0 … b_n` on some interval.
+#[derive(Clone, Copy)]
+pub(super) struct Bernstein {
+    pub n: usize,
+    pub b: [f64; MAX_DEGREE + 1],
+}
+
+impl Bernstein {
+    /// From power coefficients on `[0, 1]`.
+    ///
+    /// `b_i = Σ_{k≤i} C(i,k)/C(n,k) p_k`, summed by repeated additions; every factor is at most one, so
+    /// the rounding error of each coefficient is at most `n ε Σ|p_k|`.
+    pub fn from_power(p: &[f64]) -> Self {
+        let n = p.len() - 1;
+        let mut b = [0.0; MAX_DEGREE + 1];
+        let mut binomial = 1.0;
+        for (k, c) in p.iter().enumerate() {
+            b[k] = c / binomial;
+            binomial *= (n - k) as f64 / (k + 1) as f64;
+        }
+        for j in 1..=n {
+            for i in (j..=n).rev() {
+                b[i] += b[i - 1];
+            }
+        }
+        Self { n, b }
+    }
+
+    pub fn coefficients(&self) -> &[f64] {
+        &self.b[..=self.n]
+    }
+
+    /// Number of sign changes among the coefficients, zeros skipped, counted up to 2.
+    pub fn sign_changes(&self) -> u32 {
+        let (mut last, mut changes) = (0.0, 0);
+        for &c in self.coefficients() {
+            if c != 0.0 {
+                if last != 0.0 && (c > 0.0) != (last > 0.0) {
+                    changes += 1;
+                    if changes == 2 {
+                        break;
+                    }
+                }
+                last = c;
+            }
+        }
+        changes
+    }
+
+    /// Splits at the middle by de Casteljau's scheme: `self` becomes the left half, the right is returned.
+    pub fn split(&mut self) -> Self {
+        let n = self.n;
+        let mut right = [0.0; MAX_DEGREE + 1];
+        for j in 0..=n {
+            right[n - j] = self.b[n];
+            for i in (j + 1..=n).rev() {
+                self.b[i] = 0.5 * (self.b[i] + self.b[i - 1]);
+            }
+        }
+        Self { n, b: right }
+    }
+
+    pub fn first_sign(&self) -> f64 {
+        self.coefficients().iter().copied().find(|c| *c != 0.0).unwrap_or(0.0)
+    }
+
+    pub fn largest(&self) -> f64 {
+        self.coefficients().iter().fold(0.0, |m, c| c.abs().max(m))
+    }
+}

@@ -1,0 +1,211 @@
+//! The first point of `[0, reach]` at which a polynomial falls below zero.
+
+use super::{MAX_DEGREE, bernstein::Bernstein, eval_with_slope};
+
+/// Where a polynomial that starts positive first falls through zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FirstRoot {
+    /// Proven: it does not.
+    None,
+    /// It does, here; proven to be the first place.
+    At(f64),
+}
+
+/// What the isolation found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Isolation {
+    /// The first fall through zero.
+    pub root: FirstRoot,
+    /// The first place before it where the polynomial touches zero, to within the uncertainty, and does
+    /// not cross.
+    pub touch: Option<f64>,
+    /// Subdivisions spent.
+    pub splits: u32,
+}
+
+impl Isolation {
+    const NOTHING: Self = Self { root: FirstRoot::None, touch: None, splits: 0 };
+}
+
+/// Splitting stops at intervals of this many halvings: 2⁻⁵² of the step, one unit in its last place.
+const MAX_DEPTH: u32 = 52;
+
+/// Degree of the cheap first test.
+const LOW: usize = 6;
+
+/// Finds the first place in `[0, reach]` where `p` falls through zero.
+///
+/// `uncertainty ≥ 0` bounds the error of the values of `p` (truncated tail and rounding). Values within it
+/// cannot be told from zero: a dip no deeper than that is a touch, not a crossing. If the first non-zero
+/// coefficient is negative the polynomial is outside from the start and the root is at 0.
+///
+/// # Panics
+/// If `p` is empty or has a degree above [`MAX_DEGREE`].
+#[must_use]
+pub fn first_root(p: &[f64], reach: f64, uncertainty: f64) -> Isolation {
+    if certainly_positive(p, reach, uncertainty) {
+        return Isolation::NOTHING;
+    }
+    // Work on [0, 1]: coefficients of p(reach σ).
+    let mut scaled = [0.0; MAX_DEGREE + 1];
+    let (mut power, mut n) = (1.0, 0);
+    for (k, c) in p.iter().enumerate() {
+        scaled[k] = c * power;
+        power *= reach;
+        if scaled[k] != 0.0 {
+            n = k;
+        }
+    }
+    let scaled = &scaled[..=n];
+    let mut search = Search { p: scaled, uncertainty, touch: None, splits: 0 };
+    let root = search.first(Bernstein::from_power(scaled), 0.0, 1.0, 0);
+    Isolation {
+        root: root.map_or(FirstRoot::None, |s| FirstRoot::At(s * reach)),
+        touch: search.touch.map(|s| s * reach),
+        splits: search.splits,
+    }
+}
+
+/// The quick "no": the Bernstein coefficients of the low-degree part exceed all the rest can take away.
+fn certainly_positive(p: &[f64], reach: f64, uncertainty: f64) -> bool {
+    let low = LOW.min(p.len() - 1);
+    let mut scaled = [0.0; LOW + 1];
+    let mut power = 1.0;
+    for (s, c) in scaled.iter_mut().zip(p) {
+        *s = c * power;
+        power *= reach;
+    }
+    let mut rest = uncertainty;
+    for c in &p[low + 1..] {
+        rest += c.abs() * power;
+        power *= reach;
+    }
+    if scaled[0] <= rest {
+        return false;
+    }
+    Bernstein::from_power(&scaled[..=low]).coefficients().iter().all(|b| *b > rest)
+}
+
+struct Search<'a> {
+    p: &'a [f64],
+    uncertainty: f64,
+    touch: Option<f64>,
+    splits: u32,
+}
+
+impl Search<'_> {
+    fn first(&mut self, mut b: Bernstein, lo: f64, hi: f64, depth: u32) -> Option<f64> {
+        let start = b.first_sign();
+        if start < 0.0 {
+            return Some(lo);
+        }
+        let changes = b.sign_changes();
+        if changes == 0 {
+            return None;
+        }
+        if changes == 1 {
+            return Some(self.polish(lo, hi));
+        }
+        if depth >= MAX_DEPTH || b.largest() <= self.uncertainty {
+            // Not to be told from zero on the whole interval: a touch, unless it comes out negative.
+            if b.b[b.n] < 0.0 {
+                return Some(0.5 * (lo + hi));
+            }
+            self.touch.get_or_insert(0.5 * (lo + hi));
+            return None;
+        }
+        self.splits += 1;
+        let mid = 0.5 * (lo + hi);
+        let right = b.split();
+        self.first(b, lo, mid, depth + 1).or_else(|| self.first(right, mid, hi, depth + 1))
+    }
+
+    /// The single sign change in `[lo, hi]`: Newton's method kept inside a shrinking bracket.
+    fn polish(&self, mut lo: f64, mut hi: f64) -> f64 {
+        let mut x = 0.5 * (lo + hi);
+        for _ in 0..100 {
+            let (f, d) = eval_with_slope(self.p, x);
+            if f == 0.0 {
+                return x;
+            }
+            if f > 0.0 {
+                lo = x;
+            } else {
+                hi = x;
+            }
+            let newton = x - f / d;
+            let next = if newton >= lo && newton <= hi { newton } else { 0.5 * (lo + hi) };
+            if (next - x).abs() <= f64::EPSILON * x || hi - lo <= f64::EPSILON * hi {
+                return next;
+            }
+            x = next;
+        }
+        x
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn root(p: &[f64]) -> Isolation {
+        first_root(p, 1.0, 1e-16)
+    }
+
+    #[test]
+    fn a_dip_of_one_part_in_a_million_million_is_found() {
+        // (x − ½)² − 10⁻¹²: roots ½ ∓ 10⁻⁶.
+        let FirstRoot::At(x) = root(&[0.25 - 1e-12, -1.0, 1.0]).root else { panic!() };
+        assert!((x - (0.5 - 1e-6)).abs() < 1e-10, "{x}");
+        assert_eq!(root(&[0.25 + 1e-12, -1.0, 1.0]).root, FirstRoot::None);
+    }
+
+    #[test]
+    fn an_exact_touch_is_not_a_crossing() {
+        let found = root(&[0.25, -1.0, 1.0]);
+        assert_eq!(found.root, FirstRoot::None);
+        assert!((found.touch.unwrap() - 0.5).abs() < 1e-7);
+    }
+
+    #[test]
+    fn a_triple_root_is_one_crossing() {
+        // (½ − x)³
+        let FirstRoot::At(x) = root(&[0.125, -0.75, 1.5, -1.0]).root else { panic!() };
+        assert!((x - 0.5).abs() < 1e-4);
+    }
+
+    #[test]
+    fn signs_are_compared_as_signs_at_any_scale() {
+        for scale in [1e-200, 1.0, 1e200] {
+            let p: Vec<f64> = [0.2, -1.0, 0.3].iter().map(|c| c * scale).collect();
+            let at = first_root(&p, 1.0, 1e-16 * scale).root;
+            assert_eq!(at, root(&[0.2, -1.0, 0.3]).root);
+        }
+    }
+
+    #[test]
+    fn the_first_of_many_roots_is_returned() {
+        // Π (x − r), r = 0.1, 0.2, …, 0.9 with sign so that it starts positive.
+        let mut p = vec![-1.0];
+        for r in 1..=9 {
+            let mut q = vec![0.0; p.len() + 1];
+            for (k, c) in p.iter().enumerate() {
+                q[k + 1] += c;
+                q[k] -= c * f64::from(r) / 10.0;
+            }
+            p = q;
+        }
+        let FirstRoot::At(x) = root(&p).root else { panic!() };
+        assert!((x - 0.1).abs() < 1e-12);
+        let FirstRoot::At(y) = first_root(&p[..], 0.05 + 0.05 * (1.0 + 1e-9), 1e-18).root else { panic!() };
+        assert!((y - 0.1).abs() < 1e-12);
+        assert_eq!(first_root(&p, 0.0999, 1e-18).root, FirstRoot::None);
+    }
+
+    #[test]
+    fn a_polynomial_outside_from_the_start_has_its_root_at_zero() {
+        assert_eq!(root(&[0.0, -1.0]).root, FirstRoot::At(0.0));
+        assert_eq!(root(&[0.0, 1.0, -4.0]).root, FirstRoot::At(0.25));
+        assert_eq!(root(&[0.0, 0.0, 0.0]).root, FirstRoot::None);
+    }
+}

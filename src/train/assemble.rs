@@ -1,0 +1,371 @@
+//! From a [`Spec`] to a [`Structure`]: everything a step needs, computed once.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::{ContactSpec, Flanks, Spec, schedule::Schedule};
+use crate::{
+    gear::{Harmonic, Stiffness, contact::Law},
+    hybrid::{Clock, Instant},
+};
+
+/// Why a [`Spec`] cannot be assembled.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AssembleError {
+    /// A vector or matrix has the wrong shape.
+    #[error("{what} has {found} entries, and {expected} are needed (one for each freedom)")]
+    Shape {
+        /// Which array.
+        what: String,
+        /// Its length.
+        found: usize,
+        /// The length needed.
+        expected: usize,
+    },
+    /// The mass matrix is not symmetric positive definite.
+    #[error("the mass matrix is not symmetric positive definite")]
+    Mass,
+    /// More contacts than a mode can hold.
+    #[error("{found} contacts; at most {limit} fit into a mode")]
+    TooManyContacts {
+        /// Contacts asked for.
+        found: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// A number is not finite.
+    #[error("{what} is not a finite number")]
+    NotFinite {
+        /// Which quantity.
+        what: String,
+    },
+    /// A law and a stiffness schedule that do not go together.
+    #[error("{contact}: {problem}")]
+    Contact {
+        /// Which contact.
+        contact: String,
+        /// What is wrong.
+        problem: &'static str,
+    },
+}
+
+/// Contacts a mode has room for.
+pub const MAX_CONTACTS: usize = 21;
+
+/// A sparse vector: pairs of freedom and value.
+pub(super) type Sparse = Vec<(u32, f64)>;
+
+fn sparse<'a>(values: impl IntoIterator<Item = &'a f64>) -> Sparse {
+    values.into_iter().enumerate().filter(|(_, v)| **v != 0.0).map(|(i, v)| (i as u32, *v)).collect()
+}
+
+/// `Σ row_i x_i`.
+pub(super) fn dot(row: &Sparse, x: &[f64]) -> f64 {
+    row.iter().fold(0.0, |s, (i, g)| s + g * x[*i as usize])
+}
+
+/// One frequency of the forcing; its phase is evaluated once a step and shared by all harmonics.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Oscillator {
+    pub omega: f64,
+    /// `Some(h)` if `ω = h ω₀` exactly, with ω₀ the clock's.
+    pub order: Option<u32>,
+}
+
+/// `cosine · cos ωt + sine · sin ωt` for the oscillator at `index`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Wave {
+    pub index: usize,
+    pub cosine: f64,
+    pub sine: f64,
+}
+
+/// A harmonic load over M, `cosine cos ωt + sine sin ωt`, as accelerations, m/s².
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct LoadWave {
+    pub index: usize,
+    pub cosine: Vec<f64>,
+    pub sine: Vec<f64>,
+}
+
+/// The stiffness of one contact, ready to be expanded.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Spring {
+    Constant(f64),
+    /// `mean + Σ waves` (waves in N/m).
+    Waves(f64, Vec<Wave>),
+    Scheduled(Schedule),
+}
+
+/// One contact of a [`Structure`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contact {
+    /// What it was assembled from.
+    pub spec: ContactSpec,
+    pub(super) direction: Sparse,
+    /// `M⁻¹ g`.
+    pub(super) push: Sparse,
+    /// `gᵀ M⁻¹ g`, 1/kg: the inverse of the mass the contact feels.
+    pub(super) mobility: f64,
+    /// `Σ |g_i|/√M_ii`: what a weighted rate of one can add to the contact's rate.
+    pub(super) across: f64,
+    pub(super) error: Vec<Wave>,
+    pub(super) spring: Spring,
+    /// Where the latched approach speed is kept in the state.
+    pub(super) latch: Option<usize>,
+}
+
+impl Contact {
+    /// Mass the contact feels, `1/(gᵀ M⁻¹ g)`, kg.
+    #[must_use]
+    pub fn effective_mass(&self) -> f64 {
+        1.0 / self.mobility
+    }
+
+    pub(super) fn gap(&self) -> f64 {
+        self.spec.half_backlash
+    }
+
+    pub(super) fn has_back(&self) -> bool {
+        self.spec.flanks == Flanks::Both
+    }
+}
+
+/// An assembled train: state `x = (q, q̇, latched speeds)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Structure {
+    pub(super) spec: Spec,
+    pub(super) n: usize,
+    pub(super) dim: usize,
+    pub(super) clock: Clock,
+    pub(super) oscillators: Vec<Oscillator>,
+    /// `M⁻¹ f₀`.
+    pub(super) load: Vec<f64>,
+    pub(super) load_waves: Vec<LoadWave>,
+    /// Rows of `M⁻¹ K` and `M⁻¹ C`.
+    pub(super) stiffness_rows: Vec<Sparse>,
+    pub(super) damping_rows: Vec<Sparse>,
+    pub(super) contacts: Vec<Contact>,
+    /// `√M_ii`, the weights that make freedoms of different kinds comparable.
+    pub(super) weights: Vec<f64>,
+    /// A bound on the growth rate of any mode, 1/s, in the weighted norm (see `growth_bound`).
+    pub(super) growth: f64,
+    /// Some stiffness varies smoothly or some law is not linear: modes are analytic, not affine.
+    pub(super) affine: bool,
+}
+
+impl Structure {
+    /// Assembles a train.
+    ///
+    /// # Errors
+    /// [`AssembleError`] if shapes do not fit, the mass matrix is not positive definite or a number is not finite.
+    pub fn new(spec: Spec) -> Result<Self, AssembleError> {
+        let n = spec.freedoms.len();
+        check(&spec, n)?;
+        let cholesky = Cholesky::new(spec.mass.clone()).ok_or(AssembleError::Mass)?;
+        let over_mass = |v: &[f64]| cholesky.solve(&DVector::from_column_slice(v)).as_slice().to_vec();
+        let (clock, oscillators) = find_oscillators(&spec);
+        let wave = |h: &Harmonic, scale: f64| Wave {
+            // OK to index: find_oscillators collected every frequency of the spec.
+            index: oscillators.iter().position(|o| o.omega == h.omega).unwrap_or(0),
+            cosine: scale * h.amplitude * h.phase.cos(),
+            sine: -scale * h.amplitude * h.phase.sin(),
+        };
+        let load_waves = spec
+            .load_harmonics
+            .iter()
+            .map(|l| {
+                let w = wave(&Harmonic { omega: l.omega, amplitude: 1.0, phase: l.phase }, 1.0);
+                let a = over_mass(&l.vector);
+                LoadWave {
+                    index: w.index,
+                    cosine: a.iter().map(|v| v * w.cosine).collect(),
+                    sine: a.iter().map(|v| v * w.sine).collect(),
+                }
+            })
+            .collect();
+        let weights: Vec<f64> = (0..n).map(|i| spec.mass[(i, i)].sqrt()).collect();
+        let mut dim = 2 * n;
+        let mut contacts = Vec::with_capacity(spec.contacts.len());
+        for c in &spec.contacts {
+            let push = over_mass(&c.direction);
+            let latch = matches!(c.law, Law::Power(l) if l.hysteresis > 0.0).then(|| {
+                dim += 1;
+                dim - 1
+            });
+            contacts.push(Contact {
+                direction: sparse(&c.direction),
+                mobility: c.direction.iter().zip(&push).map(|(g, p)| g * p).sum(),
+                across: c.direction.iter().zip(&weights).map(|(g, w)| g.abs() / w).sum(),
+                push: sparse(&push),
+                error: c.error.iter().map(|h| wave(h, 1.0)).collect(),
+                spring: match &c.stiffness {
+                    Stiffness::Constant(k) => Spring::Constant(*k),
+                    Stiffness::Harmonic { mean, harmonics } => {
+                        Spring::Waves(*mean, harmonics.iter().map(|h| wave(h, *mean)).collect())
+                    }
+                    scheduled => Spring::Scheduled(Schedule::new(scheduled, &clock)),
+                },
+                latch,
+                spec: c.clone(),
+            });
+        }
+        let rows = |m: &DMatrix<f64>| -> Vec<Sparse> {
+            let a = cholesky.solve(m);
+            (0..n).map(|i| sparse(a.row(i).iter())).collect()
+        };
+        let affine = contacts.iter().all(|c| match (&c.spec.law, &c.spring) {
+            (Law::Power(_), _) | (_, Spring::Waves(..)) => false,
+            (_, Spring::Scheduled(s)) => s.is_piecewise_constant(),
+            _ => true,
+        });
+        let mut structure = Self {
+            load: over_mass(&spec.load),
+            stiffness_rows: rows(&spec.stiffness),
+            damping_rows: rows(&spec.damping),
+            n,
+            dim,
+            clock,
+            oscillators,
+            load_waves,
+            contacts,
+            weights,
+            growth: 0.0,
+            affine,
+            spec,
+        };
+        structure.growth = structure.growth_bound();
+        Ok(structure)
+    }
+
+    /// The train it was assembled from.
+    #[must_use]
+    pub fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    /// Number of freedoms.
+    #[must_use]
+    pub fn freedoms(&self) -> usize {
+        self.n
+    }
+
+    /// The forcing clock.
+    #[must_use]
+    pub fn clock(&self) -> &Clock {
+        &self.clock
+    }
+
+    /// The contacts.
+    #[must_use]
+    pub fn contacts(&self) -> &[Contact] {
+        &self.contacts
+    }
+
+    /// Whether every mode is affine: linear laws, piecewise constant stiffness.
+    #[must_use]
+    pub fn is_affine(&self) -> bool {
+        self.affine
+    }
+
+    /// `(cos ωt, sin ωt)` of every oscillator, into `out`.
+    pub(super) fn oscillate(&self, at: Instant, mut out: impl FnMut(usize, f64, f64)) {
+        for (i, o) in self.oscillators.iter().enumerate() {
+            let (s, c) = self.clock.angle(o.omega, o.order, at).sin_cos();
+            out(i, c, s);
+        }
+    }
+
+    /// Bound on the norm of the system matrix in the weighted norm `max_i √M_ii (Ω|q_i|, |q̇_i|)`, with
+    /// `Ω² = ‖√M M⁻¹K √M⁻¹‖`: every linear contact closed at its stiffest, `Ω + ‖M⁻¹C‖`.
+    fn growth_bound(&self) -> f64 {
+        let w = &self.weights;
+        let (mut k_rows, mut c_rows) = (vec![0.0; self.n], vec![0.0; self.n]);
+        for i in 0..self.n {
+            k_rows[i] = self.stiffness_rows[i].iter().map(|(j, v)| v.abs() * w[i] / w[*j as usize]).sum();
+            c_rows[i] = self.damping_rows[i].iter().map(|(j, v)| v.abs() * w[i] / w[*j as usize]).sum();
+        }
+        for c in &self.contacts {
+            let (k, d) = match &c.spec.law {
+                Law::Bilateral(l) | Law::KelvinVoigt(l, _) => (c.spec.stiffness.maximum(), l.damping),
+                Law::Power(_) | Law::Rigid(_) => continue,
+            };
+            for (i, p) in &c.push {
+                let i = *i as usize;
+                k_rows[i] += k * p.abs() * w[i] * c.across;
+                c_rows[i] += d * p.abs() * w[i] * c.across;
+            }
+        }
+        let largest = |r: &[f64]| r.iter().copied().fold(0.0, f64::max);
+        largest(&k_rows).sqrt() + largest(&c_rows)
+    }
+}
+
+fn check(spec: &Spec, n: usize) -> Result<(), AssembleError> {
+    let shape = |what: &str, found: usize, expected: usize| {
+        if found == expected { Ok(()) } else { Err(AssembleError::Shape { what: what.to_owned(), found, expected }) }
+    };
+    for (what, m) in [("mass matrix", &spec.mass), ("damping matrix", &spec.damping), ("stiffness matrix", &spec.stiffness)]
+    {
+        shape(what, m.len(), n * n)?;
+        shape(what, m.nrows(), n)?;
+        if m.iter().any(|v| !v.is_finite()) {
+            return Err(AssembleError::NotFinite { what: what.to_owned() });
+        }
+    }
+    shape("constant load", spec.load.len(), n)?;
+    for l in &spec.load_harmonics {
+        shape("harmonic load", l.vector.len(), n)?;
+    }
+    let m = &spec.mass;
+    if (0..n).any(|i| (0..i).any(|j| (m[(i, j)] - m[(j, i)]).abs() > 1e-12 * (m[(i, i)] * m[(j, j)]).abs().sqrt())) {
+        return Err(AssembleError::Mass);
+    }
+    if spec.contacts.len() > MAX_CONTACTS {
+        return Err(AssembleError::TooManyContacts { found: spec.contacts.len(), limit: MAX_CONTACTS });
+    }
+    for c in &spec.contacts {
+        shape(&format!("direction of {}", c.name), c.direction.len(), n)?;
+        let fault = |problem| AssembleError::Contact { contact: c.name.clone(), problem };
+        if c.direction.iter().all(|g| *g == 0.0) {
+            return Err(fault("its direction is zero: no freedom moves it"));
+        }
+        if matches!(c.law, Law::Power(_)) && !matches!(c.stiffness, Stiffness::Constant(_)) {
+            return Err(fault("a power law needs a constant stiffness"));
+        }
+        if c.flanks == Flanks::Both && c.half_backlash <= 0.0 && !matches!(c.law, Law::Bilateral(_)) {
+            return Err(fault("a two-flank contact needs a positive half backlash; without backlash use a bilateral law"));
+        }
+    }
+    Ok(())
+}
+
+/// The clock and the distinct frequencies. Without a named base frequency the lowest one is the base if
+/// all others are its multiples; otherwise the first one met, and the others keep their own angles.
+fn find_oscillators(spec: &Spec) -> (Clock, Vec<Oscillator>) {
+    let mut omegas: Vec<f64> = Vec::new();
+    let mut meet = |w: f64| {
+        if !omegas.contains(&w) {
+            omegas.push(w);
+        }
+    };
+    spec.load_harmonics.iter().for_each(|l| meet(l.omega));
+    for c in &spec.contacts {
+        c.error.iter().for_each(|h| meet(h.omega));
+        if let Stiffness::Harmonic { harmonics, .. } = &c.stiffness {
+            harmonics.iter().for_each(|h| meet(h.omega));
+        }
+    }
+    let order = |w: f64, base: f64| {
+        let h = (w / base).round();
+        // A multiple to one unit in the last place counts as one: 3 · 0.3 is meant to be 0.9.
+        (h >= 1.0 && h < 1e6 && (h * base - w).abs() <= f64::EPSILON * w).then_some(h as u32)
+    };
+    let lowest = omegas.iter().copied().fold(f64::INFINITY, f64::min);
+    let base = spec.omega.or_else(|| {
+        let common = omegas.iter().all(|w| order(*w, lowest).is_some());
+        omegas.first().map(|first| if common { lowest } else { *first })
+    });
+    let oscillators = omegas.iter().map(|&omega| Oscillator { omega, order: base.and_then(|b| order(omega, b)) }).collect();
+    (Clock::new(base), oscillators)
+}

@@ -1,0 +1,175 @@
+//! Deflections, forces and accelerations at a point, and their use as a plain vector field.
+
+use super::{
+    assemble::{Contact, MAX_CONTACTS, Spring, Structure, dot},
+    contact_mode::{ContactMode, contact_mode, piece},
+    sticking::Sticking,
+};
+use crate::{
+    gear::contact::Law,
+    hybrid::{Instant, Mode, VectorField},
+};
+
+impl Structure {
+    /// Transmission error of contact `j` and its first two derivatives, m, m/s, m/s².
+    pub(super) fn error(&self, j: usize, at: Instant) -> (f64, f64, f64) {
+        let c = &self.contacts[j];
+        let (mut e, mut de, mut dde) = (c.spec.error_offset, 0.0, 0.0);
+        for w in &c.error {
+            let o = self.oscillators[w.index];
+            let (sin, cos) = self.clock.angle(o.omega, o.order, at).sin_cos();
+            let value = w.cosine * cos + w.sine * sin;
+            e += value;
+            de += o.omega * (w.sine * cos - w.cosine * sin);
+            dde -= o.omega * o.omega * value;
+        }
+        (e, de, dde)
+    }
+
+    /// Deflection `δ = gᵀq − e`, m, and its rate, m/s, of contact `j`. `x` is the state, `[dim]`.
+    #[must_use]
+    pub fn deflection(&self, j: usize, at: Instant, x: &[f64]) -> (f64, f64) {
+        let (e, de, _) = self.error(j, at);
+        let g = &self.contacts[j].direction;
+        (dot(g, x) - e, dot(g, &x[self.n..]) - de)
+    }
+
+    /// Stiffness of contact `j` and its rate of change, N/m, N/(m s).
+    pub(super) fn stiffness(&self, j: usize, mode: Mode, at: Instant) -> (f64, f64) {
+        match &self.contacts[j].spring {
+            Spring::Constant(k) => (*k, 0.0),
+            Spring::Waves(mean, waves) => waves.iter().fold((*mean, 0.0), |(k, dk), w| {
+                let o = self.oscillators[w.index];
+                let (sin, cos) = self.clock.angle(o.omega, o.order, at).sin_cos();
+                (k + w.cosine * cos + w.sine * sin, dk + o.omega * (w.sine * cos - w.cosine * sin))
+            }),
+            Spring::Scheduled(s) => {
+                let (value, slope) = s.law(piece(mode, j));
+                if slope == 0.0 { (value, 0.0) } else { (value + slope * s.piece(&self.clock, at).1, slope) }
+            }
+        }
+    }
+
+    /// What the law of contact `j` gives in `state`, along `g_j`, N, whether or not it is carried: in a
+    /// detached state this is the pull that is not exerted. Zero for a rigid law.
+    pub(super) fn law_force(&self, j: usize, mode: Mode, state: ContactMode, at: Instant, x: &[f64]) -> f64 {
+        let (d, r) = self.deflection(j, at, x);
+        let c = &self.contacts[j];
+        let side = state.side();
+        match c.spec.law {
+            Law::Bilateral(l) => self.stiffness(j, mode, at).0 * d + l.damping * r,
+            Law::KelvinVoigt(l, _) if side != 0.0 => {
+                self.stiffness(j, mode, at).0 * (d - side * c.gap()) + l.damping * r
+            }
+            Law::Power(l) if side != 0.0 => {
+                let p = (side * d - c.gap()).max(0.0);
+                side * c.spec.stiffness.mean() * p.powf(l.exponent.value()) * self.factor(c, side * r, x)
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// `1 + χ ṗ` of a power law.
+    pub(super) fn factor(&self, c: &Contact, rate: f64, x: &[f64]) -> f64 {
+        match (c.spec.law, c.latch) {
+            (Law::Power(l), Some(i)) => 1.0 + l.hysteresis / x[i] * rate,
+            _ => 1.0,
+        }
+    }
+
+    /// Contact forces along each `g_j`, N, into `forces`, and accelerations, m/s², into `a` `[n]`.
+    pub fn dynamics(&self, mode: Mode, at: Instant, x: &[f64], forces: &mut [f64], a: &mut [f64]) {
+        a.copy_from_slice(&self.load);
+        self.load_waves.iter().for_each(|w| {
+            let o = self.oscillators[w.index];
+            let (sin, cos) = self.clock.angle(o.omega, o.order, at).sin_cos();
+            a.iter_mut().zip(w.cosine.iter().zip(&w.sine)).for_each(|(a, (wc, ws))| *a += wc * cos + ws * sin);
+        });
+        let (q, v) = (&x[..self.n], &x[self.n..2 * self.n]);
+        for (i, a) in a.iter_mut().enumerate() {
+            *a -= dot(&self.stiffness_rows[i], q) + dot(&self.damping_rows[i], v);
+        }
+        for (j, c) in self.contacts.iter().enumerate() {
+            let state = contact_mode(mode, j);
+            let carries = state.is_closed() || matches!(c.spec.law, Law::Bilateral(_));
+            forces[j] = if carries { self.law_force(j, mode, state, at, x) } else { 0.0 };
+            c.push.iter().for_each(|(i, p)| a[*i as usize] -= p * forces[j]);
+        }
+        if let Some(held) = Sticking::new(self, mode) {
+            let mut f = [0.0; MAX_CONTACTS];
+            for (f, &j) in f.iter_mut().zip(held.contacts()) {
+                *f = dot(&self.contacts[j].direction, a) - self.error(j, at).2;
+            }
+            held.solve(&mut f);
+            for (f, &j) in f.iter().zip(held.contacts()) {
+                forces[j] = *f;
+                self.contacts[j].push.iter().for_each(|(i, p)| a[*i as usize] -= p * f);
+            }
+        }
+    }
+
+    /// `g_iᵀ M⁻¹ g_j`, 1/kg.
+    pub(super) fn coupling(&self, i: usize, j: usize) -> f64 {
+        self.contacts[i].direction.iter().map(|(row, g)| {
+            g * self.contacts[j].push.iter().find(|(r, _)| r == row).map_or(0.0, |(_, p)| *p)
+        }).sum()
+    }
+}
+
+impl VectorField for Structure {
+    fn dim(&self) -> usize {
+        self.dim
+    }
+
+    fn eval(&self, mode: Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]) {
+        let mut forces = [0.0; MAX_CONTACTS];
+        let (dq, rest) = dx.split_at_mut(self.n);
+        let (dv, latches) = rest.split_at_mut(self.n);
+        dq.copy_from_slice(&x[self.n..2 * self.n]);
+        latches.fill(0.0);
+        self.dynamics(mode, self.clock.advance(base, t), x, &mut forces, dv);
+    }
+
+    fn jac_mul(&self, mode: Mode, base: Instant, t: f64, x: &[f64], v: &[f64], jv: &mut [f64]) {
+        let at = self.clock.advance(base, t);
+        let n = self.n;
+        let (q1, v1) = (&v[..n], &v[n..2 * n]);
+        jv[..n].copy_from_slice(v1);
+        jv[2 * n..].fill(0.0);
+        for i in 0..n {
+            jv[n + i] = -dot(&self.stiffness_rows[i], q1) - dot(&self.damping_rows[i], v1);
+        }
+        for (j, c) in self.contacts.iter().enumerate() {
+            let state = contact_mode(mode, j);
+            let (d1, r1) = (dot(&c.direction, q1), dot(&c.direction, v1));
+            let df = match c.spec.law {
+                Law::Bilateral(l) => self.stiffness(j, mode, at).0 * d1 + l.damping * r1,
+                Law::KelvinVoigt(l, _) if state.is_closed() => self.stiffness(j, mode, at).0 * d1 + l.damping * r1,
+                Law::Power(l) if state.is_closed() => {
+                    let (d, r) = self.deflection(j, at, x);
+                    let (side, k, n) = (state.side(), c.spec.stiffness.mean(), l.exponent.value());
+                    let p = (side * d - c.gap()).max(0.0);
+                    let by_p = k * n * p.powf(n - 1.0) * self.factor(c, side * r, x);
+                    let (by_rate, by_latch) = c.latch.map_or((0.0, 0.0), |i| {
+                        let chi = l.hysteresis / x[i];
+                        let force = k * p.powf(n);
+                        (force * chi, -side * force * chi / x[i] * side * r * v[i])
+                    });
+                    by_p * d1 + by_rate * r1 + by_latch
+                }
+                _ => 0.0,
+            };
+            c.push.iter().for_each(|(i, p)| jv[n + *i as usize] -= p * df);
+        }
+        if let Some(held) = Sticking::new(self, mode) {
+            let mut f = [0.0; MAX_CONTACTS];
+            for (f, &j) in f.iter_mut().zip(held.contacts()) {
+                *f = dot(&self.contacts[j].direction, &jv[n..2 * n]);
+            }
+            held.solve(&mut f);
+            for (f, &j) in f.iter().zip(held.contacts()) {
+                self.contacts[j].push.iter().for_each(|(i, p)| jv[n + *i as usize] -= p * f);
+            }
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! Rigid contacts at rest: the multipliers that hold them.
+
+use super::{
+    assemble::{MAX_CONTACTS, Structure},
+    contact_mode::contact_mode,
+};
+use crate::{gear::contact::Law, hybrid::Mode};
+
+/// The resting contacts of a mode, and the factors of their mobility matrix `W = G M⁻¹ Gᵀ`.
+///
+/// `W = L D Lᵀ`; a pivot that vanishes belongs to a contact that the ones before it already hold, and its
+/// multiplier is zero. The motion does not depend on that choice.
+pub(super) struct Sticking {
+    set: [usize; MAX_CONTACTS],
+    len: usize,
+    factor: [[f64; MAX_CONTACTS]; MAX_CONTACTS],
+    pivot: [f64; MAX_CONTACTS],
+}
+
+/// A pivot below this fraction of its diagonal entry is a redundant contact: far above rounding (10⁻¹⁶
+/// times the number of contacts), far below any mass ratio of a gear train.
+const REDUNDANT: f64 = 1e-12;
+
+impl Sticking {
+    /// The resting contacts of `mode`; `None` if there are none.
+    pub fn new(s: &Structure, mode: Mode) -> Option<Self> {
+        let resting = |j: &usize| matches!(s.contacts[*j].spec.law, Law::Rigid(_)) && contact_mode(mode, *j).is_closed();
+        let mut set = [0; MAX_CONTACTS];
+        let mut len = 0;
+        for j in (0..s.contacts.len()).filter(resting) {
+            set[len] = j;
+            len += 1;
+        }
+        (len > 0).then(|| Self::of(s, set, len))
+    }
+
+    /// The given contacts, closed or not.
+    pub fn of(s: &Structure, set: [usize; MAX_CONTACTS], len: usize) -> Self {
+        let mut factor = [[0.0; MAX_CONTACTS]; MAX_CONTACTS];
+        let mut pivot = [0.0; MAX_CONTACTS];
+        for i in 0..len {
+            for j in 0..=i {
+                let w = s.coupling(set[i], set[j]);
+                let known: f64 = (0..j).map(|k| factor[i][k] * factor[j][k] * pivot[k]).sum();
+                if i == j {
+                    let p = w - known;
+                    pivot[i] = if p > REDUNDANT * w { p } else { 0.0 };
+                    factor[i][i] = 1.0;
+                } else {
+                    factor[i][j] = if pivot[j] > 0.0 { (w - known) / pivot[j] } else { 0.0 };
+                }
+            }
+        }
+        Self { set, len, factor, pivot }
+    }
+
+    pub fn contacts(&self) -> &[usize] {
+        &self.set[..self.len]
+    }
+
+    /// Solves `W f = r` in place.
+    pub fn solve(&self, r: &mut [f64]) {
+        for i in 0..self.len {
+            let known: f64 = (0..i).map(|j| self.factor[i][j] * r[j]).sum();
+            r[i] -= known;
+        }
+        for (r, p) in r.iter_mut().zip(&self.pivot[..self.len]) {
+            *r = if *p > 0.0 { *r / p } else { 0.0 };
+        }
+        for i in (0..self.len).rev() {
+            let known: f64 = (i + 1..self.len).map(|j| self.factor[j][i] * r[j]).sum();
+            r[i] -= known;
+        }
+    }
+}
