@@ -3,4 +3,5 @@
 
 pub mod gear;
 pub mod hybrid;
+pub mod linalg;
 pub mod train;
