@@ -264,13 +264,17 @@ pub fn iso_mesh_stiffness(
     contact_ratio: f64,
     face_width: f64,
 ) -> f64 {
+    // The standard's gear 1 is the smaller one, whichever drives.
+    let (pinion, wheel) = if pinion.teeth <= wheel.teeth { (pinion, wheel) } else { (wheel, pinion) };
     let (x1, x2) = (pinion.shift, wheel.shift);
     let inverse1 = f64::from(pinion.teeth).recip();
     let inverse2 = match kind {
         MeshKind::External => f64::from(wheel.teeth).recip(),
         MeshKind::Internal => 0.0,
     };
-    let q = 0.04723 + 0.15551 * inverse1 + 0.25791 * inverse2 - 0.00635 * x1 - 0.11654 * x1 * inverse1
+    let q = 0.04723 + 0.15551 * inverse1 + 0.25791 * inverse2
+        - 0.00635 * x1
+        - 0.11654 * x1 * inverse1
         - 0.00193 * x2
         - 0.24188 * x2 * inverse2
         + 0.00529 * x1 * x1

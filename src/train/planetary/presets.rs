@@ -115,14 +115,14 @@ const SPEED_FLOOR: f64 = 1.0e-4;
 const INITIAL_SPEED: f64 = 1.0e-2;
 
 /// Drag torque at the output: constant, N m, and per sun speed, N m/(rev/min) (identified).
-const DRAG: f64 = 1.5667905035281662;
-const DRAG_PER_RPM: f64 = 0.04838111335070491;
+const DRAG: f64 = 1.566_790_503_528_166_2;
+const DRAG_PER_RPM: f64 = 0.048_381_113_350_704_91;
 
 /// Errors as (amplitude m, phase rad) of harmonics 1, 2, … (identified, light load: from contact-loss fractions; heavy
 /// load: from the harmonics of the mesh forces, least amplitudes).
 const LIGHT_SUN_ERROR: [(f64, f64); 2] =
-    [(2.9064799999999997e-6, 1.1875220230569419), (1.6625065599999997e-6, 0.49185873893429743)];
-const LIGHT_RING_ERROR: [(f64, f64); 2] = [(1.88e-6, 0.0), (1.0753599999999999e-6, 4.4)];
+    [(2.906_48e-6, 1.187_522_023_056_941_9), (1.662_506_56e-6, 0.491_858_738_934_297_43)];
+const LIGHT_RING_ERROR: [(f64, f64); 2] = [(1.88e-6, 0.0), (1.075_36e-6, 4.4)];
 const HEAVY_SUN_ERROR: [(f64, f64); 4] = [(7.99e-6, 0.736), (2.29e-6, 0.67), (6.62e-6, 1.258), (2.55e-6, 2.185)];
 const HEAVY_RING_ERROR: [(f64, f64); 4] = [(0.55e-6, 4.279), (1.64e-6, 1.937), (2.49e-6, 2.608), (0.16e-6, 5.226)];
 
