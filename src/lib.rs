@@ -6,5 +6,6 @@ pub mod event;
 pub mod gear;
 pub mod hybrid;
 pub mod integrate;
+pub mod linalg;
 pub mod poly;
 pub mod train;

@@ -105,7 +105,12 @@ struct Place {
 impl<'s> Engine<'s> {
     /// An engine at `state`.
     #[must_use]
-    pub fn new(system: &'s dyn HybridSystem, integrator: Box<dyn Integrator + 's>, options: Options, state: State) -> Self {
+    pub fn new(
+        system: &'s dyn HybridSystem,
+        integrator: Box<dyn Integrator + 's>,
+        options: Options,
+        state: State,
+    ) -> Self {
         let dim = system.dim();
         let open = EventRecord {
             at: state.at,
@@ -179,7 +184,14 @@ impl<'s> Engine<'s> {
         let Self { integrator, state, end, core } = self;
         core.counters.arcs += 1;
         let place = Place { mode: state.jump.mode, switching, bound };
-        let arc = Arc { mode: place.mode, at: state.at, x: &state.x, pinned: state.jump.pinned, still: state.jump.still, bound };
+        let arc = Arc {
+            mode: place.mode,
+            at: state.at,
+            x: &state.x,
+            pinned: state.jump.pinned,
+            still: state.jump.still,
+            bound,
+        };
         let (mut ended, mut first) = (End::Bound, true);
         integrator
             .integrate_arc(core.system, &arc, end, &mut |step| {
@@ -220,7 +232,10 @@ impl<'s> Engine<'s> {
         }
         core.cascade.push(state.jump.mode);
         if core.cascade.len() > MAX_CASCADE {
-            return Err(EngineError::Cycle { t: core.system.clock().time(state.at).value(), modes: core.cascade.clone() });
+            return Err(EngineError::Cycle {
+                t: core.system.clock().time(state.at).value(),
+                modes: core.cascade.clone(),
+            });
         }
         state.jump = core.system.jump(state.jump.mode, located.fired, state.at, &mut state.x).map_err(model)?;
         open.projected = open.projected.max(state.jump.projected);
@@ -310,7 +325,8 @@ impl Core<'_> {
     ) -> Option<End> {
         self.counters.steps += 1;
         let reach = step.reach();
-        let closes = !place.switching && self.system.clock().between(step.start(), place.bound) <= step.time(reach) * (1.0 + 4.0 * f64::EPSILON);
+        let closes = !place.switching
+            && self.system.clock().between(step.start(), place.bound) <= step.time(reach) * (1.0 + 4.0 * f64::EPSILON);
         let (located, touch) = self.locator.first(step, closes);
         if first {
             if let Some(located) = located.filter(|l| l.theta == 0.0) {

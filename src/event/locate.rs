@@ -91,7 +91,11 @@ impl Locator {
         let series = Deflated::new(step, lead);
         let (residual, slope) = poly::eval_with_slope(step.guard(lead), theta);
         let (_, deflated_slope) = poly::eval_with_slope(series.p, theta);
-        let width = if theta == 0.0 { 0.0 } else { (series.error / deflated_slope.abs()).min((series.error / deflated_slope.abs()).sqrt()) };
+        let width = if theta == 0.0 {
+            0.0
+        } else {
+            (series.error / deflated_slope.abs()).min((series.error / deflated_slope.abs()).sqrt())
+        };
         let mut fired = GuardSet::EMPTY;
         for (i, guard) in step.guards().iter().enumerate() {
             let series = Deflated::new(step, i);
@@ -99,7 +103,8 @@ impl Locator {
                 true
             } else if theta == 0.0 {
                 // At the start of an arc: outside already, or on the surface and going out.
-                series.p.iter().find(|c| **c != 0.0).is_some_and(|c| *c < 0.0) && (series.order > 0 || series.p[0] < 0.0)
+                series.p.iter().find(|c| **c != 0.0).is_some_and(|c| *c < 0.0)
+                    && (series.order > 0 || series.p[0] < 0.0)
             } else {
                 let (value, slope) = poly::eval_with_slope(series.p, theta);
                 slope < 0.0 && value <= series.error + slope.abs() * width

@@ -1,8 +1,13 @@
 //! One gear mesh: geometry, phase, stiffness, error, contact laws. Knows nothing of trains or solvers.
 
 pub mod contact;
+pub mod geometry;
 mod harmonic;
+pub mod phase;
+mod schedule;
 mod stiffness;
 
-pub use harmonic::Harmonic;
+pub use geometry::{BasicRack, Gear, GeometryError, Material, MeshGeometry, MeshKind, PathOfContact};
+pub use harmonic::{Harmonic, MeshHarmonic};
+pub use schedule::{MeshStiffness, Waveform};
 pub use stiffness::{Piece, Stiffness};

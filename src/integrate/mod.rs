@@ -10,8 +10,6 @@ use std::ops::ControlFlow;
 
 use crate::hybrid::{Guard, GuardSet, HybridSystem, Instant, Mode};
 
-#[cfg(feature = "diffsol")]
-pub use diffsol::{Diffsol, Method};
 pub use taylor::Taylor;
 
 /// One accepted step with its dense output, in the step's own clock `θ ∈ [0, reach]`.

@@ -83,12 +83,13 @@ impl Integrator for Taylor {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }
             let elapsed = jet.time_at(jet.reach);
+            if visit(&Step { start: at, jet }).is_break() {
+                return Ok(());
+            }
+            // Only now: a step that runs past the end of a contact in the root clock is cut by its event.
             let resolution = f64::EPSILON * f64::EPSILON * clock.time(at).hi.abs().max(span);
             if !(elapsed > resolution || elapsed >= span) {
                 return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });
-            }
-            if visit(&Step { start: at, jet }).is_break() {
-                return Ok(());
             }
             jet.state_at(jet.reach, x);
             if x.iter().any(|v| !v.is_finite()) {

@@ -305,7 +305,8 @@ fn check(spec: &Spec, n: usize) -> Result<(), AssembleError> {
     let shape = |what: &str, found: usize, expected: usize| {
         if found == expected { Ok(()) } else { Err(AssembleError::Shape { what: what.to_owned(), found, expected }) }
     };
-    for (what, m) in [("mass matrix", &spec.mass), ("damping matrix", &spec.damping), ("stiffness matrix", &spec.stiffness)]
+    for (what, m) in
+        [("mass matrix", &spec.mass), ("damping matrix", &spec.damping), ("stiffness matrix", &spec.stiffness)]
     {
         shape(what, m.len(), n * n)?;
         shape(what, m.nrows(), n)?;
@@ -334,7 +335,9 @@ fn check(spec: &Spec, n: usize) -> Result<(), AssembleError> {
             return Err(fault("a power law needs a constant stiffness"));
         }
         if c.flanks == Flanks::Both && c.half_backlash <= 0.0 && !matches!(c.law, Law::Bilateral(_)) {
-            return Err(fault("a two-flank contact needs a positive half backlash; without backlash use a bilateral law"));
+            return Err(fault(
+                "a two-flank contact needs a positive half backlash; without backlash use a bilateral law",
+            ));
         }
     }
     Ok(())
@@ -366,6 +369,7 @@ fn find_oscillators(spec: &Spec) -> (Clock, Vec<Oscillator>) {
         let common = omegas.iter().all(|w| order(*w, lowest).is_some());
         omegas.first().map(|first| if common { lowest } else { *first })
     });
-    let oscillators = omegas.iter().map(|&omega| Oscillator { omega, order: base.and_then(|b| order(omega, b)) }).collect();
+    let oscillators =
+        omegas.iter().map(|&omega| Oscillator { omega, order: base.and_then(|b| order(omega, b)) }).collect();
     (Clock::new(base), oscillators)
 }

@@ -131,7 +131,11 @@ impl Structure {
         self.dynamics(jump.mode, at, x, &mut forces, &mut a);
         let c = &self.contacts[j];
         // The multiplier against the accelerations it is a difference of.
-        let size: f64 = c.direction.iter().map(|(i, g)| (g * a[*i as usize]).abs() + (g * self.load[*i as usize]).abs()).sum::<f64>()
+        let size: f64 = c
+            .direction
+            .iter()
+            .map(|(i, g)| (g * a[*i as usize]).abs() + (g * self.load[*i as usize]).abs())
+            .sum::<f64>()
             + self.error(j, at).2.abs();
         if (forces[j] * c.mobility).abs() <= 1e3 * f64::EPSILON * size {
             jump.pinned.insert(guard_id(j, Watch::Force));
@@ -217,7 +221,8 @@ impl HybridSystem for Structure {
                     let rebound = l.restitution * self.closing_speed(j, side, at, x);
                     // A rebound lost in rounding is none: the contact comes to rest.
                     let lost = rebound <= self.speed_rounding(j, at, x);
-                    strikers[struck] = Striker { contact: j, side, restitution: if lost { 0.0 } else { l.restitution } };
+                    strikers[struck] =
+                        Striker { contact: j, side, restitution: if lost { 0.0 } else { l.restitution } };
                     struck += 1;
                 }
                 _ => self.follow(&mut jump, j, watch, at, x)?,
@@ -236,7 +241,11 @@ impl HybridSystem for Structure {
                 Spring::Scheduled(s) => s.next(&self.clock, at),
                 _ => None,
             })
-            .min_by(|a, b| (a.cycle, a.phase.hi, a.phase.lo).partial_cmp(&(b.cycle, b.phase.hi, b.phase.lo)).unwrap_or(std::cmp::Ordering::Equal))
+            .min_by(|a, b| {
+                (a.cycle, a.phase.hi, a.phase.lo)
+                    .partial_cmp(&(b.cycle, b.phase.hi, b.phase.lo))
+                    .unwrap_or(std::cmp::Ordering::Equal)
+            })
     }
 
     fn switched(&self, mode: Mode, at: Instant) -> Mode {

@@ -110,9 +110,11 @@ impl Structure {
 
     /// `g_iᵀ M⁻¹ g_j`, 1/kg.
     pub(super) fn coupling(&self, i: usize, j: usize) -> f64 {
-        self.contacts[i].direction.iter().map(|(row, g)| {
-            g * self.contacts[j].push.iter().find(|(r, _)| r == row).map_or(0.0, |(_, p)| *p)
-        }).sum()
+        self.contacts[i]
+            .direction
+            .iter()
+            .map(|(row, g)| g * self.contacts[j].push.iter().find(|(r, _)| r == row).map_or(0.0, |(_, p)| *p))
+            .sum()
     }
 }
 

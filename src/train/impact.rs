@@ -43,7 +43,13 @@ impl Structure {
     }
 
     /// Applies the impulses of `strikers` and of the contacts already at rest in `mode`.
-    pub(super) fn strike(&self, mode: Mode, strikers: &[Striker], at: Instant, x: &mut [f64]) -> Result<(), ModelError> {
+    pub(super) fn strike(
+        &self,
+        mode: Mode,
+        strikers: &[Striker],
+        at: Instant,
+        x: &mut [f64],
+    ) -> Result<(), ModelError> {
         let mut all = [Striker { contact: 0, side: 0.0, restitution: 0.0 }; MAX_CONTACTS];
         let mut len = 0;
         let resting = (0..self.contacts.len())

@@ -95,7 +95,7 @@ impl JetField for Structure {
         let mut scale = owner.map_or(request.span, |o| self.root_scale(request, o));
         loop {
             self.expand(request, &layout, owner, scale, out);
-            self.bound_reach(request, &layout, owner.is_some(), scale, out);
+            self.bound_reach(request, &layout, owner, scale, out);
             if out.reach.is_finite() && out.reach > 0.0 {
                 break;
             }
@@ -277,7 +277,15 @@ impl Structure {
     }
 
     /// `y`, its powers and `w = q y^(q−1)` at order `k`.
-    fn clock_series(&self, request: &JetRequest<'_>, layout: &Layout, owner: Owner, h: f64, k: usize, work: &mut [f64]) {
+    fn clock_series(
+        &self,
+        request: &JetRequest<'_>,
+        layout: &Layout,
+        owner: Owner,
+        h: f64,
+        k: usize,
+        work: &mut [f64],
+    ) {
         let side = contact_mode(request.mode, owner.contact).side();
         let q = owner.law.exponent.q as usize;
         if k > 0 {
@@ -310,7 +318,9 @@ impl Structure {
         let side = state.side();
         let force = match c.spec.law {
             Law::Rigid(_) => 0.0,
-            Law::Bilateral(l) => self.spring_series(request, layout, owner, h, j, k, work, 0.0) + l.damping * work[r + k],
+            Law::Bilateral(l) => {
+                self.spring_series(request, layout, owner, h, j, k, work, 0.0) + l.damping * work[r + k]
+            }
             Law::KelvinVoigt(l, _) if side != 0.0 => {
                 self.spring_series(request, layout, owner, h, j, k, work, side * c.gap()) + l.damping * work[r + k]
             }
@@ -493,23 +503,33 @@ impl Structure {
         size
     }
 
-    /// How far the series holds: the last two terms below `tolerance` times the largest of the first ones.
-    fn bound_reach(&self, request: &JetRequest<'_>, layout: &Layout, rooted: bool, scale: f64, out: &mut Jet) {
+    /// How far the series holds.
+    ///
+    /// In plain time the last two terms must be below `tolerance` times the largest of the first ones. In a
+    /// root clock only every (p+q)-th term may be there, and the radius of convergence is finite: the root test over
+    /// the last p+q terms gives the radius R, and `(reach/R)^N` is brought below the tolerance.
+    fn bound_reach(&self, request: &JetRequest<'_>, layout: &Layout, owner: Option<Owner>, scale: f64, out: &mut Jet) {
         out.span = scale;
         let first = [self.size(layout, 0, out), self.size(layout, 1, out), self.size(layout, 2, out)];
-        let last = [self.size(layout, ORDER - 1, out), self.size(layout, ORDER, out)];
-        if !(first.iter().chain(&last).all(|v| v.is_finite())) {
+        let window = owner.map_or(2, |o| (o.law.exponent.p + o.law.exponent.q) as usize).min(ORDER);
+        let mut last = [0.0; ORDER];
+        let last = &mut last[..window];
+        for (a, k) in last.iter_mut().zip(ORDER + 1 - window..) {
+            *a = self.size(layout, k, out);
+        }
+        if !first.iter().chain(last.iter()).all(|v| v.is_finite()) {
             out.reach = f64::NAN;
             return;
         }
+        let shrink = if owner.is_some() { request.tolerance.powf(1.0 / ORDER as f64) } else { 1.0 };
         let mut reach: f64 = 1.0;
         for _ in 0..4 {
             let size = first[0].max(first[1] * reach).max(first[2] * reach * reach);
-            let allowed = request.tolerance * size;
+            let allowed = if owner.is_some() { size } else { request.tolerance * size };
             let mut next: f64 = 1.0;
-            for (a, k) in last.iter().zip([ORDER - 1, ORDER]) {
-                if *a > allowed {
-                    next = next.min((allowed / a).powf(1.0 / k as f64));
+            for (a, k) in last.iter().zip(ORDER + 1 - window..) {
+                if *a > 0.0 {
+                    next = next.min(shrink * (allowed / a).powf(1.0 / k as f64));
                 }
             }
             let change = (next - reach).abs();
@@ -518,7 +538,7 @@ impl Structure {
                 break;
             }
         }
-        if rooted {
+        if owner.is_some() {
             // Not beyond the bound in time.
             let mut left = [0.0; ROW];
             left.iter_mut().zip(&out.time).for_each(|(l, t)| *l = -t);
@@ -616,7 +636,7 @@ impl Structure {
             Law::KelvinVoigt(l, _) => (c.spec.stiffness.maximum(), l.damping),
             _ => (0.0, 0.0),
         };
-        let scale = k * self.rounding(c, request.x) + series.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
+        let scale = k * self.rounding(c, request.x) + damping * self.rate_size(c, request.x);
         (work[layout.tails + j] * (k * deflect + damping), scale)
     }
 
@@ -624,6 +644,12 @@ impl Structure {
     fn rounding(&self, c: &Contact, x: &[f64]) -> f64 {
         let terms: f64 = c.direction.iter().map(|(i, g)| (g * x[*i as usize]).abs()).sum();
         terms + c.gap().abs() + c.error.iter().map(|w| w.cosine.abs() + w.sine.abs()).sum::<f64>()
+    }
+
+    /// Size of the terms whose sum is a deflection rate.
+    fn rate_size(&self, c: &Contact, x: &[f64]) -> f64 {
+        let terms: f64 = c.direction.iter().map(|(i, g)| (g * x[self.n + *i as usize]).abs()).sum();
+        terms + c.error.iter().map(|w| self.oscillators[w.index].omega * (w.cosine.abs() + w.sine.abs())).sum::<f64>()
     }
 
     /// Writes what the truncated terms can add to each contact's rate up to `reach`, and returns the

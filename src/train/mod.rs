@@ -1,18 +1,33 @@
 //! Gear trains: bodies and freedoms in, a linear structure with contacts out, and the automaton on top.
 //!
-//! Every train assembles into the same [`Spec`]; none has code of its own beyond this module.
+//! Every train assembles into the same [`Spec`]; a [`Structure`] made from it is all the engine sees.
 
 mod assemble;
 mod automaton;
+mod body;
 mod contact_mode;
+mod error;
 mod forces;
+pub mod frame;
 mod impact;
 mod jet;
+mod linear;
+mod mesh;
+mod pair;
+pub mod planetary;
 mod schedule;
 mod spec;
 mod sticking;
+mod wall;
 
 pub use assemble::{AssembleError, Contact, MAX_CONTACTS, Structure};
 pub use automaton::{Start, StartError};
+pub use body::{Body, Damping, Support};
 pub use contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, piece};
+pub use error::TrainError;
+pub use linear::{Equilibrium, bonded_modes, bonded_stiffness, equilibrium};
+pub use mesh::{Mesh, mesh_damping};
+pub use pair::{GearPair, KahramanSingh};
+pub use planetary::{Freedoms, Load, Phasing, Planet, Planetary, StageGeometry, Teeth, Warning};
 pub use spec::{ContactSpec, Flanks, LoadHarmonic, Spec};
+pub use wall::{Walled, Walls};

@@ -24,7 +24,8 @@ const REDUNDANT: f64 = 1e-12;
 impl Sticking {
     /// The resting contacts of `mode`; `None` if there are none.
     pub fn new(s: &Structure, mode: Mode) -> Option<Self> {
-        let resting = |j: &usize| matches!(s.contacts[*j].spec.law, Law::Rigid(_)) && contact_mode(mode, *j).is_closed();
+        let resting =
+            |j: &usize| matches!(s.contacts[*j].spec.law, Law::Rigid(_)) && contact_mode(mode, *j).is_closed();
         let mut set = [0; MAX_CONTACTS];
         let mut len = 0;
         for j in (0..s.contacts.len()).filter(resting) {

@@ -1,0 +1,66 @@
+//! Mesh phases of a planetary stage and where its planets can be assembled.
+//!
+//! The clock of a mesh is `τ = f_m t + γ`, zero at pitch-point contact. The sun turns counter-clockwise; planet n
+//! sits at ψ_n (Parker & Lin, J. Mech. Des. 126, 2004, with the phase's sign reversed).
+
+use std::f64::consts::TAU;
+
+use super::{BasicRack, Gear};
+
+/// Phases of the sun meshes, `γ_n = frac(−Z_s ψ_n/2π)`, periods; `positions` in rad.
+#[must_use]
+pub fn sun_phases(sun_teeth: u32, positions: &[f64]) -> Vec<f64> {
+    positions.iter().map(|psi| fraction(-f64::from(sun_teeth) * psi / TAU)).collect()
+}
+
+/// Phases of the ring meshes, `γ_n = frac(Z_r ψ_n/2π − γ_rs)`, periods; `positions` in rad.
+#[must_use]
+pub fn ring_phases(ring_teeth: u32, positions: &[f64], sun_to_ring: f64) -> Vec<f64> {
+    positions.iter().map(|psi| fraction(f64::from(ring_teeth) * psi / TAU - sun_to_ring)).collect()
+}
+
+/// Phase between the two meshes of one planet, `γ_rs = frac(Z_p/2 − s_p/(π m))` with s_p the planet's tooth
+/// thickness on the pitch circle.
+#[must_use]
+pub fn sun_to_ring_phase(rack: &BasicRack, planet: Gear) -> f64 {
+    fraction(0.5 * f64::from(planet.teeth) - planet.tooth_thickness(rack) / (std::f64::consts::PI * rack.module))
+}
+
+/// `count` positions from 0, equally spaced, rad.
+#[must_use]
+pub fn equally_spaced(count: usize) -> Vec<f64> {
+    (0..count).map(|i| TAU * i as f64 / count as f64).collect()
+}
+
+/// Smallest angle between positions at which planets can be put in, `2π/(Z_s + Z_r)`, rad.
+#[must_use]
+pub fn assembly_pitch(sun_teeth: u32, ring_teeth: u32) -> f64 {
+    TAU / f64::from(sun_teeth + ring_teeth)
+}
+
+/// The assemblable positions nearest to the wanted ones: whole multiples of the assembly pitch from the first
+/// planet, which stays. Rad.
+#[must_use]
+pub fn nearest_assemblable(sun_teeth: u32, ring_teeth: u32, positions: &[f64]) -> Vec<f64> {
+    let pitch = assembly_pitch(sun_teeth, ring_teeth);
+    let first = positions.first().copied().unwrap_or(0.0);
+    positions.iter().map(|psi| first + ((psi - first) / pitch).round() * pitch).collect()
+}
+
+/// Whether every planet sits at an assemblable position, to `tolerance` rad.
+///
+/// For N equally spaced planets this is the condition that `(Z_s + Z_r)/N` is whole.
+#[must_use]
+pub fn assemblable(sun_teeth: u32, ring_teeth: u32, positions: &[f64], tolerance: f64) -> bool {
+    nearest_assemblable(sun_teeth, ring_teeth, positions).iter().zip(positions).all(|(a, b)| (a - b).abs() <= tolerance)
+}
+
+/// The fraction of `x`, `[0, 1)`, with round-off of a whole number brought back to 0.
+fn fraction(x: f64) -> f64 {
+    let part = x - x.floor();
+    if 1.0 - part <= 8.0 * f64::EPSILON * x.abs().max(1.0) || part <= 8.0 * f64::EPSILON * x.abs().max(1.0) {
+        0.0
+    } else {
+        part
+    }
+}

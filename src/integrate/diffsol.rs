@@ -1,0 +1,1 @@
+//! Adapter to diffsol: implicit and explicit Runge–Kutta and BDF steps.

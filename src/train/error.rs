@@ -1,0 +1,68 @@
+//! Why a train cannot be assembled.
+
+use thiserror::Error;
+
+use super::planetary::Warning;
+use crate::gear::GeometryError;
+
+/// Why a train cannot be assembled.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum TrainError {
+    /// A value outside its range.
+    #[error("{name} is {value}; it must be {wanted}")]
+    Value {
+        /// What it is called.
+        name: String,
+        /// What it was.
+        value: f64,
+        /// The range.
+        wanted: &'static str,
+    },
+    /// A freedom the train does not have, or one named twice.
+    #[error("no freedom `{name}` to keep; the train has {}", known.join(", "))]
+    Freedom {
+        /// The name asked for.
+        name: String,
+        /// The names there are.
+        known: Vec<String>,
+    },
+    /// The in-phase reduction asked for planets that are not alike.
+    #[error(
+        "the in-phase reduction needs alike planets, equally spaced, with equal mesh phases; planet {planet} differs"
+    )]
+    NotInPhase {
+        /// Number of the first planet that differs from planet 1, from 1.
+        planet: usize,
+    },
+    /// Fewer or more phases than planets.
+    #[error("{got} mesh phases for {planets} planets")]
+    Phases {
+        /// Planets.
+        planets: usize,
+        /// Phases given.
+        got: usize,
+    },
+    /// Something varies with the mesh frequency, which is zero.
+    #[error("{what} varies with the mesh frequency, but the speed is zero")]
+    Standing {
+        /// What varies.
+        what: String,
+    },
+    /// Strict mode: the data contradict themselves.
+    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
+    Implausible(Vec<Warning>),
+    /// The loads do not balance on a structure that can move freely.
+    #[error("no equilibrium: the loads leave {residual} N unbalanced on free motions")]
+    Unbalanced {
+        /// Largest unbalanced force, N.
+        residual: f64,
+    },
+    /// Gears that cannot mesh.
+    #[error(transparent)]
+    Geometry(#[from] GeometryError),
+}
+
+/// `value` if `ok`, else the error that says what it should have been.
+pub(super) fn check(name: &str, value: f64, ok: bool, wanted: &'static str) -> Result<(), TrainError> {
+    if ok && value.is_finite() { Ok(()) } else { Err(TrainError::Value { name: name.into(), value, wanted }) }
+}

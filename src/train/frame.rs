@@ -1,0 +1,15 @@
+//! From the carrier's frame to the fixed one.
+
+/// Turns in-plane coordinates from the carrier's frame to the fixed frame: `(x + i y) e^{iθ}` with θ the carrier's
+/// angle, rad. The angle rather than the time, so that long runs can count whole turns exactly.
+#[must_use]
+pub fn to_fixed([x, y]: [f64; 2], carrier_angle: f64) -> [f64; 2] {
+    let (sin, cos) = carrier_angle.sin_cos();
+    [x * cos - y * sin, x * sin + y * cos]
+}
+
+/// The inverse of [`to_fixed`].
+#[must_use]
+pub fn to_carrier(fixed: [f64; 2], carrier_angle: f64) -> [f64; 2] {
+    to_fixed(fixed, -carrier_angle)
+}

@@ -1,0 +1,101 @@
+//! One mesh of a train, before a speed turns its clock into time.
+
+use super::error::{TrainError, check};
+use super::spec::{ContactSpec, Flanks};
+use crate::gear::contact::{Law, Linear};
+use crate::gear::{MeshHarmonic, MeshStiffness, Stiffness};
+
+/// One gear mesh. Its clock is `τ = f_m t + phase`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mesh {
+    /// Contact law.
+    pub law: Law,
+    /// Stiffness, N/m (N/mⁿ for a power law).
+    pub stiffness: MeshStiffness,
+    /// Half the total backlash, b, m, ≥ 0: the drive flank is touched at deflection +b, the back flank at −b.
+    pub half_backlash: f64,
+    /// Which flanks exist. With the drive flank alone and `half_backlash` 0, deflection is counted from contact.
+    pub flanks: Flanks,
+    /// Transmission error `e = Σ E sin(2π h τ + φ)`, m; positive opens the drive flank.
+    pub error: Vec<MeshHarmonic>,
+    /// Constant part of the error, m.
+    pub error_offset: f64,
+    /// Mesh phase γ, periods.
+    pub phase: f64,
+}
+
+impl Mesh {
+    /// A mesh of constant or varying stiffness without backlash or error, drive flank only, phase 0.
+    #[must_use]
+    pub fn new(law: Law, stiffness: MeshStiffness) -> Self {
+        Self {
+            law,
+            stiffness,
+            half_backlash: 0.0,
+            flanks: Flanks::Drive,
+            error: Vec::new(),
+            error_offset: 0.0,
+            phase: 0.0,
+        }
+    }
+
+    /// Linear mesh that never separates, damping `c = 2 ζ √(k̄ m₁ m₂/(m₁ + m₂))`.
+    ///
+    /// k̄ in N/m, ζ ≥ 0, rotary masses of the two gears in kg.
+    #[must_use]
+    pub fn bilateral(stiffness: f64, ratio: f64, rotary_masses: [f64; 2]) -> Self {
+        let law = Law::Bilateral(Linear { damping: mesh_damping(stiffness, ratio, rotary_masses) });
+        Self::new(law, MeshStiffness::Constant(stiffness))
+    }
+
+    /// The contact element at mesh frequency f_m, Hz (0: standing), with its direction in the train's freedoms.
+    pub(super) fn contact(&self, name: String, direction: Vec<f64>, frequency: f64) -> Result<ContactSpec, TrainError> {
+        check(&format!("{name}: half backlash"), self.half_backlash, self.half_backlash >= 0.0, ">= 0")?;
+        if matches!(self.law, Law::Bilateral(_)) {
+            let name = format!("{name}: half backlash of a bilateral mesh");
+            check(&name, self.half_backlash, self.half_backlash == 0.0, "0: it never lets go")?;
+        }
+        check(&format!("{name}: error offset"), self.error_offset, true, "finite")?;
+        check(&format!("{name}: phase"), self.phase, true, "finite")?;
+        for h in &self.error {
+            check(&format!("{name}: error order"), h.order, h.order > 0.0, "> 0")?;
+            check(&format!("{name}: error amplitude"), h.amplitude, true, "finite")?;
+            check(&format!("{name}: error phase"), h.phase, true, "finite")?;
+        }
+        check_stiffness(&name, &self.stiffness)?;
+        let mean = self.stiffness.mean();
+        check(&format!("{name}: mean stiffness"), mean, mean > 0.0 || matches!(self.law, Law::Rigid(_)), "> 0")?;
+        let standing = frequency <= 0.0;
+        if standing && (self.stiffness.varies() || self.error.iter().any(|h| h.amplitude != 0.0)) {
+            return Err(TrainError::Standing { what: name });
+        }
+        let stiffness =
+            if standing { Stiffness::Constant(mean) } else { self.stiffness.schedule(frequency.recip(), self.phase) };
+        let error = self.error.iter().filter(|h| h.amplitude != 0.0).map(|h| h.sine(frequency, self.phase)).collect();
+        Ok(ContactSpec {
+            name,
+            direction,
+            error,
+            error_offset: self.error_offset,
+            half_backlash: self.half_backlash,
+            flanks: self.flanks,
+            stiffness,
+            law: self.law,
+        })
+    }
+}
+
+/// The stiffness's own ranges.
+pub(super) fn check_stiffness(name: &str, stiffness: &MeshStiffness) -> Result<(), TrainError> {
+    match stiffness.fault() {
+        Some((what, value, wanted)) => Err(TrainError::Value { name: format!("{name}: {what}"), value, wanted }),
+        None => Ok(()),
+    }
+}
+
+/// Mesh damping `c = 2 ζ √(k m_eq)`, N s/m, with `m_eq = m₁ m₂/(m₁ + m₂)` of the two rotary masses, kg.
+#[must_use]
+pub fn mesh_damping(stiffness: f64, ratio: f64, rotary_masses: [f64; 2]) -> f64 {
+    let [m1, m2] = rotary_masses;
+    2.0 * ratio * (stiffness * m1 * m2 / (m1 + m2)).sqrt()
+}
