@@ -9,6 +9,22 @@ pub(super) struct Bernstein {
     pub b: [f64; MAX_DEGREE + 1],
 }
 
+/// `1/C(n, k)`.
+static INVERSE_BINOMIALS: [[f64; MAX_DEGREE + 1]; MAX_DEGREE + 1] = {
+    let mut table = [[0.0; MAX_DEGREE + 1]; MAX_DEGREE + 1];
+    let mut n = 0;
+    while n <= MAX_DEGREE {
+        let (mut k, mut binomial) = (0, 1.0);
+        while k <= n {
+            table[n][k] = 1.0 / binomial;
+            binomial *= (n - k) as f64 / (k + 1) as f64;
+            k += 1;
+        }
+        n += 1;
+    }
+    table
+};
+
 impl Bernstein {
     /// From power coefficients on `[0, 1]`.
     ///
@@ -17,10 +33,8 @@ impl Bernstein {
     pub fn from_power(p: &[f64]) -> Self {
         let n = p.len() - 1;
         let mut b = [0.0; MAX_DEGREE + 1];
-        let mut binomial = 1.0;
-        for (k, c) in p.iter().enumerate() {
-            b[k] = c / binomial;
-            binomial *= (n - k) as f64 / (k + 1) as f64;
+        for ((b, c), inverse) in b.iter_mut().zip(p).zip(&INVERSE_BINOMIALS[n]) {
+            *b = c * inverse;
         }
         for j in 1..=n {
             for i in (j..=n).rev() {

@@ -1,6 +1,6 @@
 //! From a [`Spec`] to a [`Structure`]: everything a step needs, computed once.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DVector};
 
 use super::{ContactSpec, Flanks, Spec, schedule::Schedule};
 use crate::{
@@ -110,6 +110,10 @@ pub struct Contact {
     /// `Σ |g_i|/√M_ii`: what a weighted rate of one can add to the contact's rate.
     pub(super) across: f64,
     pub(super) error: Vec<Wave>,
+    /// `ė` as waves.
+    pub(super) error_rate: Vec<Wave>,
+    /// `1/√(gᵀM⁻¹g)`: makes the contact's rate comparable with weighted rates.
+    pub(super) weight: f64,
     pub(super) spring: Spring,
     /// Where the latched approach speed is kept in the state.
     pub(super) latch: Option<usize>,
@@ -142,9 +146,8 @@ pub struct Structure {
     /// `M⁻¹ f₀`.
     pub(super) load: Vec<f64>,
     pub(super) load_waves: Vec<LoadWave>,
-    /// Rows of `M⁻¹ K` and `M⁻¹ C`.
-    pub(super) stiffness_rows: Vec<Sparse>,
-    pub(super) damping_rows: Vec<Sparse>,
+    /// Rows of `M⁻¹ K` and `M⁻¹ C` together: column, stiffness, damping.
+    pub(super) rows: Vec<Vec<(u32, f64, f64)>>,
     pub(super) contacts: Vec<Contact>,
     /// `√M_ii`, the weights that make freedoms of different kinds comparable.
     pub(super) weights: Vec<f64>,
@@ -189,16 +192,26 @@ impl Structure {
         let mut contacts = Vec::with_capacity(spec.contacts.len());
         for c in &spec.contacts {
             let push = over_mass(&c.direction);
+            let mobility: f64 = c.direction.iter().zip(&push).map(|(g, p)| g * p).sum();
+            let error: Vec<Wave> = c.error.iter().map(|h| wave(h, 1.0)).collect();
             let latch = matches!(c.law, Law::Power(l) if l.hysteresis > 0.0).then(|| {
                 dim += 1;
                 dim - 1
             });
             contacts.push(Contact {
                 direction: sparse(&c.direction),
-                mobility: c.direction.iter().zip(&push).map(|(g, p)| g * p).sum(),
+                mobility,
+                weight: mobility.sqrt().recip(),
                 across: c.direction.iter().zip(&weights).map(|(g, w)| g.abs() / w).sum(),
                 push: sparse(&push),
-                error: c.error.iter().map(|h| wave(h, 1.0)).collect(),
+                error_rate: error
+                    .iter()
+                    .map(|w| {
+                        let omega = oscillators[w.index].omega;
+                        Wave { index: w.index, cosine: omega * w.sine, sine: -omega * w.cosine }
+                    })
+                    .collect(),
+                error,
                 spring: match &c.stiffness {
                     Stiffness::Constant(k) => Spring::Constant(*k),
                     Stiffness::Harmonic { mean, harmonics } => {
@@ -210,10 +223,15 @@ impl Structure {
                 spec: c.clone(),
             });
         }
-        let rows = |m: &DMatrix<f64>| -> Vec<Sparse> {
-            let a = cholesky.solve(m);
-            (0..n).map(|i| sparse(a.row(i).iter())).collect()
-        };
+        let (k, c) = (cholesky.solve(&spec.stiffness), cholesky.solve(&spec.damping));
+        let rows = (0..n)
+            .map(|i| {
+                (0..n)
+                    .filter(|j| k[(i, *j)] != 0.0 || c[(i, *j)] != 0.0)
+                    .map(|j| (j as u32, k[(i, j)], c[(i, j)]))
+                    .collect()
+            })
+            .collect();
         let affine = contacts.iter().all(|c| match (&c.spec.law, &c.spring) {
             (Law::Power(_), _) | (_, Spring::Waves(..)) => false,
             (_, Spring::Scheduled(s)) => s.is_piecewise_constant(),
@@ -221,8 +239,7 @@ impl Structure {
         });
         let mut structure = Self {
             load: over_mass(&spec.load),
-            stiffness_rows: rows(&spec.stiffness),
-            damping_rows: rows(&spec.damping),
+            rows,
             n,
             dim,
             clock,
@@ -282,8 +299,11 @@ impl Structure {
         let w = &self.weights;
         let (mut k_rows, mut c_rows) = (vec![0.0; self.n], vec![0.0; self.n]);
         for i in 0..self.n {
-            k_rows[i] = self.stiffness_rows[i].iter().map(|(j, v)| v.abs() * w[i] / w[*j as usize]).sum();
-            c_rows[i] = self.damping_rows[i].iter().map(|(j, v)| v.abs() * w[i] / w[*j as usize]).sum();
+            for (j, k, c) in &self.rows[i] {
+                let ratio = w[i] / w[*j as usize];
+                k_rows[i] += k.abs() * ratio;
+                c_rows[i] += c.abs() * ratio;
+            }
         }
         for c in &self.contacts {
             let (k, d) = match &c.spec.law {

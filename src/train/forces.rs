@@ -87,7 +87,7 @@ impl Structure {
         });
         let (q, v) = (&x[..self.n], &x[self.n..2 * self.n]);
         for (i, a) in a.iter_mut().enumerate() {
-            *a -= dot(&self.stiffness_rows[i], q) + dot(&self.damping_rows[i], v);
+            *a = self.rows[i].iter().fold(*a, |a, (j, k, c)| a - k * q[*j as usize] - c * v[*j as usize]);
         }
         for (j, c) in self.contacts.iter().enumerate() {
             let state = contact_mode(mode, j);
@@ -139,7 +139,7 @@ impl VectorField for Structure {
         jv[..n].copy_from_slice(v1);
         jv[2 * n..].fill(0.0);
         for i in 0..n {
-            jv[n + i] = -dot(&self.stiffness_rows[i], q1) - dot(&self.damping_rows[i], v1);
+            jv[n + i] = self.rows[i].iter().fold(0.0, |a, (j, k, c)| a - k * q1[*j as usize] - c * v1[*j as usize]);
         }
         for (j, c) in self.contacts.iter().enumerate() {
             let state = contact_mode(mode, j);

@@ -1,0 +1,134 @@
+//! The guards of a mode as polynomials in the step's clock.
+
+use super::{DEFLECTION, Expansion, FACTOR, FORCE, ROW, rooted::Owner};
+use crate::{
+    gear::contact::{Law, Release},
+    hybrid::{Crossing, Guard, Jet, Role},
+    train::{
+        assemble::{Contact, Structure},
+        contact_mode::{ContactMode, Watch, contact_mode, guard_id, watches},
+    },
+};
+
+impl Structure {
+    /// What is watched on a contact in `state`, with the sign that makes it positive inside.
+    pub(in crate::train) fn watched(&self, c: &Contact, state: ContactMode) -> &'static [(Watch, f64)] {
+        match c.spec.law {
+            Law::Bilateral(_) => &[],
+            Law::KelvinVoigt(_, Release::Force) => match state {
+                // The force reaches zero no later than the deflection does.
+                ContactMode::Drive | ContactMode::Back => &[(Watch::Force, 1.0)],
+                _ => watches(state, true, false, c.has_back()),
+            },
+            Law::KelvinVoigt(_, Release::Deflection) => watches(state, false, false, c.has_back()),
+            Law::Power(_) => watches(state, c.latch.is_some(), false, c.has_back()),
+            Law::Rigid(_) => watches(state, false, true, c.has_back()),
+        }
+    }
+}
+
+impl Expansion<'_> {
+    /// Writes the guards of the mode and the bounds on what their series leave out.
+    pub(super) fn guards(&self, owner: Option<Owner>, out: &mut Jet) {
+        let deflect = self.tail(out);
+        let Jet { guards, guard_series, remainder, rounding, work, .. } = out;
+        guards.clear();
+        remainder.clear();
+        rounding.clear();
+        guard_series.resize(3 * self.s.contacts.len() * ROW, 0.0);
+        for (j, c) in self.s.contacts.iter().enumerate() {
+            let state = contact_mode(self.request.mode, j);
+            for &(watch, sign) in self.s.watched(c, state) {
+                let id = guard_id(j, watch);
+                let row = guards.len() * ROW;
+                let series = &mut guard_series[row..row + ROW];
+                let tail = work[self.layout.tails + j];
+                let (tail, size) = match watch {
+                    Watch::Force => self.force_guard(j, state, sign, tail, deflect, work, series),
+                    _ if owner.is_some_and(|o| o.contact == j) => {
+                        let y = self.layout.y(1);
+                        series.copy_from_slice(&work[y..y + ROW]);
+                        (tail * self.h, 0.0)
+                    }
+                    _ => {
+                        let d = self.layout.of(j, DEFLECTION);
+                        let along = if watch == Watch::DriveFlank { -sign } else { sign };
+                        series.iter_mut().zip(&work[d..d + ROW]).for_each(|(s, d)| *s = along * d);
+                        series[0] += sign * c.gap();
+                        (tail * deflect, self.deflection_size(c))
+                    }
+                };
+                self.write_zeros(j, watch, state, series);
+                remainder.push(tail);
+                rounding.push(4.0 * f64::EPSILON * size);
+                guards.push(Guard { id, crossing: Crossing::Falling, role: Role::Jump });
+            }
+        }
+    }
+
+    /// What is exactly zero by construction is written so.
+    fn write_zeros(&self, j: usize, watch: Watch, state: ContactMode, series: &mut [f64]) {
+        if self.request.pinned.is_empty() {
+            return;
+        }
+        let force = self.pinned(j, Watch::Force);
+        if watch == Watch::Force && force {
+            series[0] = 0.0;
+        }
+        if force && state == ContactMode::Separated && self.request.still.contains(guard_id(j, watch)) {
+            // Released from rest: value, rate and acceleration of the gap are all zero.
+            series[..3].fill(0.0);
+        }
+    }
+
+    /// The force of a contact (of a power law: its factor `1 + χ ṗ`) as a guard, and its error.
+    #[allow(clippy::too_many_arguments)] // one row of the table of guards
+    fn force_guard(
+        &self,
+        j: usize,
+        state: ContactMode,
+        sign: f64,
+        tail: f64,
+        deflect: f64,
+        work: &[f64],
+        series: &mut [f64],
+    ) -> (f64, f64) {
+        let c = &self.s.contacts[j];
+        let (which, sign) =
+            if matches!(c.spec.law, Law::Power(_)) { (FACTOR, sign) } else { (FORCE, sign * state.side()) };
+        let f = self.layout.of(j, which);
+        series.iter_mut().zip(&work[f..f + ROW]).for_each(|(s, f)| *s = sign * f);
+        match c.spec.law {
+            Law::Power(l) => {
+                let chi = c.latch.map_or(0.0, |i| l.hysteresis / self.request.x[i]);
+                (chi * tail, 1.0 + chi * self.rate_size(c))
+            }
+            Law::Rigid(_) => {
+                let a = self.layout.accelerations;
+                let held: f64 = c
+                    .direction
+                    .iter()
+                    .map(|(i, g)| (g * work[a + *i as usize]).abs() + (g * self.s.load[*i as usize]).abs())
+                    .sum();
+                (tail / self.h * c.effective_mass(), c.effective_mass() * held)
+            }
+            Law::Bilateral(l) | Law::KelvinVoigt(l, _) => {
+                let k = c.spec.stiffness.maximum();
+                (tail * (k * deflect + l.damping), k * self.deflection_size(c) + l.damping * self.rate_size(c))
+            }
+        }
+    }
+
+    /// Size of the terms whose sum is a deflection: its rounding error is a few units of this.
+    fn deflection_size(&self, c: &Contact) -> f64 {
+        let terms: f64 = c.direction.iter().map(|(i, g)| (g * self.request.x[*i as usize]).abs()).sum();
+        terms + c.gap().abs() + c.error.iter().map(|w| w.cosine.abs() + w.sine.abs()).sum::<f64>()
+    }
+
+    /// Size of the terms whose sum is a deflection rate.
+    fn rate_size(&self, c: &Contact) -> f64 {
+        let v = &self.request.x[self.s.n..];
+        let terms: f64 = c.direction.iter().map(|(i, g)| (g * v[*i as usize]).abs()).sum();
+        terms + c.error_rate.iter().map(|w| w.cosine.abs() + w.sine.abs()).sum::<f64>()
+    }
+}

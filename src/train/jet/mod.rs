@@ -1,0 +1,180 @@
+//! Taylor recurrences of a structure with contacts.
+//!
+//! In the step's clock θ, with `dt = h w(θ) dθ`,
+//!
+//! ```text
+//! (k+1) q_{k+1} = h (w v)_k,   (k+1) v_{k+1} = h (w a)_k,   a = M⁻¹(f − C v − K q − Σ g_j F_j)
+//! ```
+//!
+//! where `(w v)_k = Σ_i w_i v_{k−i}`. Plain time has `w = 1`. While a power law is in contact the clock
+//! belongs to the contact nearest to its boundary: with penetration `p = y^q` and `w = q y^(q−1)`,
+//! `dy/dθ = h ṗ`, and everything is a polynomial in y again. The series then runs through the start and the end of
+//! a contact, where in plain time `pⁿ` has a branch point.
+
+mod guards;
+mod plain;
+mod reach;
+mod rooted;
+
+use super::{
+    assemble::{Structure, dot},
+    contact_mode::{Watch, guard_id},
+};
+use crate::hybrid::{Jet, JetField, JetRequest};
+
+/// Highest power of a step.
+pub(super) const ORDER: usize = 24;
+/// Room for one series.
+const ROW: usize = ORDER + 1;
+/// Series of one contact: deflection, rate, the law's force, the force carried, penetration, its power,
+/// stiffness, hysteresis factor `1 + χ ṗ`.
+const CONTACT_ROWS: usize = 8;
+const DEFLECTION: usize = 0;
+const RATE: usize = 1;
+const FORCE: usize = 2;
+const PENETRATION: usize = 3;
+const POWER: usize = 4;
+const STIFFNESS: usize = 5;
+const FACTOR: usize = 6;
+const CARRIED: usize = 7;
+/// Room for the clock: w, then y, y², … y^(q−1), then p², p³, p⁴.
+const CLOCK_ROWS: usize = 1 + 16 + 4;
+
+/// Where the series lie in the working space.
+struct Layout {
+    contacts: usize,
+    clock: usize,
+    /// Accelerations of all orders, `n` each.
+    accelerations: usize,
+    /// Bound on what the truncated tail adds to each contact's rate.
+    tails: usize,
+    len: usize,
+}
+
+impl Layout {
+    fn new(s: &Structure) -> Self {
+        let contacts = 2 * s.oscillators.len() * ROW;
+        let clock = contacts + s.contacts.len() * CONTACT_ROWS * ROW;
+        let accelerations = clock + CLOCK_ROWS * ROW;
+        let tails = accelerations + ROW * s.n;
+        Self { contacts, clock, accelerations, tails, len: tails + s.contacts.len() }
+    }
+
+    /// `cos ωt` of oscillator `i`; its sine follows, one row on.
+    fn oscillator(i: usize) -> usize {
+        2 * i * ROW
+    }
+
+    fn of(&self, j: usize, which: usize) -> usize {
+        self.contacts + (j * CONTACT_ROWS + which) * ROW
+    }
+
+    /// `y^power`; in the place of `y⁰` lies the clock's weight w.
+    fn y(&self, power: usize) -> usize {
+        self.clock + power * ROW
+    }
+}
+
+/// `(a b)_k`.
+fn product(w: &[f64], a: usize, b: usize, k: usize) -> f64 {
+    w[a..=a + k].iter().zip(w[b..=b + k].iter().rev()).fold(0.0, |s, (x, y)| s + x * y)
+}
+
+/// One expansion: the structure, where, and the scale of the clock.
+struct Expansion<'a> {
+    s: &'a Structure,
+    request: &'a JetRequest<'a>,
+    layout: Layout,
+    /// Span of `θ ∈ [0, 1]` in the step's clock.
+    h: f64,
+}
+
+impl JetField for Structure {
+    fn dim(&self) -> usize {
+        self.dim
+    }
+
+    fn jet(&self, request: &JetRequest<'_>, out: &mut Jet) {
+        let layout = Layout::new(self);
+        out.order = ORDER;
+        out.dim = self.dim;
+        out.stride = ROW;
+        out.state.resize((ORDER + 1) * self.dim, 0.0);
+        out.work.resize(layout.len, 0.0);
+        let owner = self.owner(request);
+        let h = owner.map_or(request.span, |o| self.root_scale(request, o));
+        let mut e = Expansion { s: self, request, layout, h };
+        loop {
+            e.start(out);
+            match owner {
+                None => e.plain(out),
+                Some(owner) => e.rooted(owner, out),
+            }
+            out.span = e.h;
+            out.reach = e.reach(owner, out);
+            if out.reach.is_finite() && out.reach > 0.0 {
+                break;
+            }
+            // The scale overshot so far that the last coefficients overflowed.
+            e.h *= 1e-6;
+            if e.h < f64::MIN_POSITIVE {
+                out.reach = f64::NAN;
+                return;
+            }
+        }
+        e.guards(owner, out);
+    }
+}
+
+impl Expansion<'_> {
+    /// Order zero of the state, the oscillators and the deflections.
+    fn start(&self, out: &mut Jet) {
+        let (s, layout, dim) = (self.s, &self.layout, self.s.dim);
+        out.state[..dim].copy_from_slice(self.request.x);
+        if dim > 2 * s.n {
+            for k in 1..=ORDER {
+                out.state[k * dim + 2 * s.n..(k + 1) * dim].fill(0.0);
+            }
+        }
+        let work = &mut out.work;
+        s.oscillate(self.request.at, |i, cosine, sine| {
+            work[Layout::oscillator(i)] = cosine;
+            work[Layout::oscillator(i) + ROW] = sine;
+        });
+        for (j, c) in s.contacts.iter().enumerate() {
+            work[layout.of(j, DEFLECTION)] = if self.pinned(j, Watch::DriveFlank) {
+                c.gap()
+            } else if self.pinned(j, Watch::BackFlank) {
+                -c.gap()
+            } else {
+                let e = c.error.iter().fold(c.spec.error_offset, |e, w| {
+                    let o = Layout::oscillator(w.index);
+                    e + w.cosine * work[o] + w.sine * work[o + ROW]
+                });
+                dot(&c.direction, self.request.x) - e
+            };
+        }
+    }
+
+    fn pinned(&self, j: usize, watch: Watch) -> bool {
+        self.request.pinned.contains(guard_id(j, watch))
+    }
+
+    fn is_still(&self, j: usize) -> bool {
+        let still = self.request.still;
+        !still.is_empty()
+            && (still.contains(guard_id(j, Watch::DriveFlank)) || still.contains(guard_id(j, Watch::BackFlank)))
+    }
+
+    /// Deflection rate of contact `j` at order `k`, from the velocities `v` of that order.
+    fn rate(&self, j: usize, k: usize, v: &[f64], work: &[f64]) -> f64 {
+        let c = &self.s.contacts[j];
+        if k == 0 && self.is_still(j) {
+            return 0.0;
+        }
+        c.error_rate.iter().fold(dot(&c.direction, v), |r, w| {
+            let o = Layout::oscillator(w.index);
+            r - w.cosine * work[o + k] - w.sine * work[o + ROW + k]
+        })
+    }
+}

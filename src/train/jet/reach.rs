@@ -1,0 +1,92 @@
+//! How far a series holds, and what it leaves out.
+
+use super::{Expansion, ORDER, RATE, ROW, rooted::Owner};
+use crate::{
+    hybrid::Jet,
+    poly::{FirstRoot, first_root},
+};
+
+impl Expansion<'_> {
+    /// The weighted size of the rates at order `k`, those of the contacts included.
+    fn size(&self, k: usize, out: &Jet) -> f64 {
+        let s = self.s;
+        let v = &out.state[k * s.dim + s.n..k * s.dim + 2 * s.n];
+        let size = v.iter().zip(&s.weights).fold(0.0, |m: f64, (v, w)| m.max(v.abs() * w));
+        s.contacts
+            .iter()
+            .enumerate()
+            .fold(size, |m, (j, c)| m.max(out.work[self.layout.of(j, RATE) + k].abs() * c.weight))
+    }
+
+    /// Largest `θ ≤ 1` at which the series holds; not finite if the coefficients overflowed.
+    ///
+    /// In plain time the last two terms must be below `tolerance` times the largest of the first ones. In a
+    /// root clock only every (p+q)-th term may be there, and the radius of convergence is finite: the root test over
+    /// the last p+q terms gives the radius R, and `(reach/R)^N` is brought below the tolerance.
+    pub(super) fn reach(&self, owner: Option<Owner>, out: &Jet) -> f64 {
+        let tolerance = self.request.tolerance;
+        let first = [0, 1, 2].map(|k| self.size(k, out));
+        let window = owner.map_or(2, |o| (o.law.exponent.p + o.law.exponent.q) as usize).min(ORDER);
+        let (shrink, tolerance) =
+            if owner.is_some() { (tolerance.powf(1.0 / ORDER as f64), 1.0) } else { (1.0, tolerance) };
+        let mut last = [0.0; ORDER];
+        for (a, k) in last[..window].iter_mut().zip(ORDER + 1 - window..) {
+            *a = self.size(k, out);
+        }
+        if !first.iter().chain(&last).all(|v| v.is_finite()) {
+            return f64::NAN;
+        }
+        let mut reach: f64 = 1.0;
+        for _ in 0..4 {
+            let allowed = tolerance * first[0].max(first[1] * reach).max(first[2] * reach * reach);
+            let mut next: f64 = 1.0;
+            for (a, k) in last[..window].iter().zip(ORDER + 1 - window..) {
+                if shrink < 1.0 && *a > 0.0 || *a > allowed {
+                    next = next.min(shrink * (allowed / a).powf(1.0 / k as f64));
+                }
+            }
+            let settled = (next - reach).abs() <= 0.1 * next;
+            reach = next;
+            if settled {
+                break;
+            }
+        }
+        if owner.is_some() { self.within_bound(reach, out) } else { reach }
+    }
+
+    /// In a root clock, not beyond the bound in time.
+    fn within_bound(&self, reach: f64, out: &Jet) -> f64 {
+        let mut left = [0.0; ROW];
+        left.iter_mut().zip(&out.time).for_each(|(l, t)| *l = -t);
+        left[0] += self.request.span;
+        match first_root(&left, reach, 0.0).root {
+            FirstRoot::At(theta) => theta,
+            FirstRoot::None => reach,
+        }
+    }
+
+    /// Writes what the truncated terms can add to each contact's rate up to `reach`, and returns the
+    /// factor that turns that into deflection, s.
+    ///
+    /// For affine modes `‖x_{k+1}‖ ≤ ‖x_k‖ h L/(k+1)` with L the growth bound: a geometric tail, a proof.
+    /// Where a product or a power of series is involved the ratio of the last terms stands for L: an estimate.
+    pub(super) fn tail(&self, out: &mut Jet) -> f64 {
+        let s = self.s;
+        let h = self.h * out.reach;
+        let power = out.reach.powi(ORDER as i32 - 1);
+        let last = [self.size(ORDER - 1, out) * power, self.size(ORDER, out) * power * out.reach];
+        let mut ratio = h * s.growth / ORDER as f64;
+        if !s.affine {
+            let before = self.size(ORDER - 2, out) * power / out.reach;
+            if before > 0.0 {
+                ratio = ratio.max((last[1] / before).sqrt());
+            }
+        }
+        let ratio = ratio.min(0.75);
+        let beyond = last[0].max(last[1]) * ratio / (1.0 - ratio);
+        for (j, c) in s.contacts.iter().enumerate() {
+            out.work[self.layout.tails + j] = beyond * c.across;
+        }
+        h / ORDER as f64
+    }
+}

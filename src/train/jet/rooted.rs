@@ -1,0 +1,232 @@
+//! The recurrence in a root clock: some power law is closed.
+
+use super::{
+    CARRIED, DEFLECTION, Expansion, FACTOR, FORCE, Layout, ORDER, PENETRATION, POWER, RATE, ROW, STIFFNESS, product,
+};
+use crate::{
+    gear::contact::{Law, PowerLaw},
+    hybrid::{Jet, JetRequest},
+    train::{
+        assemble::{Spring, Structure},
+        contact_mode::{ContactMode, Watch, contact_mode, guard_id, piece},
+        sticking::Sticking,
+    },
+};
+
+/// The contact that owns the clock.
+#[derive(Clone, Copy)]
+pub(super) struct Owner {
+    pub contact: usize,
+    pub law: PowerLaw,
+}
+
+impl Structure {
+    /// Who owns the clock: among closed power-law contacts the one that could reach its boundary first.
+    pub(super) fn owner(&self, request: &JetRequest<'_>) -> Option<Owner> {
+        let mut nearest: Option<(f64, Owner)> = None;
+        for (j, c) in self.contacts.iter().enumerate() {
+            let Law::Power(law) = c.spec.law else { continue };
+            let state = contact_mode(request.mode, j);
+            if !state.is_closed() {
+                continue;
+            }
+            let (p, rate) = self.penetration(j, state, request);
+            let time = if p <= 0.0 { 0.0 } else { p / rate.abs() };
+            if nearest.is_none_or(|(t, _)| time < t) {
+                nearest = Some((time, Owner { contact: j, law }));
+            }
+        }
+        nearest.map(|(_, owner)| owner)
+    }
+
+    fn penetration(&self, j: usize, state: ContactMode, request: &JetRequest<'_>) -> (f64, f64) {
+        let (deflection, rate) = self.deflection(j, request.at, request.x);
+        let flank = if state.side() > 0.0 { Watch::DriveFlank } else { Watch::BackFlank };
+        let p = if request.pinned.contains(guard_id(j, flank)) {
+            0.0
+        } else {
+            (state.side() * deflection - self.contacts[j].gap()).max(0.0)
+        };
+        (p, state.side() * rate)
+    }
+
+    /// A first guess of the clock's span that reaches the bound in time.
+    pub(super) fn root_scale(&self, request: &JetRequest<'_>, owner: Owner) -> f64 {
+        let state = contact_mode(request.mode, owner.contact);
+        let (p, rate) = self.penetration(owner.contact, state, request);
+        let q = f64::from(owner.law.exponent.q);
+        // From the boundary: p = ṗ t and t = ṗ^(q−1) s^q. From inside: dt = q y^(q−1) ds.
+        let from_boundary = (request.span / rate.abs().powf(q - 1.0)).powf(1.0 / q);
+        let from_inside = request.span / (q * p.powf((q - 1.0) / q));
+        from_boundary.min(from_inside).min(1e30)
+    }
+}
+
+impl Expansion<'_> {
+    /// All coefficients in the owner's clock.
+    pub(super) fn rooted(&self, owner: Owner, out: &mut Jet) {
+        let (s, layout, h) = (self.s, &self.layout, self.h);
+        let (n, dim) = (s.n, s.dim);
+        let Jet { state, work, time, .. } = out;
+        time.clear();
+        time.resize(ORDER + 1, 0.0);
+        let mode = contact_mode(self.request.mode, owner.contact);
+        let p = s.penetration(owner.contact, mode, self.request).0;
+        work[layout.y(1)] = p.powf(1.0 / f64::from(owner.law.exponent.q));
+        let held = Sticking::new(s, self.request.mode);
+        for k in 0..=ORDER {
+            let (low, high) = state.split_at_mut((k + 1) * dim);
+            let (q, v) = low[k * dim..k * dim + 2 * n].split_at(n);
+            for j in 0..s.contacts.len() {
+                let (d, r) = (layout.of(j, DEFLECTION), layout.of(j, RATE));
+                work[r + k] = self.rate(j, k, v, work);
+                if k > 0 {
+                    work[d + k] = h / k as f64 * product(work, layout.clock, r, k - 1);
+                }
+            }
+            self.clock_series(owner, k, work);
+            for j in 0..s.contacts.len() {
+                self.force(owner, j, k, work);
+            }
+            self.accelerations(k, q, v, work);
+            let a = |k: usize| layout.accelerations + k * n..layout.accelerations + (k + 1) * n;
+            for (j, c) in s.contacts.iter().enumerate() {
+                let force = work[layout.of(j, CARRIED) + k];
+                c.push.iter().for_each(|(i, p)| work[layout.accelerations + k * n + *i as usize] -= p * force);
+            }
+            if let Some(held) = &held {
+                self.hold(held, k, work);
+            }
+            if k == ORDER {
+                break;
+            }
+            let step = h / (k + 1) as f64;
+            let (q1, v1) = high[..2 * n].split_at_mut(n);
+            q1.fill(0.0);
+            v1.fill(0.0);
+            for i in 0..=k {
+                let w = step * work[layout.clock + i];
+                let v = &low[(k - i) * dim + n..(k - i) * dim + 2 * n];
+                q1.iter_mut().zip(v).for_each(|(q, v)| *q += w * v);
+                v1.iter_mut().zip(&work[a(k - i)]).for_each(|(v, a)| *v += w * a);
+            }
+            time[k + 1] = step * work[layout.clock + k];
+            for (i, o) in s.oscillators.iter().enumerate() {
+                let c = Layout::oscillator(i);
+                let (dc, ds) = (product(work, layout.clock, c, k), product(work, layout.clock, c + ROW, k));
+                (work[c + k + 1], work[c + ROW + k + 1]) = (-step * o.omega * ds, step * o.omega * dc);
+            }
+        }
+    }
+
+    /// `y`, its powers and `w = q y^(q−1)` at order `k`.
+    fn clock_series(&self, owner: Owner, k: usize, work: &mut [f64]) {
+        let layout = &self.layout;
+        let side = contact_mode(self.request.mode, owner.contact).side();
+        let q = owner.law.exponent.q as usize;
+        if k > 0 {
+            work[layout.y(1) + k] = self.h / k as f64 * side * work[layout.of(owner.contact, RATE) + k - 1];
+        }
+        for m in 2..q {
+            work[layout.y(m) + k] = product(work, layout.y(m - 1), layout.y(1), k);
+        }
+        work[layout.clock + k] = match q {
+            1 => f64::from(u8::from(k == 0)),
+            _ => q as f64 * work[layout.y(q - 1) + k],
+        };
+    }
+
+    /// The force of contact `j` along `g_j` at order `k`, and what of it is carried.
+    fn force(&self, owner: Owner, j: usize, k: usize, work: &mut [f64]) {
+        let layout = &self.layout;
+        let c = &self.s.contacts[j];
+        let state = contact_mode(self.request.mode, j);
+        let side = state.side();
+        let rate = work[layout.of(j, RATE) + k];
+        let force = match c.spec.law {
+            Law::Bilateral(l) => self.spring(j, k, 0.0, work) + l.damping * rate,
+            Law::KelvinVoigt(l, _) if side != 0.0 => self.spring(j, k, side * c.gap(), work) + l.damping * rate,
+            Law::Power(l) if side != 0.0 => {
+                let d = work[layout.of(j, DEFLECTION) + k];
+                work[layout.of(j, PENETRATION) + k] = side * d - if k == 0 { c.gap() } else { 0.0 };
+                let chi = c.latch.map_or(0.0, |i| l.hysteresis / self.request.x[i]);
+                work[layout.of(j, FACTOR) + k] = chi * side * rate + f64::from(u8::from(k == 0));
+                if state.is_closed() {
+                    self.power(owner, j, l, k, work);
+                    side * c.spec.stiffness.mean() * product(work, layout.of(j, POWER), layout.of(j, FACTOR), k)
+                } else {
+                    0.0
+                }
+            }
+            _ => 0.0,
+        };
+        work[layout.of(j, FORCE) + k] = force;
+        let carries = state.is_closed() || matches!(c.spec.law, Law::Bilateral(_));
+        work[layout.of(j, CARRIED) + k] = if carries { force } else { 0.0 };
+    }
+
+    /// `k(t) (δ − offset)` at order `k`.
+    fn spring(&self, j: usize, k: usize, offset: f64, work: &mut [f64]) -> f64 {
+        let layout = &self.layout;
+        let (d, s, p) = (layout.of(j, DEFLECTION), layout.of(j, STIFFNESS), layout.of(j, PENETRATION));
+        let stretch = if k == 0 { work[d] - offset } else { work[d + k] };
+        let stiffness = match &self.s.contacts[j].spring {
+            Spring::Constant(value) => return value * stretch,
+            Spring::Scheduled(schedule) => {
+                let (value, slope) = schedule.law(piece(self.request.mode, j));
+                if k == 0 {
+                    value + if slope == 0.0 { 0.0 } else { slope * schedule.piece(&self.s.clock, self.request.at).1 }
+                } else {
+                    // The elapsed time in the step's clock, times the slope.
+                    slope * self.h / k as f64 * work[layout.clock + k - 1]
+                }
+            }
+            Spring::Waves(mean, waves) => waves.iter().fold(if k == 0 { *mean } else { 0.0 }, |sum, w| {
+                let o = Layout::oscillator(w.index) + k;
+                sum + w.cosine * work[o] + w.sine * work[o + ROW]
+            }),
+        };
+        work[s + k] = stiffness;
+        work[p + k] = stretch;
+        product(work, s, p, k)
+    }
+
+    /// `pⁿ` at order `k`.
+    fn power(&self, owner: Owner, j: usize, law: PowerLaw, k: usize, work: &mut [f64]) {
+        let layout = &self.layout;
+        let (p, u) = (layout.of(j, PENETRATION), layout.of(j, POWER));
+        let exponent = law.exponent;
+        if owner.contact == j {
+            // n = a + r/q: pⁿ = p^a y^r, products only.
+            let (a, r) = ((exponent.p / exponent.q) as usize, (exponent.p % exponent.q) as usize);
+            let mut series = p;
+            for m in 2..=a {
+                let next = layout.y(16 + m - 1);
+                work[next + k] = product(work, series, p, k);
+                series = next;
+            }
+            work[u + k] = match (a, r) {
+                (0, r) => work[layout.y(r) + k],
+                (_, 0) => work[series + k],
+                (_, r) => product(work, series, layout.y(r), k),
+            };
+            return;
+        }
+        // Another contact's clock. If this one starts at the same instant, p = θ^m β with m the owner's q,
+        // and pⁿ = θ^(mn) βⁿ; βⁿ by the recurrence of a power of a series.
+        let n = exponent.value();
+        let m = if work[p] == 0.0 { owner.law.exponent.q as usize } else { 0 };
+        let shift = (m as f64 * n).round() as usize;
+        if k < shift || work[p + m] == 0.0 {
+            work[u + k] = 0.0;
+            return;
+        }
+        let i = k - shift;
+        work[u + k] = if i == 0 {
+            work[p + m].max(0.0).powf(n)
+        } else {
+            let sum: f64 = (1..=i).map(|l| (l as f64 * (n + 1.0) - i as f64) * work[p + m + l] * work[u + k - l]).sum();
+            sum / (i as f64 * work[p + m])
+        };
+    }
+}
