@@ -12,6 +12,7 @@
 //! a contact, where in plain time `pⁿ` has a branch point.
 
 mod guards;
+mod linear;
 mod plain;
 mod reach;
 mod rooted;
@@ -46,6 +47,8 @@ struct Layout {
     clock: usize,
     /// Accelerations of all orders, `n` each.
     accelerations: usize,
+    /// Forcing of a linear mode: for each oscillator, accelerations by its cosine and by its sine.
+    forcing: usize,
     /// Bound on what the truncated tail adds to each contact's rate.
     tails: usize,
     len: usize,
@@ -56,8 +59,9 @@ impl Layout {
         let contacts = 2 * s.oscillators.len() * ROW;
         let clock = contacts + s.contacts.len() * CONTACT_ROWS * ROW;
         let accelerations = clock + CLOCK_ROWS * ROW;
-        let tails = accelerations + ROW * s.n;
-        Self { contacts, clock, accelerations, tails, len: tails + s.contacts.len() }
+        let forcing = accelerations + ROW * s.n;
+        let tails = forcing + 2 * s.oscillators.len() * s.n;
+        Self { contacts, clock, accelerations, forcing, tails, len: tails + s.contacts.len() }
     }
 
     /// `cos ωt` of oscillator `i`; its sine follows, one row on.
@@ -107,6 +111,7 @@ impl JetField for Structure {
         loop {
             e.start(out);
             match owner {
+                None if e.linear(out) => {}
                 None => e.plain(out),
                 Some(owner) => e.rooted(owner, out),
             }

@@ -1,6 +1,6 @@
 //! How far a series holds, and what it leaves out.
 
-use super::{Expansion, ORDER, RATE, ROW, rooted::Owner};
+use super::{DEFLECTION, Expansion, ORDER, ROW, rooted::Owner};
 use crate::{
     hybrid::Jet,
     poly::{FirstRoot, first_root},
@@ -12,10 +12,13 @@ impl Expansion<'_> {
         let s = self.s;
         let v = &out.state[k * s.dim + s.n..k * s.dim + 2 * s.n];
         let size = v.iter().zip(&s.weights).fold(0.0, |m: f64, (v, w)| m.max(v.abs() * w));
+        // (δ̇)_k = (k+1) δ_{k+1}/h in plain time; in a root clock the same up to the weight, which is of order one.
+        let k = k.min(ORDER - 1) + 1;
+        let per_time = k as f64 / self.h;
         s.contacts
             .iter()
             .enumerate()
-            .fold(size, |m, (j, c)| m.max(out.work[self.layout.of(j, RATE) + k].abs() * c.weight))
+            .fold(size, |m, (j, c)| m.max((out.work[self.layout.of(j, DEFLECTION) + k] * per_time).abs() * c.weight))
     }
 
     /// Largest `θ ≤ 1` at which the series holds; not finite if the coefficients overflowed.
