@@ -4,4 +4,5 @@
 pub mod gear;
 pub mod hybrid;
 pub mod linalg;
+pub mod scene;
 pub mod train;
