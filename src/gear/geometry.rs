@@ -270,7 +270,9 @@ pub fn iso_mesh_stiffness(
         MeshKind::External => f64::from(wheel.teeth).recip(),
         MeshKind::Internal => 0.0,
     };
-    let q = 0.04723 + 0.15551 * inverse1 + 0.25791 * inverse2 - 0.00635 * x1 - 0.11654 * x1 * inverse1
+    let q = 0.04723 + 0.15551 * inverse1 + 0.25791 * inverse2
+        - 0.00635 * x1
+        - 0.11654 * x1 * inverse1
         - 0.00193 * x2
         - 0.24188 * x2 * inverse2
         + 0.00529 * x1 * x1

@@ -7,11 +7,11 @@ use super::{
     fault::Fault,
     initial, matrices,
     node::{Findings, Node},
-    run,
+    pair, planetary, run,
     shape::{Object, Shape, Units},
     wall,
 };
-use crate::train::{Spec, TrainError};
+use crate::train::TrainError;
 
 /// The kind of train in dimensionless form.
 const DIMENSIONLESS: &str = "gear-pair-dimensionless";
@@ -27,17 +27,19 @@ pub(super) fn shape(units: Units) -> Shape {
         tag: "kind",
         cases: vec![
             (DIMENSIONLESS, dimensionless::shape()),
+            ("gear-pair", pair::shape()),
             ("matrices", matrices::shape()),
+            ("planetary", planetary::shape()),
             ("wall", wall::shape()),
         ],
     };
     Shape::Object(
         Object::new("A scene: one train, where it starts, and how it runs.")
             .needed("flank", Shape::Whole { min: 1, max: 1 }, "Version of this format, 1.")
-            .default("name", "", Shape::Text, "Name of the scene.")
-            .default("note", "", Shape::Text, "Anything worth saying about it.")
+            .with_default("name", "", Shape::Text, "Name of the scene.")
+            .with_default("note", "", Shape::Text, "Anything worth saying about it.")
             .needed("train", train, "The train.")
-            .default("initial", "rest", initial::shape(), "Where the run starts.")
+            .with_default("initial", "rest", initial::shape(), "Where the run starts.")
             .needed("run", run::shape(units), "The run.")
             .mistake("version", "write \"flank\": 1")
             .mistake("schema", "write \"flank\": 1"),
@@ -59,21 +61,39 @@ pub(super) fn build(resolved: &Value) -> Result<Built, Vec<Fault>> {
 fn read(root: &Node) -> Option<Built> {
     let train = root.at("train");
     let kind = train.at("kind").text();
-    let spec = match kind {
-        DIMENSIONLESS => Some(dimensionless::read(&train)),
-        "matrices" => Some(matrices::read(&train)),
-        _ => wall::read(&train),
-    }?;
+    let (spec, carrier_speed) = match kind {
+        DIMENSIONLESS => (dimensionless::read(&train), None),
+        "matrices" => (matrices::read(&train), None),
+        "gear-pair" => (pair::read(&train)?, None),
+        "planetary" => planetary::read(&train).map(|(spec, speed)| (spec, Some(speed)))?,
+        _ => (wall::read(&train)?, None),
+    };
     let run = run::read(&root.at("run"), &spec);
-    let (q0, v0) = initial::read(&root.at("initial"), &spec, &run);
-    Some(Built { dimensionless: root.units == Units::None, carrier_speed: None, spec, q0, v0, run, warnings: vec![] })
+    let (q0, v0) = initial::read(&root.at("initial"), &spec);
+    Some(Built { dimensionless: root.units == Units::None, carrier_speed, spec, q0, v0, run, warnings: vec![] })
 }
 
-/// What a train's own assembly returned; its refusal becomes a fault of the train.
+/// What a train's own assembly returned; its refusal becomes a fault at the key it is about.
 pub(super) fn assembled<T>(node: &Node, result: Result<T, TrainError>) -> Option<T> {
-    result
-        .map_err(|error| node.fault(error.to_string(), "data that make a train", "change the value it names"))
-        .ok()
+    let refused = |error: TrainError| {
+        let (key, allowed, remedy) = match &error {
+            TrainError::Freedom { .. } => ("freedoms", "names of freedoms the train has", "name others, each once"),
+            TrainError::NotInPhase { .. } => {
+                ("freedoms", "\"in-phase\" for alike planets only", "keep other freedoms, or put the meshes in phase")
+            }
+            TrainError::Phases { .. } => ("phases", "one phase per planet and mesh", "write as many as planets"),
+            TrainError::Standing { .. } => {
+                ("speed_rpm", "a speed > 0 where something varies", "give a speed, or leave the variation out")
+            }
+            TrainError::Implausible(_) => {
+                ("strict", "plausible data in strict mode", "mend what it says, or set strict to false")
+            }
+            _ => ("", "data that make a train", "change the value it names"),
+        };
+        let place = if key.is_empty() { node.clone() } else { node.at(key) };
+        place.fault(error.to_string(), allowed, remedy);
+    };
+    result.map_err(refused).ok()
 }
 
 /// The JSON Schema of a scene.

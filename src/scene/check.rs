@@ -20,9 +20,8 @@ pub(super) fn check(value: &Value, shape: &Shape, pointer: &str, faults: &mut Ve
         }
         (Shape::Whole { min, max }, Value::Number(number)) => match whole(number) {
             Some(n) if (*min..=*max).contains(&n) => return Value::from(n),
-            _ => faults.push(
-                Fault::new(pointer, show(value), shape.describe()).remedy("write a whole number in this range"),
-            ),
+            _ => faults
+                .push(Fault::new(pointer, show(value), shape.describe()).remedy("write a whole number in this range")),
         },
         (Shape::Flag, Value::Bool(_)) | (Shape::Text, Value::String(_)) => return value.clone(),
         (Shape::Choice(words), Value::String(word)) => {
@@ -59,7 +58,9 @@ pub(super) fn check(value: &Value, shape: &Shape, pointer: &str, faults: &mut Ve
 
 fn whole(number: &serde_json::Number) -> Option<u64> {
     // 3.0 is as good as 3: many programs write every number with a point.
-    number.as_u64().or_else(|| number.as_f64().filter(|x| (0.0..9.0e15).contains(x) && x.fract() == 0.0).map(|x| x as u64))
+    number
+        .as_u64()
+        .or_else(|| number.as_f64().filter(|x| (0.0..9.0e15).contains(x) && x.fract() == 0.0).map(|x| x as u64))
 }
 
 fn wrong_type(pointer: &str, value: &Value, shape: &Shape) -> Fault {

@@ -19,15 +19,19 @@ pub(super) fn shape(units: Units) -> Shape {
     let contact = Object::new("A contact: deflection = direction . q - error, touched beyond the gap.")
         .free("name", Shape::Text, "Name in logs.")
         .needed("direction", list_of(1, MAX_FREEDOMS, number()), "Derivative of the deflection by each freedom.")
-        .default("flanks", "both", choice(&["both", "drive"]), "Drive and back flank, or the drive flank only.")
-        .default(
+        .with_default("flanks", "both", choice(&["both", "drive"]), "Drive and back flank, or the drive flank only.")
+        .with_default(
             "error",
             serde_json::json!([]),
             harmonics::shape(units, &units.key("amplitude", "m")),
             "Transmission error; positive opens the drive flank.",
         )
-        .default(units.key("error_offset", "m"), 0.0, number(), "Constant part of the error.")
-        .free("stiffness", schedule::shape(units), "Contact stiffness, N/m (N/m^n under a power law); none for a rigid law.")
+        .with_default(units.key("error_offset", "m"), 0.0, number(), "Constant part of the error.")
+        .free(
+            "stiffness",
+            schedule::shape(units),
+            "Contact stiffness, N/m (N/m^n under a power law); none for a rigid law.",
+        )
         .needed("law", law::shape(units, false), "Contact law.");
     Shape::Object(gap(contact, units))
 }
@@ -133,10 +137,7 @@ pub(super) fn read(node: &Node, index: usize, n: usize) -> ContactSpec {
     }
     let (law, half_backlash) = read_gap(node, flanks, law::read(&node.at("law"), None));
     ContactSpec {
-        name: node
-            .at("name")
-            .written()
-            .map_or_else(|| format!("contact {}", index + 1), |name| name.text().to_owned()),
+        name: node.at("name").written().map_or_else(|| format!("contact {}", index + 1), |name| name.text().to_owned()),
         direction,
         error: harmonics::read(&node.at("error"), &node.units.key("amplitude", "m")),
         error_offset: node.at_unit("error_offset", "m").number(),

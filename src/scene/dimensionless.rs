@@ -24,17 +24,31 @@ pub(super) fn shape() -> Object {
     Object::new("Dimensionless gear pair of Kahraman and Singh, x'' + 2 zeta x' + k(t) g(x) = Fm + Fa w^2 cos(w t).")
         .needed("damping_ratio", at_least(0.0), "zeta.")
         .needed("damping_in_gap", Shape::Flag, "Whether the damper also acts while the flanks are apart.")
-        .free("release", law::release_shape(), "When contact is lost if the damper acts in contact only; \"force\" if left out.")
-        .default("half_backlash", 1.0, at_least(0.0), "Half the gap, 1 in this form; 0 for a mesh that never lets go.")
+        .free(
+            "release",
+            law::release_shape(),
+            "When contact is lost if the damper acts in contact only; \"force\" if left out.",
+        )
+        .with_default(
+            "half_backlash",
+            1.0,
+            at_least(0.0),
+            "Half the gap, 1 in this form; 0 for a mesh that never lets go.",
+        )
         .needed("mean_load", number(), "Fm.")
-        .default(
+        .with_default(
             "transmission_error",
             json!([]),
             harmonics::shape(UNITS, "amplitude"),
             "Fa, w and phase of each harmonic of the error; its load is Fa w^2.",
         )
-        .default("load_harmonics", json!([]), harmonics::shape(UNITS, "amplitude"), "Loads from outside, as they are.")
-        .default("stiffness", 1.0, schedule::shape(UNITS), "k(t), mean 1 in this form.")
+        .with_default(
+            "load_harmonics",
+            json!([]),
+            harmonics::shape(UNITS, "amplitude"),
+            "Loads from outside, as they are.",
+        )
+        .with_default("stiffness", 1.0, schedule::shape(UNITS), "k(t), mean 1 in this form.")
         .free("base_frequency", positive(), "Frequency of one cycle; that of the excitation if left out.")
         .mistake("backlash", "half or whole gap? Write half_backlash, which is 1 in this form")
         .mistake("backlash_m", "this train is dimensionless: write half_backlash, which is 1 in this form")
@@ -48,7 +62,8 @@ pub(super) fn read(node: &Node) -> Spec {
     let release = node.at("release");
     let (everywhere, law) = if node.at("damping_in_gap").flag() {
         if release.clone().written().is_some() {
-            release.refuse("nothing while the damper acts everywhere", "remove release, or set damping_in_gap to false");
+            release
+                .refuse("nothing while the damper acts everywhere", "remove release, or set damping_in_gap to false");
         }
         // A spring alone lets go at zero deflection and zero force at once.
         (damping, Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection))
@@ -67,7 +82,8 @@ pub(super) fn read(node: &Node) -> Spec {
         node.at("stiffness").refuse("a stiffness that is positive at some time", "write a mean stiffness of 1");
     }
     if (stiffness.mean() - 1.0).abs() > 1.0e-6 && !matches!(stiffness, Stiffness::Switched { .. }) {
-        node.at("stiffness").warn(format!("the mean stiffness is {}, not 1: time is not in natural periods", stiffness.mean()));
+        node.at("stiffness")
+            .warn(format!("the mean stiffness is {}, not 1: time is not in natural periods", stiffness.mean()));
     }
     let gap = node.at("half_backlash");
     let (law, half_backlash) = contact::close(&gap, gap.number(), Flanks::Both, law);

@@ -86,7 +86,9 @@ pub(super) fn show(value: &Value) -> String {
     match value {
         Value::Array(items) => format!("a list of {}", items.len()),
         Value::Object(_) => "an object".to_owned(),
-        Value::String(text) if text.chars().count() > 60 => format!("\"{}…\"", text.chars().take(60).collect::<String>()),
+        Value::String(text) if text.chars().count() > 60 => {
+            format!("\"{}…\"", text.chars().take(60).collect::<String>())
+        }
         other => other.to_string(),
     }
 }
@@ -103,7 +105,8 @@ pub(super) fn nearest<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) 
     for name in names {
         let plain = name.replace('_', "-");
         // A key without its unit, or with the wrong one, is the commonest slip.
-        let stem = word.len() >= 3 && (plain.starts_with(&format!("{word}-")) || word.starts_with(&format!("{plain}-")));
+        let stem =
+            word.len() >= 3 && (plain.starts_with(&format!("{word}-")) || word.starts_with(&format!("{plain}-")));
         let distance = if stem { 1 } else { edits(&word, &plain) };
         if distance <= 2.max(plain.len() / 3) && best.is_none_or(|(least, _)| distance < least) {
             best = Some((distance, name));

@@ -8,20 +8,18 @@ use crate::gear::Harmonic;
 
 /// A list of harmonics whose amplitude is written under `amplitude`.
 pub(super) fn shape(units: Units, amplitude: &str) -> Shape {
-    list(Shape::Object(
-        timing(Object::new("A harmonic, amplitude times cos(frequency t + phase)."), units).needed(
-            amplitude,
-            number(),
-            "Amplitude.",
-        ),
-    ))
+    list(Shape::Object(timing(Object::new("A harmonic, amplitude times cos(frequency t + phase)."), units).needed(
+        amplitude,
+        number(),
+        "Amplitude.",
+    )))
 }
 
 /// The keys that place a harmonic in time.
 pub(super) fn timing(object: Object, units: Units) -> Object {
     object
         .needed(units.key("frequency", "rad_per_s"), positive(), "Angular frequency.")
-        .default(units.key("phase", "rad"), 0.0, number(), "Phase of the cosine.")
+        .with_default(units.key("phase", "rad"), 0.0, number(), "Phase of the cosine.")
         .mistake("frequency_hz", "write frequency_rad_per_s: 2 pi times the frequency in Hz")
         .mistake("phase_deg", "write phase_rad")
 }

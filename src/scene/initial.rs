@@ -4,7 +4,6 @@ use serde_json::json;
 
 use super::{
     node::Node,
-    run::Run,
     shape::{Object, Shape, choice, list_of, number},
 };
 use crate::{
@@ -14,22 +13,23 @@ use crate::{
 
 /// `"rest"`, `"static"`, or coordinates and velocities.
 pub(super) fn shape() -> Shape {
-    let vector = || Shape::Either(vec![list_of(1, super::contact::MAX_FREEDOMS, number()), Shape::Map(Box::new(number()))]);
+    let vector =
+        || Shape::Either(vec![list_of(1, super::contact::MAX_FREEDOMS, number()), Shape::Map(Box::new(number()))]);
     let state = Object::new("Coordinates and velocities: one number per freedom, or by name (the others are 0).")
-        .default("q", json!({}), vector(), "Coordinates.")
-        .default("v", json!({}), vector(), "Velocities.");
+        .with_default("q", json!({}), vector(), "Coordinates.")
+        .with_default("v", json!({}), vector(), "Velocities.");
     Shape::Either(vec![choice(&["rest", "static"]), Shape::Object(state)])
 }
 
 /// Coordinates and velocities, `[n]` each.
-pub(super) fn read(node: &Node, spec: &Spec, run: &Run) -> (Vec<f64>, Vec<f64>) {
+pub(super) fn read(node: &Node, spec: &Spec) -> (Vec<f64>, Vec<f64>) {
     let n = spec.freedoms.len();
     let (q, v) = match node.text() {
         "rest" => (vec![0.0; n], vec![0.0; n]),
         "static" => (at_equilibrium(node, spec), vec![0.0; n]),
         _ => (vector(&node.at("q"), spec), vector(&node.at("v"), spec)),
     };
-    outside_walls(node, spec, run, &q);
+    outside_walls(node, spec, &q);
     (q, v)
 }
 
@@ -43,7 +43,10 @@ fn vector(node: &Node, spec: &Spec) -> Vec<f64> {
             Some(i) => values[i] = entry.number(),
             None => {
                 let close = super::fault::nearest(name, spec.freedoms.iter().map(String::as_str));
-                let remedy = close.map_or_else(|| "name one of the train's freedoms".to_owned(), |close| format!("did you mean \"{close}\"?"));
+                let remedy = close.map_or_else(
+                    || "name one of the train's freedoms".to_owned(),
+                    |close| format!("did you mean \"{close}\"?"),
+                );
                 entry.fault("a freedom the train does not have", spec.freedoms.join(", "), remedy);
             }
         }
@@ -59,24 +62,28 @@ fn at_equilibrium(node: &Node, spec: &Spec) -> Vec<f64> {
     }
     match equilibrium(spec) {
         Ok(found) => {
-            let pulls = |(force, c): (&f64, &crate::train::ContactSpec)| *force < 0.0 && !matches!(c.law, Law::Bilateral(_));
+            let pulls =
+                |(force, c): (&f64, &crate::train::ContactSpec)| *force < 0.0 && !matches!(c.law, Law::Bilateral(_));
             if found.forces.iter().zip(&spec.contacts).any(pulls) {
                 node.warn("not every contact is pressed in the static state: the run starts from where all are closed");
             }
             found.position
         }
         Err(error) => {
-            node.fault(error.to_string(), "a train whose constant load its supports and meshes can carry", "start from \"rest\" or from coordinates q, or add a support");
+            node.fault(
+                error.to_string(),
+                "a train whose constant load its supports and meshes can carry",
+                "start from \"rest\" or from coordinates q, or add a support",
+            );
             zero
         }
     }
 }
 
 /// A rigid flank cannot be penetrated, not even at the start.
-fn outside_walls(node: &Node, spec: &Spec, run: &Run, q: &[f64]) {
+fn outside_walls(node: &Node, spec: &Spec, q: &[f64]) {
     for contact in spec.contacts.iter().filter(|c| matches!(c.law, Law::Rigid(_))) {
-        // Whole cycles do not change the phase; where there is no cycle, the run starts at 0.
-        let _ = run;
+        // Whole cycles do not change the phase, so the start cycle does not enter.
         let error = contact.error_offset + contact.error.iter().map(|h| h.amplitude * h.phase.cos()).sum::<f64>();
         let deflection = contact.direction.iter().zip(q).map(|(g, x)| g * x).sum::<f64>() - error;
         let (b, slack) = (contact.half_backlash, 1.0e-9 * (contact.half_backlash.abs() + deflection.abs()));

@@ -118,9 +118,9 @@ impl<'de> Visitor<'de> for Node<'_> {
         while let Some(key) = map.next_key::<String>()? {
             let pointer = below(&self.pointer, &key);
             if object.contains_key(&key) {
-                self.twice.borrow_mut().push(
-                    Fault::new(&pointer, "a key written twice", "each key once").remedy("keep one of the two"),
-                );
+                self.twice
+                    .borrow_mut()
+                    .push(Fault::new(&pointer, "a key written twice", "each key once").remedy("keep one of the two"));
             }
             let value = map.next_value_seed(Node { pointer, twice: self.twice })?;
             object.insert(key, value);

@@ -27,21 +27,26 @@ pub(super) fn shape(units: Units, of_mesh: bool) -> Shape {
                 .free("damping_ratio", at_least(0.0), "2 ratio sqrt(k m1 m2/(m1 + m2)), with the rotary masses.")
                 .at_most_one([damping, "damping_ratio".to_owned()])
         } else {
-            law.default(damping, 0.0, at_least(0.0), "Damping in contact.")
+            law.with_default(damping, 0.0, at_least(0.0), "Damping in contact.")
         }
     };
     let bilateral = linear("Linear spring and damper that never lets go.");
     let kelvin_voigt = linear("Linear spring and damper beyond the gap.")
-        .default("release", "force", release_shape(), RELEASE)
+        .with_default("release", "force", release_shape(), RELEASE)
         .mistake("restitution", "a linear damper has a damping, not a restitution: write damping_n_s_per_m");
     let exponent = Shape::Either(vec![positive(), Shape::Text]);
     let power = Object::new("Force K p^n (1 + D p'/v0), v0 the speed at the last contact start.")
-        .default("exponent", 1.5, exponent, "Exponent n: a number, or a ratio such as \"10/9\".")
+        .with_default("exponent", 1.5, exponent, "Exponent n: a number, or a ratio such as \"10/9\".")
         .free("hysteresis", choice(&MODELS.map(|(name, _)| name)), "Formula that turns the restitution into D.")
         .free("restitution", restitution(), "Restitution asked for, (0, 1].")
         .free("hysteresis_coefficient", at_least(0.0), "D itself, instead of a formula and a restitution.")
-        .default(units.key("speed_floor", "m_per_s"), 1.0e-4, positive(), "Smallest v0: below it D/v0 grows without bound.")
-        .default(units.key("initial_speed", "m_per_s"), 1.0e-2, positive(), "v0 before the first contact start.")
+        .with_default(
+            units.key("speed_floor", "m_per_s"),
+            1.0e-4,
+            positive(),
+            "Smallest v0: below it D/v0 grows without bound.",
+        )
+        .with_default(units.key("initial_speed", "m_per_s"), 1.0e-2, positive(), "v0 before the first contact start.")
         .exactly_one(["hysteresis", "hysteresis_coefficient"])
         .mistake("n", "write exponent")
         .mistake("e", "write restitution")
@@ -72,12 +77,12 @@ fn restitution() -> Shape {
     Shape::Number(Span { low: Some((0.0, false)), high: Some((1.0, true)) })
 }
 
-/// The law written here; `critical` is the damping of ratio 1, for the law of a gear mesh.
-pub(super) fn read(node: &Node, critical: Option<f64>) -> Law {
+/// The law written here; of a gear mesh, with what turns a damping ratio into a damping.
+pub(super) fn read(node: &Node, of_ratio: Option<&dyn Fn(f64) -> f64>) -> Law {
     let linear = || {
-        let ratio = node.at("damping_ratio").written().map(|ratio| ratio.number());
+        let ratio = node.at("damping_ratio").written().zip(of_ratio).map(|(ratio, damping)| damping(ratio.number()));
         let damping = node.at_unit("damping", "n_s_per_m").written().map(|damping| damping.number());
-        Linear { damping: damping.or(ratio.zip(critical).map(|(ratio, one)| ratio * one)).unwrap_or(0.0) }
+        Linear { damping: damping.or(ratio).unwrap_or(0.0) }
     };
     match node.at("kind").text() {
         "bilateral" => Law::Bilateral(linear()),

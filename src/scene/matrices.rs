@@ -25,8 +25,13 @@ pub(super) fn shape() -> Object {
         .free("damping_n_s_per_m", matrix(), "Damping matrix; zero if left out.")
         .free("stiffness_n_per_m", matrix(), "Stiffness matrix of everything but the contacts; zero if left out.")
         .free("load_n", row(), "Constant load; zero if left out.")
-        .default("load_harmonics", json!([]), list(Shape::Object(harmonics::timing(load, units))), "Harmonic loads.")
-        .default("contacts", json!([]), list(contact::shape(units)), "Contacts.")
+        .with_default(
+            "load_harmonics",
+            json!([]),
+            list(Shape::Object(harmonics::timing(load, units))),
+            "Harmonic loads.",
+        )
+        .with_default("contacts", json!([]), list(contact::shape(units)), "Contacts.")
         .free("base_frequency_rad_per_s", positive(), "Frequency of one cycle; that of the excitation if left out.")
 }
 

@@ -22,6 +22,7 @@
 //! # Ok::<(), flank::scene::SceneError>(())
 //! ```
 
+mod body;
 mod build;
 mod check;
 mod contact;
@@ -32,7 +33,11 @@ mod initial;
 mod json;
 mod law;
 mod matrices;
+mod mesh;
 mod node;
+mod pair;
+mod planetary;
+mod preset;
 mod run;
 mod schedule;
 mod schema;
@@ -86,13 +91,21 @@ impl Scene {
         Self::from_value(given, name)
     }
 
+    /// The default scene: the reference planetary set under light load at 500 rev/min.
+    ///
+    /// # Errors
+    /// Never in fact: the scene is part of the library and tested.
+    pub fn reference() -> Result<Self, SceneError> {
+        Self::from_json(include_str!("../../examples/scenes/reference-light.json"), "reference-light")
+    }
+
     /// Reads a scene from a JSON value.
     ///
     /// # Errors
     /// [`SceneError`] with every fault found.
     pub fn from_value(given: Value, name: &str) -> Result<Self, SceneError> {
-        let mut faults = Vec::new();
-        let resolved = check::check(&given, &build::shape(build::units_of(&given)), "", &mut faults);
+        let (mut faults, expanded) = (Vec::new(), preset::expand(&given));
+        let resolved = check::check(&expanded, &build::shape(build::units_of(&expanded)), "", &mut faults);
         if faults.is_empty() {
             faults = build::build(&resolved).err().unwrap_or_default();
         }
@@ -112,11 +125,11 @@ impl Scene {
         let name = path.display().to_string();
         let fail = |fault: Fault| SceneError::new(&name, vec![fault]);
         let mut bytes = Vec::new();
-        std::fs::File::open(path)
-            .and_then(|file| file.take(json::MAX_BYTES + 1).read_to_end(&mut bytes))
-            .map_err(|error| {
+        std::fs::File::open(path).and_then(|file| file.take(json::MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(
+            |error| {
                 fail(Fault::new("", error.to_string(), "a scene file that can be read").remedy("check path and rights"))
-            })?;
+            },
+        )?;
         if bytes.len() as u64 > json::MAX_BYTES {
             return Err(fail(json::too_large(bytes.len() as u64)));
         }
@@ -133,7 +146,8 @@ impl Scene {
     /// [`SceneError`] if the pointer leads nowhere or the scene no longer holds.
     pub fn with(&self, pointer: &str, value: Value) -> Result<Self, SceneError> {
         let fail = |allowed: &str| {
-            let fault = Fault::new(pointer, "no such place in the scene", allowed).remedy("check the spelling of the pointer");
+            let fault =
+                Fault::new(pointer, "no such place in the scene", allowed).remedy("check the spelling of the pointer");
             SceneError::new(&self.name, vec![fault])
         };
         let mut given = self.given.clone();

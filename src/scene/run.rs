@@ -80,11 +80,11 @@ pub struct Run {
 pub(super) fn shape(units: Units) -> Shape {
     let tolerance = within(1.0e-16, 1.0e-2);
     let integrator = Object::new("Integrator of the smooth motion between events.")
-        .default("method", "auto", choice(&METHODS.map(|(name, _)| name)), "Which one.")
-        .default("tolerance", 1.0e-13, tolerance, "Local error, relative to the scale of the motion.");
+        .with_default("method", "auto", choice(&METHODS.map(|(name, _)| name)), "Which one.")
+        .with_default("tolerance", 1.0e-13, tolerance, "Local error, relative to the scale of the motion.");
     let output = Object::new("What is written besides events and measures.")
-        .default("samples_per_cycle", 0, Shape::Whole { min: 0, max: 1 << 20 }, "Trajectory samples; 0 for none.")
-        .default("frame", "rotating", choice(&["rotating", "fixed"]), "Frame of the trajectory.");
+        .with_default("samples_per_cycle", 0, Shape::Whole { min: 0, max: 1 << 20 }, "Trajectory samples; 0 for none.")
+        .with_default("frame", "rotating", choice(&["rotating", "fixed"]), "Frame of the trajectory.");
     let t_end = units.key("t_end", "s");
     let count = |min| Shape::Whole { min, max: 1_000_000_000_000 };
     let run = Object::new("How long to run, how exactly, and what to write.")
@@ -92,12 +92,21 @@ pub(super) fn shape(units: Units) -> Shape {
         .free(t_end.clone(), positive(), "Time to run to, from time 0.")
         .exactly_one(["cycles".to_owned(), t_end])
         .free(units.key("period", "s"), positive(), "Length of a cycle; the excitation's if left out.")
-        .default("start_cycle", 0, count(0), "Cycle to start in: the phase counts from there.")
-        .default("transient_cycles", 0, count(0), "Cycles left out of the measures.")
-        .default("event_budget", 10_000_000, Shape::Whole { min: 1, max: u64::MAX }, "Most events before the run stops.")
-        .default("integrator", json!({}), Shape::Object(integrator), "Integrator.")
-        .free(units.key("chatter_speed", "m_per_s"), positive(), "Impacts slower than this may be summed as one chatter.")
-        .default("output", json!({}), Shape::Object(output), "Output.")
+        .with_default("start_cycle", 0, count(0), "Cycle to start in: the phase counts from there.")
+        .with_default("transient_cycles", 0, count(0), "Cycles left out of the measures.")
+        .with_default(
+            "event_budget",
+            10_000_000,
+            Shape::Whole { min: 1, max: u64::MAX },
+            "Most events before the run stops.",
+        )
+        .with_default("integrator", json!({}), Shape::Object(integrator), "Integrator.")
+        .free(
+            units.key("chatter_speed", "m_per_s"),
+            positive(),
+            "Impacts slower than this may be summed as one chatter.",
+        )
+        .with_default("output", json!({}), Shape::Object(output), "Output.")
         .mistake("duration", "write cycles, or t_end_s (t_end in a dimensionless scene)")
         .mistake("dt", "events are located exactly: there is no step to choose; see integrator.tolerance")
         .mistake("step", "events are located exactly: there is no step to choose; see integrator.tolerance");

@@ -19,14 +19,14 @@ pub(super) fn shape(units: Units) -> Shape {
         .needed("low", at_least(0.0), "Stiffness in the rest of the period.")
         .needed("duty", between(0.0, 1.0), "Fraction of the period at high.")
         .needed(period(), positive(), "Period.")
-        .default(units.key("origin", "s"), 0.0, number(), "Time at which a period starts.");
+        .with_default(units.key("origin", "s"), 0.0, number(), "Time at which a period starts.");
     let trapezoidal = Object::new("As rectangular, each change a straight ramp centred on it.")
         .needed("high", at_least(0.0), "Stiffness at the start of the period.")
         .needed("low", at_least(0.0), "Stiffness in the rest of the period.")
         .needed("duty", between(0.0, 1.0), "Fraction of the period from ramp centre to ramp centre.")
         .needed("ramp", between(0.0, 1.0), "Width of a ramp, fraction of the period.")
         .needed(period(), positive(), "Period.")
-        .default(units.key("origin", "s"), 0.0, number(), "Time of the centre of a rising ramp.");
+        .with_default(units.key("origin", "s"), 0.0, number(), "Time of the centre of a rising ramp.");
     let switched = Object::new("Two levels that alternate at listed times.")
         .needed("levels", list_of(2, 2, at_least(0.0)), "The two stiffnesses, the first one at the start.")
         .needed(units.key("times", "s"), list_of(1, 1_000_000, number()), "Switching times, rising.");
@@ -66,9 +66,9 @@ fn pairs(units: Units, about: &'static str) -> Object {
     Object::new(about)
         .needed("mean", positive(), "Mean stiffness.")
         .needed("contact_ratio", within(1.0, 8.0), "Contact ratio, the mean number of pairs.")
-        .default("modulation", 1.0, within(0.0, 1.0), "Share that follows the number of pairs: 0 constant, 1 all.")
+        .with_default("modulation", 1.0, within(0.0, 1.0), "Share that follows the number of pairs: 0 constant, 1 all.")
         .needed(units.key("period", "s"), positive(), "Mesh period.")
-        .default("phase", 0.0, number(), "Mesh phase, periods: a pair enters when t/period + phase is whole.")
+        .with_default("phase", 0.0, number(), "Mesh phase, periods: a pair enters when t/period + phase is whole.")
 }
 
 /// The schedule written here.
@@ -85,9 +85,7 @@ pub(super) fn read(node: &Node) -> Stiffness {
     };
     match node.at("kind").text() {
         "harmonic" => harmonic(node),
-        "rectangular" => {
-            Stiffness::rectangular(number("high"), number("low"), period, number("duty"), origin)
-        }
+        "rectangular" => Stiffness::rectangular(number("high"), number("low"), period, number("duty"), origin),
         "trapezoidal" => trapezoidal(node, period, origin),
         "switched" => {
             let (times, levels) = (node.at_unit("times", "s"), node.at("levels").numbers());

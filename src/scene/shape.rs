@@ -161,7 +161,13 @@ impl Object {
     }
 
     /// A key with a default.
-    pub fn default(self, key: impl Into<String>, value: impl Into<Value>, shape: Shape, about: &'static str) -> Self {
+    pub fn with_default(
+        self,
+        key: impl Into<String>,
+        value: impl Into<Value>,
+        shape: Shape,
+        about: &'static str,
+    ) -> Self {
         self.field(key.into(), shape, about, Presence::Default(value.into()))
     }
 

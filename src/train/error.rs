@@ -27,7 +27,9 @@ pub enum TrainError {
         known: Vec<String>,
     },
     /// The in-phase reduction asked for planets that are not alike.
-    #[error("the in-phase reduction needs alike planets, equally spaced, with equal mesh phases; planet {planet} differs")]
+    #[error(
+        "the in-phase reduction needs alike planets, equally spaced, with equal mesh phases; planet {planet} differs"
+    )]
     NotInPhase {
         /// Number of the first planet that differs from planet 1, from 1.
         planet: usize,

@@ -49,12 +49,7 @@ impl Mesh {
     }
 
     /// The contact element at mesh frequency f_m, Hz (0: standing), with its direction in the train's freedoms.
-    pub(super) fn contact(
-        &self,
-        name: String,
-        direction: Vec<f64>,
-        frequency: f64,
-    ) -> Result<ContactSpec, TrainError> {
+    pub(super) fn contact(&self, name: String, direction: Vec<f64>, frequency: f64) -> Result<ContactSpec, TrainError> {
         check(&format!("{name}: half backlash"), self.half_backlash, self.half_backlash >= 0.0, ">= 0")?;
         let mean = self.stiffness.mean();
         check(&format!("{name}: mean stiffness"), mean, mean > 0.0 || matches!(self.law, Law::Rigid(_)), "> 0")?;

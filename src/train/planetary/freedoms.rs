@@ -42,9 +42,7 @@ impl Planetary {
         let kept = match freedoms {
             Freedoms::FullCarrier => all.clone(),
             Freedoms::Full => all.iter().filter(|name| !matches!(name.as_str(), "x_c" | "y_c")).cloned().collect(),
-            Freedoms::Torsional => {
-                all.iter().filter(|name| name.starts_with('u')).cloned().collect()
-            }
+            Freedoms::Torsional => all.iter().filter(|name| name.starts_with('u')).cloned().collect(),
             Freedoms::Named(names) => {
                 for (i, name) in names.iter().enumerate() {
                     if !all.contains(name) || names[..i].contains(name) {
