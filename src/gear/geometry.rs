@@ -264,6 +264,8 @@ pub fn iso_mesh_stiffness(
     contact_ratio: f64,
     face_width: f64,
 ) -> f64 {
+    // The standard's gear 1 is the smaller one, whichever drives.
+    let (pinion, wheel) = if pinion.teeth <= wheel.teeth { (pinion, wheel) } else { (wheel, pinion) };
     let (x1, x2) = (pinion.shift, wheel.shift);
     let inverse1 = f64::from(pinion.teeth).recip();
     let inverse2 = match kind {

@@ -80,6 +80,50 @@ impl MeshStiffness {
         }
     }
 
+    /// The first value out of its range: its name, the value, the range.
+    #[must_use]
+    pub fn fault(&self) -> Option<(&'static str, f64, &'static str)> {
+        let mean = ("mean stiffness", self.mean(), self.mean() >= 0.0, ">= 0");
+        let mut values = vec![mean];
+        match self {
+            Self::Constant(_) => {}
+            Self::Harmonics { harmonics, .. } => {
+                for h in harmonics {
+                    values.push(("stiffness harmonic: order", h.order, h.order > 0.0, "> 0"));
+                    values.push(("stiffness harmonic: amplitude", h.amplitude, true, "finite"));
+                    values.push(("stiffness harmonic: phase", h.phase, true, "finite"));
+                }
+            }
+            Self::Rectangular { high, low, duty } => values.extend([
+                ("high stiffness", *high, *high >= 0.0, ">= 0"),
+                ("low stiffness", *low, *low >= 0.0, ">= 0"),
+                ("duty", *duty, *duty > 0.0 && *duty < 1.0, "in (0, 1)"),
+            ]),
+            Self::Pairs { path, waveform, modulation, .. } => {
+                let ratio = path.contact_ratio();
+                values.extend([
+                    ("approach", path.approach, path.approach >= 0.0, ">= 0"),
+                    ("recess", path.recess, path.recess >= 0.0, ">= 0"),
+                    ("contact ratio", ratio, ratio >= 1.0, ">= 1, or the mesh would lose its teeth"),
+                    ("modulation", *modulation, (0.0..=1.0).contains(modulation), "in [0, 1]"),
+                ]);
+                values.push(match waveform {
+                    Waveform::Rectangular => mean,
+                    Waveform::Trapezoidal { ramp } => (
+                        "ramp",
+                        *ramp,
+                        *ramp > 0.0 && 2.0 * ramp <= ratio,
+                        "above 0 and at most half the contact ratio",
+                    ),
+                    Waveform::Fourier { harmonics } => ("harmonics", f64::from(*harmonics), *harmonics > 0, ">= 1"),
+                });
+            }
+        }
+        values
+            .into_iter()
+            .find_map(|(name, value, ok, wanted)| (!ok || !value.is_finite()).then_some((name, value, wanted)))
+    }
+
     /// The schedule in time for a mesh period T, s, > 0, and a mesh phase γ, periods.
     #[must_use]
     pub fn schedule(&self, period: f64, phase: f64) -> Stiffness {
@@ -164,6 +208,8 @@ fn trapezoid(path: PathOfContact, ramp: f64, period: f64, phase: f64, level: imp
     let mut corners =
         [0.0, 2.0 * ramp, approach + recess, approach + recess + 2.0 * ramp].map(|corner: f64| corner.rem_euclid(1.0));
     corners.sort_by(f64::total_cmp);
+    let mut corners = corners.to_vec();
+    corners.dedup_by(|a, b| (*a - *b).abs() < 1.0e-12);
     let pairs = |corner: f64| {
         // Position along the path of the latest pair to enter; the ones before it are whole pitches ahead.
         let span = approach + recess + 2.0 * ramp;

@@ -3,7 +3,8 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::error::TrainError;
-use super::spec::Spec;
+use super::spec::{ContactSpec, Spec};
+use crate::gear::contact::Law;
 use crate::linalg::{EigenError, Modes, natural_modes};
 
 /// `K + Σ k̄_j g_j g_jᵀ`, N/m, `[n × n]`: supports and every mesh at its mean stiffness, or at the stiffnesses
@@ -14,7 +15,8 @@ pub fn bonded_stiffness(spec: &Spec, contacts: Option<&[f64]>) -> DMatrix<f64> {
     for (j, contact) in spec.contacts.iter().enumerate() {
         let k = contacts.and_then(|given| given.get(j).copied()).unwrap_or_else(|| contact.stiffness.mean());
         let g = DVector::from_column_slice(&contact.direction);
-        total += k * &g * g.transpose();
+        // The product of directions first: symmetric to the last bit.
+        total += k * (&g * g.transpose());
     }
     total
 }
@@ -36,51 +38,91 @@ pub struct Equilibrium {
     pub forces: Vec<f64>,
 }
 
-/// Solves `(K + Σ k̄ g gᵀ) q = f₀ + Σ k̄ g (e₀ + b)` with linear contacts on the drive flank.
+/// Solves `K q + Σ g F(gᵀq − e₀ − b) = f₀` for contacts on their drive flanks at mean stiffness: `F = k̄ p` for linear
+/// laws, `F = K pⁿ` for power laws (Newton's method).
 ///
-/// Free motions (eigenvalues below `16 n ε ‖·‖`) carry no load in an equilibrium; a load on one of more than
-/// 1e-9 of the largest is an error.
+/// Free motions (eigenvalues below `16 n ε ‖·‖`) carry no load in an equilibrium.
 ///
 /// # Errors
-/// [`TrainError::Unbalanced`].
+/// [`TrainError::Unbalanced`] if more than 1e-9 of the largest load is left over (a load on a free motion, a power-law
+/// contact the load does not press on); [`TrainError::Value`] for a rigid contact, whose force has no stiffness.
 pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, TrainError> {
-    let n = spec.freedoms.len();
-    let total = bonded_stiffness(spec, None);
-    let mut load = DVector::from_column_slice(&spec.load);
+    let load = DVector::from_column_slice(&spec.load);
+    let scale = load.amax();
+    let mut penetrations = Vec::with_capacity(spec.contacts.len());
     for contact in &spec.contacts {
-        let push = contact.stiffness.mean() * (contact.error_offset + contact.half_backlash);
-        load += push * DVector::from_column_slice(&contact.direction);
+        // From above, Newton's method falls on a convex force without overshooting.
+        penetrations.push(match contact.law {
+            Law::Rigid(_) => {
+                let name = format!("{}: contact stiffness", contact.name);
+                return Err(TrainError::Value { name, value: f64::INFINITY, wanted: "finite for an equilibrium" });
+            }
+            Law::Power(law) => (scale / contact.stiffness.mean()).powf(law.exponent.value().recip()),
+            Law::Bilateral(_) | Law::KelvinVoigt(..) => 0.0,
+        });
     }
-    let eigen = SymmetricEigen::new(0.5 * (&total + total.transpose()));
-    let floor = 16.0 * n as f64 * f64::EPSILON * eigen.eigenvalues.amax();
-    let mut modal = eigen.eigenvectors.tr_mul(&load);
-    let mut residual = 0.0f64;
-    for (x, &value) in modal.iter_mut().zip(&eigen.eigenvalues) {
-        if value.abs() <= floor {
-            residual = residual.max(x.abs());
-            *x = 0.0;
-        } else {
-            *x /= value;
+    let directions: Vec<_> = spec.contacts.iter().map(|c| DVector::from_column_slice(&c.direction)).collect();
+    let mut best: Option<(f64, DVector<f64>)> = None;
+    loop {
+        let forces: Vec<[f64; 2]> = spec.contacts.iter().zip(&penetrations).map(|(c, &p)| force(c, p)).collect();
+        let tangents: Vec<f64> = forces.iter().map(|f| f[1]).collect();
+        let mut push = load.clone();
+        for ((contact, g), ([f, k], p)) in spec.contacts.iter().zip(&directions).zip(forces.iter().zip(&penetrations)) {
+            push += (k * (p + contact.error_offset + contact.half_backlash) - f) * g;
+        }
+        let position = least_solution(&bonded_stiffness(spec, Some(&tangents)), &push);
+        let mut rest = &load - &spec.stiffness * &position;
+        for ((contact, g), p) in spec.contacts.iter().zip(&directions).zip(&mut penetrations) {
+            *p = g.dot(&position) - contact.error_offset - contact.half_backlash;
+            rest -= force(contact, *p)[0] * g;
+        }
+        let residual = rest.amax();
+        // Down to where round-off stops the descent.
+        match &best {
+            Some((least, position)) if residual >= *least => {
+                if *least > 1.0e-9 * scale {
+                    return Err(TrainError::Unbalanced { residual: *least });
+                }
+                let forces = spec
+                    .contacts
+                    .iter()
+                    .zip(&directions)
+                    .map(|(c, g)| force(c, g.dot(position) - c.error_offset - c.half_backlash)[0])
+                    .collect();
+                return Ok(Equilibrium { position: position.iter().copied().collect(), forces });
+            }
+            _ if residual.is_nan() => return Err(TrainError::Unbalanced { residual }),
+            _ => best = Some((residual, position)),
         }
     }
-    if residual > 1.0e-9 * load.amax() {
-        return Err(TrainError::Unbalanced { residual });
+}
+
+/// Force and its slope at penetration p on the drive flank, at mean stiffness.
+fn force(contact: &ContactSpec, p: f64) -> [f64; 2] {
+    let k = contact.stiffness.mean();
+    match contact.law {
+        Law::Power(law) => {
+            let n = law.exponent.value();
+            let p = p.max(0.0);
+            [k * p.powf(n), n * k * p.powf(n - 1.0)]
+        }
+        _ => [k * p, k],
     }
-    let mut position = &eigen.eigenvectors * modal;
-    // One step of refinement: springs of 1e10 N/m beside 1e5 N/m cost the eigenvectors their last digits.
-    let correction = eigen.eigenvectors.tr_mul(&(load - &total * &position));
-    let scaled = DVector::from_iterator(
-        n,
-        correction.iter().zip(&eigen.eigenvalues).map(|(x, v)| if v.abs() <= floor { 0.0 } else { x / v }),
-    );
-    position += &eigen.eigenvectors * scaled;
-    let forces = spec
-        .contacts
-        .iter()
-        .map(|contact| {
-            let deflection: f64 = contact.direction.iter().zip(&position).map(|(g, q)| g * q).sum();
-            contact.stiffness.mean() * (deflection - contact.error_offset - contact.half_backlash)
-        })
-        .collect();
-    Ok(Equilibrium { position: position.iter().copied().collect(), forces })
+}
+
+/// The shortest `x` with `A x = b` on the range of the symmetric matrix A, with one step of refinement: springs of
+/// 1e10 N/m beside 1e5 N/m cost the eigenvectors their last digits.
+fn least_solution(a: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
+    let eigen = SymmetricEigen::new(a.clone());
+    let floor = 16.0 * a.nrows() as f64 * f64::EPSILON * eigen.eigenvalues.amax();
+    let solve = |b: &DVector<f64>| {
+        let mut x = eigen.eigenvectors.tr_mul(b);
+        for (x, &value) in x.iter_mut().zip(&eigen.eigenvalues) {
+            *x = if value.abs() <= floor { 0.0 } else { *x / value };
+        }
+        &eigen.eigenvectors * x
+    };
+    let first = solve(b);
+    let correction = solve(&(b - a * &first));
+    first + correction
 }

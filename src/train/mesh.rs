@@ -3,7 +3,7 @@
 use super::error::{TrainError, check};
 use super::spec::{ContactSpec, Flanks};
 use crate::gear::contact::{Law, Linear};
-use crate::gear::{MeshHarmonic, MeshStiffness};
+use crate::gear::{MeshHarmonic, MeshStiffness, Stiffness};
 
 /// One gear mesh. Its clock is `τ = f_m t + phase`.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,17 +51,26 @@ impl Mesh {
     /// The contact element at mesh frequency f_m, Hz (0: standing), with its direction in the train's freedoms.
     pub(super) fn contact(&self, name: String, direction: Vec<f64>, frequency: f64) -> Result<ContactSpec, TrainError> {
         check(&format!("{name}: half backlash"), self.half_backlash, self.half_backlash >= 0.0, ">= 0")?;
+        if matches!(self.law, Law::Bilateral(_)) {
+            let name = format!("{name}: half backlash of a bilateral mesh");
+            check(&name, self.half_backlash, self.half_backlash == 0.0, "0: it never lets go")?;
+        }
+        check(&format!("{name}: error offset"), self.error_offset, true, "finite")?;
+        check(&format!("{name}: phase"), self.phase, true, "finite")?;
+        for h in &self.error {
+            check(&format!("{name}: error order"), h.order, h.order > 0.0, "> 0")?;
+            check(&format!("{name}: error amplitude"), h.amplitude, true, "finite")?;
+            check(&format!("{name}: error phase"), h.phase, true, "finite")?;
+        }
+        check_stiffness(&name, &self.stiffness)?;
         let mean = self.stiffness.mean();
         check(&format!("{name}: mean stiffness"), mean, mean > 0.0 || matches!(self.law, Law::Rigid(_)), "> 0")?;
         let standing = frequency <= 0.0;
         if standing && (self.stiffness.varies() || self.error.iter().any(|h| h.amplitude != 0.0)) {
             return Err(TrainError::Standing { what: name });
         }
-        let stiffness = if standing {
-            crate::gear::Stiffness::Constant(mean)
-        } else {
-            self.stiffness.schedule(frequency.recip(), self.phase)
-        };
+        let stiffness =
+            if standing { Stiffness::Constant(mean) } else { self.stiffness.schedule(frequency.recip(), self.phase) };
         let error = self.error.iter().filter(|h| h.amplitude != 0.0).map(|h| h.sine(frequency, self.phase)).collect();
         Ok(ContactSpec {
             name,
@@ -73,6 +82,14 @@ impl Mesh {
             stiffness,
             law: self.law,
         })
+    }
+}
+
+/// The stiffness's own ranges.
+pub(super) fn check_stiffness(name: &str, stiffness: &MeshStiffness) -> Result<(), TrainError> {
+    match stiffness.fault() {
+        Some((what, value, wanted)) => Err(TrainError::Value { name: format!("{name}: {what}"), value, wanted }),
+        None => Ok(()),
     }
 }
 

@@ -4,9 +4,9 @@ use std::f64::consts::TAU;
 
 use nalgebra::DMatrix;
 
-use super::body::Body;
+use super::body::{Body, Support};
 use super::error::{TrainError, check};
-use super::mesh::Mesh;
+use super::mesh::{Mesh, check_stiffness};
 use super::spec::{ContactSpec, Flanks, LoadHarmonic, Spec};
 use crate::gear::contact::{Law, Linear, Release};
 use crate::gear::{MeshHarmonic, MeshStiffness};
@@ -53,6 +53,12 @@ impl KahramanSingh {
     pub fn assemble(&self) -> Result<Spec, TrainError> {
         check("omega", self.omega, self.omega > 0.0, "> 0")?;
         check("damping ratio", self.damping_ratio, self.damping_ratio >= 0.0, ">= 0")?;
+        check("mean load", self.mean_load, true, "finite")?;
+        for h in &self.excitation {
+            check("excitation order", h.order, h.order > 0.0, "> 0")?;
+            check("excitation amplitude", h.amplitude, true, "finite")?;
+        }
+        check_stiffness("mesh", &self.stiffness)?;
         let c = 2.0 * self.damping_ratio;
         let (everywhere, in_contact) = if self.damping_in_gap { (c, 0.0) } else { (0.0, c) };
         let one = |value: f64| DMatrix::from_element(1, 1, value);
@@ -137,7 +143,7 @@ impl GearPair {
         &self,
         freedoms: &[&str],
         direction: &[f64],
-        supports: impl Fn(&Body) -> Vec<(f64, super::body::Support)>,
+        supports: impl Fn(&Body) -> Vec<(f64, Support)>,
     ) -> Result<Spec, TrainError> {
         self.driving.check("driving gear")?;
         self.driven.check("driven gear")?;

@@ -37,11 +37,12 @@ impl Planetary {
         // One planet's share of everything: the whole divided by N, its one contact kept whole.
         let share = if in_phase { (self.planets.len() as f64).recip() } else { 1.0 };
         let reduce = |matrix: &DMatrix<f64>| share * p.tr_mul(matrix) * &p;
+        let symmetric = |matrix: DMatrix<f64>| 0.5 * (&matrix + matrix.transpose());
         let frequency = self.mesh_frequency();
         Ok(Spec {
-            mass: reduce(&whole.mass),
+            mass: symmetric(reduce(&whole.mass)),
             damping: reduce(&whole.damping),
-            stiffness: reduce(&whole.stiffness),
+            stiffness: symmetric(reduce(&whole.stiffness)),
             load: (share * p.tr_mul(&whole.load)).iter().copied().collect(),
             load_harmonics: Vec::new(),
             contacts: self.contacts(&p, in_phase, frequency)?,

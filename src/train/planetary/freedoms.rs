@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::Planetary;
-use crate::train::error::TrainError;
+use crate::train::error::{TrainError, check};
 
 /// Which freedoms are kept. The others do not move relative to what carries them: sun, ring and carrier are held by
 /// the frame, a planet's centre by its pin on the carrier (`ξ = x_c cos ψ + y_c sin ψ`, `η = u_c − x_c sin ψ + y_c cos ψ`).
@@ -44,6 +44,7 @@ impl Planetary {
             Freedoms::Full => all.iter().filter(|name| !matches!(name.as_str(), "x_c" | "y_c")).cloned().collect(),
             Freedoms::Torsional => all.iter().filter(|name| name.starts_with('u')).cloned().collect(),
             Freedoms::Named(names) => {
+                check("number of freedoms", names.len() as f64, !names.is_empty(), ">= 1")?;
                 for (i, name) in names.iter().enumerate() {
                     if !all.contains(name) || names[..i].contains(name) {
                         return Err(TrainError::Freedom { name: name.clone(), known: all });

@@ -9,6 +9,15 @@
 //! bearing:  ξ_i − x_c cos ψ_i − y_c sin ψ_i,      η_i − u_c + x_c sin ψ_i − y_c cos ψ_i
 //! ```
 //!
+//! ```
+//! use flank::train::{Freedoms, bonded_modes, planetary::presets};
+//!
+//! let spec = presets::lin_parker(3).assemble(&Freedoms::FullCarrier)?;
+//! let hertz = bonded_modes(&spec)?.hertz();
+//! assert!((hertz[1] - 743.2).abs() < 0.1);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! The kinematics are those of Lin & Parker, J. Vib. Acoust. 121 (1999).
 
 mod assemble;

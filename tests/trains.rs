@@ -1,0 +1,568 @@
+//! Planetary stages, pairs and walls against published and independently computed numbers.
+
+use std::f64::consts::TAU;
+
+use approx::assert_relative_eq;
+use flank::gear::contact::{Law, Rigid};
+use flank::gear::{Harmonic, MeshHarmonic, MeshStiffness, PathOfContact, Stiffness, Waveform};
+use flank::linalg::multiplicities;
+use flank::train::planetary::presets::{
+    ReferenceDamping, ReferenceStiffness, lin_parker, reference, reference_float, reference_heavy, reference_hertz,
+    reference_light,
+};
+use flank::train::{
+    Body, ContactSpec, Flanks, Freedoms, GearPair, KahramanSingh, Mesh, Phasing, Planetary, Spec, Support, Teeth,
+    TrainError, Walled, Walls, Warning, bonded_modes, bonded_stiffness, equilibrium, frame,
+};
+use nalgebra::{Complex, DMatrix, DVector};
+
+fn hertz(stage: &Planetary, freedoms: &Freedoms) -> Vec<f64> {
+    bonded_modes(&stage.assemble(freedoms).expect("a stage")).expect("stable").hertz()
+}
+
+fn named(names: &[&str]) -> Freedoms {
+    Freedoms::Named(names.iter().map(ToString::to_string).collect())
+}
+
+fn default_stage() -> Planetary {
+    reference(&ReferenceStiffness::DEFAULT, &ReferenceDamping::DEFAULT).expect("gears that mesh")
+}
+
+/// Every value of `expected` (frequency, multiplicity), in rising order, to `tolerance` Hz.
+fn assert_spectrum(frequencies: &[f64], expected: &[(f64, usize)], tolerance: f64) {
+    let flat: Vec<f64> = expected.iter().flat_map(|&(f, count)| std::iter::repeat_n(f, count)).collect();
+    assert_eq!(frequencies.len(), flat.len(), "{frequencies:?}");
+    for (got, want) in frequencies.iter().zip(&flat) {
+        assert!((got - want).abs() <= tolerance, "{got} against {want} Hz");
+    }
+}
+
+/// Lin & Parker 1999, N = 3, recomputed to 25 digits.
+const LIN_PARKER_3: [(f64, usize); 12] = [
+    (0.0, 1),
+    (743.163_896_525_717_7, 2),
+    (1_102.419_330_540_35, 2),
+    (1_475.747_229_993_266, 1),
+    (1_896.019_942_407_954, 2),
+    (1_930.346_569_608_508_8, 1),
+    (2_276.380_115_717_255, 2),
+    (2_658.324_423_547_39, 1),
+    (6_986.298_221_729_212, 2),
+    (7_462.803_434_345_869, 1),
+    (9_647.913_216_604_46, 2),
+    (11_775.265_785_475_283, 1),
+];
+
+/// Lin & Parker 1999, N = 5, recomputed to 25 digits.
+const LIN_PARKER_5: [(f64, usize); 15] = [
+    (0.0, 1),
+    (710.045_193_574_495_7, 2),
+    (1_072.012_392_302_056, 2),
+    (1_567.397_659_407_976_7, 1),
+    (1_808.180_882_040_793, 2),
+    (1_888.077_132_458_465_5, 2),
+    (2_006.078_475_524_972_3, 1),
+    (2_425.295_368_360_982_7, 2),
+    (2_614.795_688_525_953, 1),
+    (5_963.760_021_608_515, 2),
+    (6_981.705_167_044_027, 2),
+    (7_382.379_931_872_634, 2),
+    (8_065.389_945_689_17, 1),
+    (11_172.308_654_013_032, 2),
+    (14_253.092_354_349_566, 1),
+];
+
+#[test]
+fn lin_parker_to_nine_digits() {
+    for (planets, table) in [(3, &LIN_PARKER_3[..]), (5, &LIN_PARKER_5[..])] {
+        let found = hertz(&lin_parker(planets), &Freedoms::FullCarrier);
+        assert_eq!(found[0], 0.0);
+        let groups = multiplicities(&found, 1.0e-9);
+        assert_eq!(groups.len(), table.len());
+        for (got, want) in groups.iter().zip(table) {
+            assert_eq!(got.1, want.1, "{got:?}");
+            assert_relative_eq!(got.0, want.0, max_relative = 1.0e-9);
+        }
+    }
+}
+
+/// The printed table (0.1 Hz): six rotational, six double translational, three planet modes of multiplicity N − 3.
+#[test]
+fn lin_parker_four_planets() {
+    let expected = [
+        (0.0, 1),
+        (727.3, 2),
+        (1091.2, 2),
+        (1536.5, 1),
+        (1808.2, 1),
+        (1892.8, 2),
+        (1970.6, 1),
+        (2342.5, 2),
+        (2625.7, 1),
+        (5963.8, 1),
+        (6981.7, 1),
+        (7189.9, 2),
+        (7773.6, 1),
+        (10437.6, 2),
+        (13071.1, 1),
+    ];
+    assert_spectrum(&hertz(&lin_parker(4), &Freedoms::FullCarrier), &expected, 0.06);
+}
+
+/// Regression values of the identified set, printed to 0.01 Hz.
+#[test]
+fn reference_stage_full() {
+    let expected = [
+        (431.39, 2),
+        (434.01, 1),
+        (869.05, 1),
+        (882.63, 2),
+        (1060.39, 1),
+        (1785.12, 2),
+        (2974.95, 1),
+        (4123.48, 2),
+        (4215.57, 2),
+        (4460.28, 1),
+        (5504.81, 1),
+    ];
+    assert_spectrum(&hertz(&default_stage(), &Freedoms::Full), &expected, 0.05);
+}
+
+#[test]
+fn reference_stage_with_the_ring_held() {
+    let stage = default_stage();
+    let in_phase = Freedoms::InPhase;
+    let all = stage.assemble(&Freedoms::Full).unwrap().freedoms;
+    let without: Vec<&str> = all.iter().map(String::as_str).filter(|name| *name != "u_r").collect();
+    let full = hertz(&stage, &named(&without));
+    for f in [434.87, 870.56, 1061.99, 3393.69, 4460.35] {
+        assert!(full.iter().any(|g| (g - f).abs() <= 0.05), "{f} not in {full:?}");
+    }
+    assert_spectrum(
+        &hertz(&stage, &in_phase),
+        &[434.01, 869.05, 1060.39, 2974.95, 4460.28, 5504.81].map(|f| (f, 1)),
+        0.05,
+    );
+}
+
+#[test]
+fn reference_stage_torsional() {
+    let mut stage = default_stage();
+    let expected = [(533.82, 1), (2056.41, 1), (2727.97, 2), (3944.35, 1), (5369.84, 1)];
+    assert_spectrum(&hertz(&stage, &Freedoms::Torsional), &expected, 0.05);
+    let held = named(&["u_s", "u_1", "u_2", "u_3", "u_c"]);
+    assert_spectrum(&hertz(&stage, &held), &[(535.22, 1), (2275.24, 1), (2727.97, 2), (3976.82, 1)], 0.05);
+    stage.sun.rotation = Support::FREE;
+    stage.carrier.rotation = Support::FREE;
+    let free = hertz(&stage, &held);
+    assert_eq!(free[0], 0.0);
+    assert_spectrum(&free, &[(0.0, 1), (2228.46, 1), (2727.97, 2), (3962.02, 1)], 0.05);
+}
+
+/// The set that meets the paper's frequencies: printed values to 0.1 Hz, parameters to 4 digits.
+#[test]
+fn exact_frequencies() {
+    let stage = reference(&ReferenceStiffness::EXACT_FREQUENCIES, &ReferenceDamping::DEFAULT).unwrap();
+    let found = hertz(&stage, &Freedoms::Full);
+    for f in [412.0, 889.0, 1791.0, 2483.7, 3335.2, 512.5, 919.0, 1045.8] {
+        assert!(found.iter().any(|g| (g - f).abs() <= 0.3), "{f} not in {found:?}");
+    }
+}
+
+/// In-phase motion is a motion of the full stage: its frequencies are the full one's single frequencies.
+#[test]
+fn in_phase_frequencies_are_the_rotational_ones() {
+    for planets in 3..=6 {
+        let stage = lin_parker(planets);
+        let single: Vec<f64> = multiplicities(&hertz(&stage, &Freedoms::FullCarrier), 1.0e-9)
+            .into_iter()
+            .filter_map(|(f, count)| (count == 1).then_some(f))
+            .collect();
+        for f in hertz(&stage, &Freedoms::InPhase) {
+            assert!(single.iter().any(|g| (f - g).abs() <= 1.0e-9 * g.max(1.0)), "{f} not in {single:?}");
+        }
+    }
+}
+
+#[test]
+fn static_forces() {
+    let mean = |torque: f64, change: &dyn Fn(&mut Planetary)| {
+        let mut stage = reference_heavy(500.0, torque).unwrap();
+        change(&mut stage);
+        let full = equilibrium(&stage.assemble(&Freedoms::Full).unwrap()).unwrap().forces;
+        let reduced = equilibrium(&stage.assemble(&Freedoms::InPhase).unwrap()).unwrap().forces;
+        for (force, kind) in full.iter().zip([0, 0, 0, 1, 1, 1]) {
+            assert_relative_eq!(*force, reduced[kind], max_relative = 1.0e-9);
+        }
+        reduced
+    };
+    let near = |forces: &[f64], want: f64, tolerance: f64| {
+        forces.iter().for_each(|f| assert!((f - want).abs() <= tolerance, "{f} against {want} N"));
+    };
+    near(&mean(500.0, &|_| ()), 773.25, 0.006);
+    let springs = |sun: f64, carrier: f64| {
+        move |stage: &mut Planetary| {
+            stage.sun.rotation.stiffness = sun;
+            stage.carrier.rotation.stiffness = carrier;
+        }
+    };
+    near(&mean(500.0, &springs(1.2e7, 5.0e8)), 853.1, 0.06);
+    near(&mean(500.0, &springs(2.4e7, 2.5e8)), 791.6, 0.06);
+    near(&mean(500.0, &springs(2.4e7, 1.0e10)), 751.9, 0.06);
+    near(&mean(500.0, &springs(4.8e7, 5.0e8)), 669.6, 0.06);
+    // Determinate: T_in/(3 r_b), and with both springs gone a free motion without load.
+    for (sun, carrier) in [(0.0, 5.0e8), (2.4e7, 0.0), (0.0, 0.0)] {
+        near(&mean(500.0, &springs(sun, carrier)), 968.01, 0.006);
+        near(&mean(400.0, &springs(sun, carrier)), 774.41, 0.006);
+    }
+    // The planets' drag is the difference of the two mesh forces.
+    let forces = mean(500.0, &|stage| stage.load.planet_drag = 24.0);
+    assert_relative_eq!(forces[0] - forces[1], 24.0, max_relative = 1.0e-9);
+}
+
+/// Complex amplitudes of the contact forces of a linear train at each error harmonic, from
+/// `(K + iωC − ω²M) Q = Σ g (k + iωc) E` and `F = (k + iωc)(gᵀQ − E)`; contact by contact, harmonic by harmonic.
+fn forced(spec: &Spec) -> Vec<Vec<Complex<f64>>> {
+    let n = spec.freedoms.len();
+    let damping_of = |law: &Law| match law {
+        Law::Bilateral(linear) => linear.damping,
+        _ => panic!("not linear"),
+    };
+    let stiffness = bonded_stiffness(spec, None);
+    let mut damping = spec.damping.clone();
+    for contact in &spec.contacts {
+        let g = DVector::from_column_slice(&contact.direction);
+        damping += damping_of(&contact.law) * (&g * g.transpose());
+    }
+    let harmonics = spec.contacts[0].error.len();
+    let mut forces = vec![Vec::new(); spec.contacts.len()];
+    for h in 0..harmonics {
+        let omega = spec.contacts[0].error[h].omega;
+        let dynamic = DMatrix::from_fn(n, n, |i, j| {
+            Complex::new(stiffness[(i, j)] - omega * omega * spec.mass[(i, j)], omega * damping[(i, j)])
+        });
+        let mesh = |c: &ContactSpec| Complex::new(c.stiffness.mean(), omega * damping_of(&c.law));
+        let error = |c: &ContactSpec| Complex::from_polar(c.error[h].amplitude, c.error[h].phase);
+        let mut load = DVector::from_element(n, Complex::new(0.0, 0.0));
+        for c in &spec.contacts {
+            (0..n).for_each(|i| load[i] += mesh(c) * error(c) * c.direction[i]);
+        }
+        let q = dynamic.lu().solve(&load).expect("damped");
+        for (c, list) in spec.contacts.iter().zip(&mut forces) {
+            let deflection: Complex<f64> = (0..n).map(|i| q[i] * c.direction[i]).sum();
+            list.push(mesh(c) * (deflection - error(c)));
+        }
+    }
+    forces
+}
+
+/// Regression values of the heavy-load case: they fix every damper, error phase and inertia at once.
+#[test]
+fn heavy_load_in_the_frequency_domain() {
+    let stage = reference_heavy(500.0, 500.0).unwrap();
+    for freedoms in [Freedoms::InPhase, Freedoms::Full] {
+        let forces = forced(&stage.assemble(&freedoms).unwrap());
+        let last = forces.len() - 1;
+        let tables = [([34.62, 29.14, 70.95, 61.77], 168.02), ([47.77, 41.42, 41.63, 41.26], 117.93)];
+        for (force, (harmonics, half_range)) in [&forces[0], &forces[last]].into_iter().zip(tables) {
+            for (got, want) in force.iter().zip(harmonics) {
+                assert!((got.norm() - want).abs() <= 0.02, "{} against {want} N", got.norm());
+            }
+            let at = |i: u32| -> f64 {
+                let turn = TAU * f64::from(i) / 20_000.0;
+                (1..).zip(force).map(|(h, f)| (f * Complex::from_polar(1.0, turn * f64::from(h))).re).sum()
+            };
+            let (low, high) = (0..20_000).map(at).fold((f64::MAX, f64::MIN), |(a, b), f| (a.min(f), b.max(f)));
+            assert!((0.5 * (high - low) - half_range).abs() <= 0.1, "{} {half_range}", 0.5 * (high - low));
+        }
+    }
+    // First harmonic against speed, printed to 0.1 N.
+    for (rpm, sun, ring) in [
+        (500.0, 34.6, 47.8),
+        (1000.0, 14.4, 125.5),
+        (1400.0, 65.6, 87.3),
+        (1600.0, 101.0, 87.2),
+        (2000.0, 195.2, 125.4),
+        (2400.0, 252.9, 114.5),
+        (3000.0, 262.8, 188.4),
+    ] {
+        let forces = forced(&reference_heavy(rpm, 500.0).unwrap().assemble(&Freedoms::InPhase).unwrap());
+        for (force, want) in forces.iter().zip([sun, ring]) {
+            assert!((force[0].norm() - want).abs() <= 0.06, "{rpm} rpm: {} against {want} N", force[0].norm());
+        }
+    }
+}
+
+/// With sequential sun meshes an assemblable, equally spaced set sorts its harmonics: harmonic l drives rotation only if
+/// `l Z_s mod N = 0`, and translation of the central bodies only if it is 1 or N − 1 (Parker 2000).
+#[test]
+fn phasing_sorts_the_modes() {
+    let mut stage = lin_parker(4);
+    // (Z_s + Z_r)/4 = 36, and Z_s mod 4 = 1: harmonics 1 and 3 translate, 2 moves planets alone, 4 turns.
+    stage.teeth = Teeth { sun: 41, planet: 31, ring: 103 };
+    stage.rpm = 1000.0;
+    for planet in &mut stage.planets {
+        for mesh in [&mut planet.sun_mesh, &mut planet.ring_mesh] {
+            mesh.error = [1.0, 2.0, 3.0, 4.0].map(|order| MeshHarmonic { order, amplitude: 1e-6, phase: 0.3 }).to_vec();
+        }
+    }
+    let stage = stage.phased(&Phasing::Teeth).unwrap();
+    assert!(stage.warnings().is_empty(), "{:?}", stage.warnings());
+    let spec = stage.assemble(&Freedoms::FullCarrier).unwrap();
+    let forces = forced(&spec);
+    let net = |row: usize, h: usize| -> Complex<f64> {
+        spec.contacts.iter().zip(&forces).map(|(c, f)| f[h] * c.direction[row]).sum()
+    };
+    let scale = forces[0][0].norm();
+    for (h, turns, translates) in [(0, false, true), (1, false, false), (2, false, true), (3, true, false)] {
+        assert_eq!(net(2, h).norm() > 1e-9 * scale, turns, "torque, harmonic {}", h + 1);
+        assert_eq!(net(0, h).norm() > 1e-9 * scale, translates, "force, harmonic {}", h + 1);
+    }
+}
+
+/// Out-of-range values are named, not simulated.
+#[test]
+fn bad_values_are_named() {
+    let name = |change: &dyn Fn(&mut Planetary)| {
+        let mut stage = reference_heavy(500.0, 500.0).unwrap();
+        change(&mut stage);
+        match stage.assemble(&Freedoms::Full).unwrap_err() {
+            TrainError::Value { name, .. } => name,
+            other => panic!("{other}"),
+        }
+    };
+    assert_eq!(name(&|s| s.sun.mass = 0.0), "sun: mass");
+    assert_eq!(name(&|s| s.planets[1].body.translation.stiffness = f64::NAN), "planet 2: translation stiffness");
+    assert_eq!(
+        name(&|s| s.planets[0].sun_mesh.half_backlash = 1e-5),
+        "sun-planet 1: half backlash of a bilateral mesh"
+    );
+    assert_eq!(name(&|s| s.planets[2].ring_mesh.error[0].order = 0.0), "ring-planet 3: error order");
+    let path = PathOfContact { approach: 0.7, recess: 0.7 };
+    let pairs = |waveform, modulation| MeshStiffness::Pairs { mean: 1e8, path, waveform, modulation };
+    let stiffness = |k: MeshStiffness| name(&move |s| s.planets[0].sun_mesh.stiffness = k.clone());
+    assert_eq!(stiffness(pairs(Waveform::Rectangular, 1.5)), "sun-planet 1: modulation");
+    assert_eq!(stiffness(pairs(Waveform::Trapezoidal { ramp: 0.8 }, 0.5)), "sun-planet 1: ramp");
+    assert_eq!(stiffness(pairs(Waveform::Fourier { harmonics: 0 }, 0.5)), "sun-planet 1: harmonics");
+    assert_eq!(stiffness(MeshStiffness::Rectangular { high: 1.0, low: 0.5, duty: 1.0 }), "sun-planet 1: duty");
+}
+
+#[test]
+fn a_load_on_a_free_motion_has_no_equilibrium() {
+    let mut stage = lin_parker(3);
+    stage.load.output_torque = 100.0;
+    stage.load.planet_drag = 1.0;
+    let spec = stage.assemble(&Freedoms::Full).unwrap();
+    assert!(matches!(equilibrium(&spec), Err(TrainError::Unbalanced { .. })));
+}
+
+/// Hertz contacts in the in-phase reduction, without springs to ground: `F = T_in/(3 r_b)` whatever their stiffness.
+#[test]
+fn hertz_contacts_at_rest() {
+    let mut stage = reference_light(500.0, 100.0).unwrap();
+    let forces = |stage: &Planetary| equilibrium(&stage.assemble(&Freedoms::InPhase).unwrap()).unwrap().forces;
+    // With the springs, the mesh carries less; the two meshes of a planet carry the same.
+    let sprung = forces(&stage);
+    stage.sun.rotation = Support::FREE;
+    let want = stage.input_torque() / (3.0 * stage.sun.radius);
+    for force in forces(&stage) {
+        assert_relative_eq!(force, want, max_relative = 1.0e-9);
+    }
+    assert!(sprung[0] < want && sprung[0] > 0.0);
+    assert_relative_eq!(sprung[0], sprung[1], max_relative = 1.0e-9);
+}
+
+#[test]
+fn matrices_are_symmetric_and_rigid_motion_is_free() {
+    let stage = lin_parker(4);
+    let spec = stage.assemble(&Freedoms::FullCarrier).unwrap();
+    assert_eq!(spec.freedoms.len(), 21);
+    let total = bonded_stiffness(&spec, None);
+    assert_eq!(total, total.transpose());
+    assert_eq!(spec.mass, spec.mass.transpose());
+    let mut stage = default_stage();
+    stage.rpm = 3000.0;
+    stage.gyroscopic = true;
+    let spec = stage.assemble(&Freedoms::FullCarrier).unwrap();
+    // The Coriolis part of C is skew.
+    stage.gyroscopic = false;
+    let skew = &spec.damping - stage.assemble(&Freedoms::FullCarrier).unwrap().damping;
+    assert_relative_eq!(skew.clone(), -skew.transpose(), epsilon = 1.0e-9);
+    let (row, column) = (0, 1);
+    assert_relative_eq!(skew[(row, column)], -2.0 * 2.7 * stage.carrier_speed(), max_relative = 1.0e-12);
+    // All centres moving together with the carrier frame's origin: planets keep their pins, meshes see nothing.
+    let names = ["x_s", "x_c", "x_r"];
+    let held = stage.assemble(&named(&names)).unwrap();
+    for contact in &held.contacts {
+        assert!(contact.direction.iter().sum::<f64>().abs() < 1.0e-15, "{contact:?}");
+    }
+    // Everything turning with the carrier by one angle.
+    let spins = stage.assemble(&Freedoms::Torsional).unwrap();
+    let radii = [stage.sun.radius, stage.planets[0].body.radius, stage.carrier.radius, stage.ring.radius];
+    for contact in &spins.contacts {
+        let [s, p, c, r] = radii;
+        let q = [s, p, p, p, c, r];
+        let stretch: f64 = contact.direction.iter().zip(q).map(|(g, q)| g * q).sum();
+        assert!(stretch.abs() < 1.0e-15, "{} {stretch}", contact.name);
+    }
+}
+
+#[test]
+fn freedoms_and_names() {
+    let stage = reference_light(500.0, 0.0).unwrap();
+    let spec = stage.assemble(&Freedoms::Full).unwrap();
+    assert_eq!(spec.freedoms.len(), 16);
+    assert_eq!(stage.assemble(&Freedoms::FullCarrier).unwrap().freedoms.len(), 18);
+    let names: Vec<&str> = spec.contacts.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(
+        names,
+        ["sun-planet 1", "sun-planet 2", "sun-planet 3", "ring-planet 1", "ring-planet 2", "ring-planet 3"]
+    );
+    let torsional = stage.assemble(&Freedoms::Torsional).unwrap();
+    assert_eq!(torsional.freedoms, ["u_s", "u_1", "u_2", "u_3", "u_c", "u_r"]);
+    let cos = 28.0f64.to_radians().cos();
+    assert_relative_eq!(torsional.mass[(4, 4)], 27.5);
+    assert_relative_eq!(torsional.contacts[1].direction.as_slice(), [1.0, 0.0, 1.0, 0.0, -cos, 0.0].as_slice());
+    assert_relative_eq!(torsional.contacts[3].direction.as_slice(), [0.0, -1.0, 0.0, 0.0, -cos, 1.0].as_slice());
+    // In the carrier's frame, carrier held: the meshes see rotations alone.
+    let spins = stage.assemble(&named(&["u_s", "u_1", "u_2", "u_3", "u_r"])).unwrap();
+    assert_eq!(spins.contacts[2].direction, [1.0, 0.0, 0.0, 1.0, 0.0]);
+    assert_eq!(spins.contacts[5].direction, [0.0, 0.0, 0.0, -1.0, 1.0]);
+    let in_phase = stage.assemble(&Freedoms::InPhase).unwrap();
+    assert_eq!(in_phase.freedoms, ["u_s", "u_r", "u_c", "xi", "eta", "u"]);
+    assert_relative_eq!(in_phase.mass[(0, 0)] * 3.0, 3.945_297_715_394_916_7, max_relative = 1.0e-14);
+    assert_relative_eq!(in_phase.mass[(5, 5)], 4.152_620_852_364_162, max_relative = 1.0e-14);
+    for bad in ["u_4", "u_s"] {
+        let error = stage.assemble(&named(&["u_s", bad])).unwrap_err();
+        assert!(matches!(error, TrainError::Freedom { .. }), "{error}");
+    }
+}
+
+#[test]
+fn light_load_data() {
+    let [sun, ring] = reference_hertz().unwrap();
+    // Printed to five digits.
+    assert_relative_eq!(sun, 1.612_681e10, max_relative = 1.0e-6);
+    assert_relative_eq!(ring, 2.709_846_1e10, max_relative = 1.0e-6);
+    let stage = reference_light(500.0, 0.0).unwrap();
+    // Drag on the sun: 9.1 + 0.281 n newtons, printed to three digits.
+    assert_relative_eq!(stage.input_torque() / stage.sun.radius, 9.1 + 0.281 * 500.0, max_relative = 1.0e-3);
+    let spec = stage.assemble(&Freedoms::InPhase).unwrap();
+    assert_relative_eq!(spec.omega.unwrap() / TAU, 209.230_769_230_769_2, max_relative = 1.0e-14);
+    let contact = &spec.contacts[0];
+    assert_eq!((contact.half_backlash, contact.flanks), (0.0, Flanks::Drive));
+    let Law::Power(law) = contact.law else { panic!("{:?}", contact.law) };
+    assert_relative_eq!(law.hysteresis, 0.75 * (1.0 - 0.743 * 0.743), max_relative = 1.0e-15);
+    // e(0) = Σ E sin φ.
+    let e0: f64 = contact.error.iter().map(|h| h.amplitude * h.phase.cos()).sum();
+    let (e1, p1, e2, p2) = (2.90648e-6, 1.187_522_023_056_942, 1.662_506_56e-6, 0.491_858_738_934_297_4);
+    assert_relative_eq!(e0, e1 * f64::sin(p1) + e2 * f64::sin(p2), max_relative = 1.0e-12);
+    let float = reference_float(100.0, 0.0).unwrap();
+    let phases: Vec<f64> = float.planets.iter().map(|p| p.sun_mesh.phase).collect();
+    assert_relative_eq!(phases.as_slice(), [0.0, 2.0 / 3.0, 1.0 / 3.0].as_slice(), epsilon = 1.0e-14);
+}
+
+#[test]
+fn phases_and_assembly() {
+    let stage = reference_light(500.0, 0.0).unwrap();
+    let warnings = stage.warnings();
+    assert!(matches!(&warnings[0], Warning::NotAssemblable { nearest, .. }
+        if (nearest[1].to_degrees() - 119.076_923_076_923_08).abs() < 1e-12
+            && (nearest[2].to_degrees() - 240.923_076_923_076_92).abs() < 1e-12));
+    // Sun, ring and three planets: inertias no such body can have.
+    assert_eq!(warnings.len(), 6);
+    assert!(warnings.iter().skip(1).all(|w| matches!(w, Warning::Gyration { .. })));
+    let strict = Planetary { strict: true, ..stage.clone() };
+    assert!(matches!(strict.assemble(&Freedoms::Full), Err(TrainError::Implausible(list)) if list.len() == 6));
+    let placed = stage.clone().phased(&Phasing::Assemblable).unwrap();
+    assert!(!placed.warnings().iter().any(|w| matches!(w, Warning::NotAssemblable { .. })));
+    for (planet, want) in placed.planets.iter().zip([0.0, 0.753_846_153_846_154_7, 0.246_153_846_153_845_28]) {
+        assert_relative_eq!(planet.sun_mesh.phase, want, epsilon = 1.0e-12);
+        let ring = (planet.ring_mesh.phase + stage.ring_phase - want).rem_euclid(1.0);
+        assert!(ring.min(1.0 - ring) < 1.0e-12);
+    }
+    assert!(matches!(placed.assemble(&Freedoms::InPhase), Err(TrainError::NotInPhase { planet: 2 })));
+    let short = Phasing::Explicit { sun: vec![0.0; 3], ring: vec![0.0] };
+    assert!(matches!(stage.phased(&short), Err(TrainError::Phases { planets: 3, got: 1 })));
+}
+
+#[test]
+fn a_standing_stage_has_no_mesh_clock() {
+    let stage = reference_heavy(0.0, 500.0).unwrap();
+    assert!(matches!(stage.assemble(&Freedoms::Full), Err(TrainError::Standing { .. })));
+}
+
+#[test]
+fn kahraman_singh() {
+    let mut pair = KahramanSingh::new(0.05, 0.1, 0.2, 0.7);
+    let spec = pair.assemble().unwrap();
+    assert_eq!((spec.damping[(0, 0)], spec.contacts[0].half_backlash), (0.1, 1.0));
+    assert_relative_eq!(spec.load_harmonics[0].vector[0], 0.2 * 0.49, max_relative = 1.0e-15);
+    pair.damping_in_gap = false;
+    pair.stiffness = MeshStiffness::Rectangular { high: 1.2, low: 0.7, duty: 0.6 };
+    let spec = pair.assemble().unwrap();
+    assert_eq!(spec.damping[(0, 0)], 0.0);
+    assert!(matches!(spec.contacts[0].law, Law::KelvinVoigt(linear, _) if linear.damping == 0.1));
+    assert_relative_eq!(spec.contacts[0].stiffness.mean(), 1.0, max_relative = 1.0e-15);
+    pair.omega = 0.0;
+    assert!(matches!(pair.assemble(), Err(TrainError::Value { .. })));
+}
+
+/// Two rotors on a spring: one free motion and `ω² = k (1/m₁ + 1/m₂)`; on stiff bearings the six freedoms agree.
+#[test]
+fn gear_pair() {
+    let gear = Body::new(1.0, 2.0e-3, 0.05);
+    let mesh = Mesh::bilateral(1.0e8, 0.05, [gear.rotary_mass, gear.rotary_mass]);
+    let pair = GearPair {
+        driving_teeth: 30,
+        driving: gear,
+        driven: gear,
+        pressure_angle: 20.0f64.to_radians(),
+        mesh,
+        rpm: 1000.0,
+        torque: 10.0,
+    };
+    let spec = pair.torsional().unwrap();
+    let modes = bonded_modes(&spec).unwrap();
+    assert_eq!(modes.omega[0], 0.0);
+    assert_relative_eq!(modes.omega[1], (2.0e8 / 0.8f64).sqrt(), max_relative = 1.0e-12);
+    assert_relative_eq!(spec.omega.unwrap(), TAU * 500.0, max_relative = 1.0e-15);
+    assert_relative_eq!(equilibrium(&spec).unwrap().forces[0], 200.0, max_relative = 1.0e-12);
+    let stiff = Body { translation: Support::ratio(1.0e13, 0.01), ..gear };
+    let pair = GearPair { driving: stiff, driven: stiff, ..pair };
+    let six = pair.translational().unwrap();
+    // Each bearing lies in series with the mesh: 1/k + 2/k_b. The bodies' own motion on them is another 1e-10.
+    let series = modes.omega[1] / (1.0 + 2.0e-5f64).sqrt();
+    assert_relative_eq!(bonded_modes(&six).unwrap().omega[1], series, max_relative = 1.0e-9);
+    // The mesh force on gear 1 pushes along the line of action: a unit vector.
+    let g = &six.contacts[0].direction;
+    assert_relative_eq!(g[0].hypot(g[1]), 1.0, max_relative = 1.0e-15);
+    assert_relative_eq!(equilibrium(&six).unwrap().forces[0], 200.0, max_relative = 1.0e-9);
+}
+
+#[test]
+fn walls() {
+    let law = Law::Rigid(Rigid { restitution: 0.8 });
+    let gap = |spec: &Spec, x: f64, t: f64| {
+        let c = &spec.contacts[0];
+        let e: f64 = c.error.iter().map(|h| h.amplitude * (h.omega * t + h.phase).cos()).sum();
+        c.direction[0] * x - e - c.half_backlash
+    };
+    let motion = vec![Harmonic { omega: 2.0, amplitude: 0.3, phase: 0.1 }];
+    let build = |walls| Walled { motion: motion.clone(), ..Walled::new(1.0, walls, law, Stiffness::Constant(0.0)) };
+    let w = 0.3 * (2.0f64 * 0.7 + 0.1).cos();
+    let above = build(Walls::Above { position: 0.5 }).assemble().unwrap();
+    let below = build(Walls::Below { position: 0.5 }).assemble().unwrap();
+    assert_relative_eq!(gap(&above, 0.9, 0.7), 0.9 - 0.5 - w, max_relative = 1.0e-14);
+    assert_relative_eq!(gap(&below, 0.9, 0.7), 0.5 + w - 0.9, max_relative = 1.0e-14);
+    let both = build(Walls::Between { half_gap: 0.5 }).assemble().unwrap();
+    assert_eq!(both.contacts[0].flanks, Flanks::Both);
+}
+
+#[test]
+fn frames() {
+    let there = frame::to_fixed([1.0, 2.0], 0.3);
+    let back = frame::to_carrier(there, 0.3);
+    assert_relative_eq!(back[0], 1.0, max_relative = 1.0e-15);
+    assert_relative_eq!(there[0], 0.3f64.cos() - 2.0 * 0.3f64.sin(), max_relative = 1.0e-15);
+}
