@@ -11,7 +11,10 @@ use super::{
     shape::{Object, Shape, Units},
     wall,
 };
-use crate::train::TrainError;
+use crate::{
+    gear::{Harmonic, contact::Law},
+    train::{ContactSpec, Spec, TrainError},
+};
 
 /// The kind of train in dimensionless form.
 const DIMENSIONLESS: &str = "gear-pair-dimensionless";
@@ -58,19 +61,59 @@ pub(super) fn build(resolved: &Value) -> Result<Built, Vec<Fault>> {
     }
 }
 
+/// What is wrong with the train of a scene whose other parts have faults already.
+pub(super) fn faults_of_train(resolved: &Value) -> Vec<Fault> {
+    let findings = Findings::default();
+    read_train(&Node::root(resolved, &findings, units_of(resolved)).at("train"));
+    findings.into_parts().0
+}
+
 fn read(root: &Node) -> Option<Built> {
-    let train = root.at("train");
-    let kind = train.at("kind").text();
-    let (spec, carrier_speed) = match kind {
-        DIMENSIONLESS => (dimensionless::read(&train), None),
-        "matrices" => (matrices::read(&train), None),
-        "gear-pair" => (pair::read(&train)?, None),
-        "planetary" => planetary::read(&train).map(|(spec, speed)| (spec, Some(speed)))?,
-        _ => (wall::read(&train)?, None),
-    };
+    let (spec, carrier_speed) = read_train(&root.at("train"))?;
     let run = run::read(&root.at("run"), &spec);
     let (q0, v0) = initial::read(&root.at("initial"), &spec);
     Some(Built { dimensionless: root.units == Units::None, carrier_speed, spec, q0, v0, run, warnings: vec![] })
+}
+
+/// The train in its common form, and the speed of its frame if that turns.
+fn read_train(train: &Node) -> Option<(Spec, Option<f64>)> {
+    let (spec, carrier_speed) = match train.at("kind").text() {
+        DIMENSIONLESS => (dimensionless::read(train), None),
+        "matrices" => (matrices::read(train), None),
+        "gear-pair" => (pair::read(train)?, None),
+        "planetary" => planetary::read(train).map(|(spec, speed)| (spec, Some(speed)))?,
+        _ => (wall::read(train)?, None),
+    };
+    if let Some(what) = first_overflow(&spec) {
+        train.fault(
+            format!("numbers whose products are too large: {what}"),
+            "numbers whose products a double can hold",
+            "check the units of very large and very small numbers",
+        );
+    }
+    Some((spec, carrier_speed))
+}
+
+/// Where products of the numbers of a scene have overflowed, if they have.
+fn first_overflow(spec: &Spec) -> Option<String> {
+    let law = |law: &Law| match law {
+        Law::Bilateral(linear) | Law::KelvinVoigt(linear, _) => linear.damping,
+        Law::Power(power) => power.hysteresis,
+        Law::Rigid(rigid) => rigid.restitution,
+    };
+    let finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
+    let structure = [&spec.mass, &spec.damping, &spec.stiffness].iter().all(|matrix| finite(matrix.as_slice()));
+    let loads = finite(&spec.load) && spec.load_harmonics.iter().all(|load| finite(&load.vector));
+    let broken = |c: &&ContactSpec| {
+        let stiffness = [c.stiffness.maximum(), c.stiffness.mean(), law(&c.law), c.half_backlash];
+        let error = |h: &Harmonic| h.amplitude.is_finite() && h.phase.is_finite() && h.omega.is_finite();
+        !finite(&stiffness) || !finite(&c.direction) || !c.error.iter().all(error)
+    };
+    match spec.contacts.iter().find(broken) {
+        _ if !structure => Some("the structure".to_owned()),
+        _ if !loads => Some("the loads".to_owned()),
+        broken => broken.map(|contact| contact.name.clone()),
+    }
 }
 
 /// What a train's own assembly returned; its refusal becomes a fault at the key it is about.
@@ -98,8 +141,8 @@ pub(super) fn assembled<T>(node: &Node, result: Result<T, TrainError>) -> Option
 
 /// The JSON Schema of a scene.
 pub(super) fn schema() -> Value {
-    let mut schema = super::schema::schema_of(&shape(Units::Si));
-    let dimensionless = super::schema::schema_of(&shape(Units::None));
+    let mut schema = super::schema::schema_of(&shape(Units::Si), false);
+    let dimensionless = super::schema::schema_of(&shape(Units::None), false);
     let run = |schema: &Value| schema["properties"]["run"].clone();
     let choice = json!({
         "if": { "properties": { "train": { "properties": { "kind": { "const": DIMENSIONLESS } } } } },

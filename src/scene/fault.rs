@@ -4,6 +4,9 @@ use std::fmt;
 
 use serde_json::Value;
 
+/// Faults printed at once; a list of a million wrong items has a million.
+const SHOWN: usize = 100;
+
 /// One thing wrong in a scene.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
@@ -58,9 +61,12 @@ impl SceneError {
     fn report(&self) -> String {
         let many = if self.faults.len() == 1 { "1 fault".to_owned() } else { format!("{} faults", self.faults.len()) };
         let mut text = format!("scene {} has {many}", self.name);
-        for fault in &self.faults {
+        for fault in self.faults.iter().take(SHOWN) {
             text.push('\n');
             text.push_str(&fault.to_string());
+        }
+        if self.faults.len() > SHOWN {
+            text.push_str(&format!("\n  and {} more", self.faults.len() - SHOWN));
         }
         text
     }

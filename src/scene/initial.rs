@@ -56,8 +56,8 @@ fn vector(node: &Node, spec: &Spec) -> Vec<f64> {
 
 fn at_equilibrium(node: &Node, spec: &Spec) -> Vec<f64> {
     let zero = vec![0.0; spec.freedoms.len()];
-    if spec.contacts.iter().any(|c| !matches!(c.law, Law::Bilateral(_) | Law::KelvinVoigt(..))) {
-        node.refuse("\"static\" for linear contact laws only", "start from \"rest\" or from coordinates q");
+    if spec.contacts.iter().any(|c| matches!(c.law, Law::Rigid(_))) {
+        node.refuse("\"static\" for compliant contact laws only", "start from \"rest\" or from coordinates q");
         return zero;
     }
     match equilibrium(spec) {

@@ -46,7 +46,7 @@ mod wall;
 
 use std::{io::Read, path::Path};
 
-use serde_json::Value;
+use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
 
 pub use fault::{Fault, SceneError, Warning};
@@ -108,6 +108,8 @@ impl Scene {
         let resolved = check::check(&expanded, &build::shape(build::units_of(&expanded)), "", &mut faults);
         if faults.is_empty() {
             faults = build::build(&resolved).err().unwrap_or_default();
+        } else if resolved["train"].is_object() && !faults.iter().any(|fault| fault.pointer.starts_with("/train")) {
+            faults.extend(build::faults_of_train(&resolved));
         }
         if faults.is_empty() {
             Ok(Self { name: name.to_owned(), given, resolved })
@@ -145,22 +147,21 @@ impl Scene {
     /// # Errors
     /// [`SceneError`] if the pointer leads nowhere or the scene no longer holds.
     pub fn with(&self, pointer: &str, value: Value) -> Result<Self, SceneError> {
-        let fail = |allowed: &str| {
-            let fault =
-                Fault::new(pointer, "no such place in the scene", allowed).remedy("check the spelling of the pointer");
-            SceneError::new(&self.name, vec![fault])
-        };
         let mut given = self.given.clone();
-        if let Some(place) = given.pointer_mut(pointer) {
-            *place = value;
-            return Self::from_value(given, &self.name);
+        let mut place = &mut given;
+        for key in pointer.split('/').skip(1).map(|key| key.replace("~1", "/").replace("~0", "~")) {
+            let next = match place {
+                // What a preset or a default brings is not written yet.
+                Value::Object(object) => Some(object.entry(key).or_insert_with(|| Value::Object(Map::new()))),
+                Value::Array(items) => key.parse::<usize>().ok().and_then(|i| items.get_mut(i)),
+                _ => None,
+            };
+            place = next.ok_or_else(|| {
+                let fault = Fault::new(pointer, "a pointer that leads nowhere", "a place in the scene");
+                SceneError::new(&self.name, vec![fault.remedy("check the pointer against the resolved scene")])
+            })?;
         }
-        let (parent, key) = pointer.rsplit_once('/').ok_or_else(|| fail("a pointer that starts with /"))?;
-        let key = key.replace("~1", "/").replace("~0", "~");
-        match given.pointer_mut(parent) {
-            Some(Value::Object(object)) => object.insert(key, value),
-            _ => return Err(fail("a key of an object the scene writes")),
-        };
+        *place = value;
         Self::from_value(given, &self.name)
     }
 

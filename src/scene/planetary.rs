@@ -42,6 +42,7 @@ pub(super) fn shape() -> Object {
         .with_default("planet_drag_n", 0.0, number(), "Drag force on each planet's base circle.");
     let part = |about| Shape::Object(body::keys(Object::new(about)));
     let stage = Object::new("A planetary stage: the sun drives, the ring is held, the carrier delivers.")
+        .partial()
         .free("preset", choice(&preset::NAMES), "A published stage; keys written beside it replace its own.")
         .with_default("freedoms", "full", freedoms, "Freedoms kept: a set by name, or a list of names.")
         .needed("speed_rpm", at_least(0.0), "Speed of the sun.")

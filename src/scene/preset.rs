@@ -3,9 +3,9 @@
 use serde_json::{Map, Value, json};
 
 use crate::{
-    gear::contact::Law,
+    gear::contact::{Hysteresis, Law, coefficient},
     train::{
-        Body, Damping, Flanks, Mesh, Support, TrainError,
+        Body, Damping, Flanks, Mesh, Support, TrainError, mesh_damping,
         planetary::presets::{self, ReferenceDamping, ReferenceStiffness},
     },
 };
@@ -13,6 +13,9 @@ use crate::{
 /// Names of the presets.
 pub(super) const NAMES: [&str; 5] =
     ["reference-light", "reference-heavy", "reference-float", "exact-frequencies", "lin-parker"];
+
+/// Restitution from which the light-load presets compute their hysteresis.
+const LIGHT_RESTITUTION: f64 = 0.743;
 
 /// Keys that say the same thing in two ways: one that is written replaces the preset's other one.
 const ALTERNATIVES: [&[&str]; 8] = [
@@ -99,8 +102,8 @@ fn written_out(name: &str) -> Result<Value, TrainError> {
         "planet": body(&planet.body),
         "ring": body(&stage.ring),
         "carrier": body(&stage.carrier),
-        "sun_mesh": mesh(&planet.sun_mesh),
-        "ring_mesh": mesh(&planet.ring_mesh),
+        "sun_mesh": mesh(&planet.sun_mesh, [&stage.sun, &planet.body]),
+        "ring_mesh": mesh(&planet.ring_mesh, [&planet.body, &stage.ring]),
         "gyroscopic": stage.gyroscopic,
         "strict": stage.strict,
     }))
@@ -124,17 +127,19 @@ fn support(support: &Support) -> Value {
     }
 }
 
-fn mesh(mesh: &Mesh) -> Value {
+fn mesh(mesh: &Mesh, gears: [&Body; 2]) -> Value {
+    let (stiffness, ratio) = (mesh.stiffness.mean(), ReferenceDamping::DEFAULT.mesh);
+    let damping = mesh_damping(stiffness, ratio, gears.map(|gear| gear.rotary_mass));
     let error: Vec<Value> = mesh
         .error
         .iter()
         .map(|h| json!({ "order": h.order, "amplitude_m": h.amplitude, "phase_rad": h.phase }))
         .collect();
     let mut written = json!({
-        "law": law(&mesh.law),
+        "law": law(&mesh.law, (ratio, damping)),
         "flanks": if mesh.flanks == Flanks::Drive { "drive" } else { "both" },
         // Presets have constant meshes: their excitation is the error.
-        "stiffness": mesh.stiffness.mean(),
+        "stiffness": stiffness,
         "error": error,
         "error_offset_m": mesh.error_offset,
     });
@@ -144,17 +149,27 @@ fn mesh(mesh: &Mesh) -> Value {
     written
 }
 
-fn law(law: &Law) -> Value {
+/// A law in the terms a user would change: a ratio or a restitution where the preset has computed from one.
+fn law(law: &Law, (ratio, damping): (f64, f64)) -> Value {
     match law {
+        Law::Bilateral(linear) if linear.damping == damping => json!({ "kind": "bilateral", "damping_ratio": ratio }),
         Law::Bilateral(linear) => json!({ "kind": "bilateral", "damping_n_s_per_m": linear.damping }),
         Law::KelvinVoigt(linear, _) => json!({ "kind": "kelvin-voigt", "damping_n_s_per_m": linear.damping }),
-        Law::Power(power) => json!({
-            "kind": "power",
-            "exponent": power.exponent.value(),
-            "hysteresis_coefficient": power.hysteresis,
-            "speed_floor_m_per_s": power.speed_floor,
-            "initial_speed_m_per_s": power.initial_speed,
-        }),
+        Law::Power(power) => {
+            let mut written = json!({
+                "kind": "power",
+                "exponent": power.exponent.value(),
+                "speed_floor_m_per_s": power.speed_floor,
+                "initial_speed_m_per_s": power.initial_speed,
+            });
+            if power.hysteresis == coefficient(Hysteresis::LankaraniNikravesh, LIGHT_RESTITUTION) {
+                written["hysteresis"] = json!("lankarani-nikravesh");
+                written["restitution"] = json!(LIGHT_RESTITUTION);
+            } else {
+                written["hysteresis_coefficient"] = json!(power.hysteresis);
+            }
+            written
+        }
         Law::Rigid(rigid) => json!({ "kind": "rigid", "restitution": rigid.restitution }),
     }
 }

@@ -4,8 +4,8 @@ use serde_json::{Map, Value, json};
 
 use super::shape::{Object, Presence, Shape};
 
-/// The schema of a shape.
-pub(super) fn schema_of(shape: &Shape) -> Value {
+/// The schema of a shape; in a partial object nothing is required, as a preset may bring it.
+pub(super) fn schema_of(shape: &Shape, partial: bool) -> Value {
     match shape {
         Shape::Number(span) => {
             let mut schema = Map::from_iter([("type".to_owned(), json!("number"))]);
@@ -24,31 +24,36 @@ pub(super) fn schema_of(shape: &Shape) -> Value {
         Shape::Text => json!({ "type": "string" }),
         Shape::Choice(words) => json!({ "enum": words }),
         Shape::List { item, min, max } => {
-            json!({ "type": "array", "items": schema_of(item), "minItems": min, "maxItems": max })
+            json!({ "type": "array", "items": schema_of(item, partial), "minItems": min, "maxItems": max })
         }
-        Shape::Map(item) => json!({ "type": "object", "additionalProperties": schema_of(item) }),
-        Shape::Object(object) => schema_of_object(object, None),
+        Shape::Map(item) => json!({ "type": "object", "additionalProperties": schema_of(item, partial) }),
+        Shape::Object(object) => schema_of_object(object, None, partial),
         Shape::Variant { tag, cases } => {
             let cases: Vec<Value> =
-                cases.iter().map(|(name, object)| schema_of_object(object, Some((tag, name)))).collect();
-            json!({ "oneOf": cases })
+                cases.iter().map(|(name, object)| schema_of_object(object, Some((tag, name)), partial)).collect();
+            json!({ (if partial { "anyOf" } else { "oneOf" }): cases })
         }
-        Shape::Either(shapes) => json!({ "anyOf": shapes.iter().map(schema_of).collect::<Vec<_>>() }),
+        Shape::Either(shapes) => {
+            json!({ "anyOf": shapes.iter().map(|shape| schema_of(shape, partial)).collect::<Vec<_>>() })
+        }
     }
 }
 
-fn schema_of_object(object: &Object, tag: Option<(&str, &str)>) -> Value {
+fn schema_of_object(object: &Object, tag: Option<(&str, &str)>, within_partial: bool) -> Value {
+    let partial = within_partial || object.partial;
     let mut properties = Map::new();
     let mut required = Vec::new();
     if let Some((tag, name)) = tag {
         properties.insert(tag.to_owned(), json!({ "const": name }));
-        required.push(tag);
+        if !within_partial {
+            required.push(tag);
+        }
     }
     for field in &object.fields {
         let mut schema = match field.presence {
-            Presence::Needed => schema_of(&field.shape),
+            Presence::Needed => schema_of(&field.shape, partial),
             Presence::Free | Presence::Default(_) => {
-                json!({ "anyOf": [schema_of(&field.shape), { "type": "null" }] })
+                json!({ "anyOf": [schema_of(&field.shape, partial), { "type": "null" }] })
             }
         };
         if let Value::Object(schema) = &mut schema {
@@ -58,7 +63,7 @@ fn schema_of_object(object: &Object, tag: Option<(&str, &str)>) -> Value {
             }
         }
         properties.insert(field.key.clone(), schema);
-        if matches!(field.presence, Presence::Needed) {
+        if matches!(field.presence, Presence::Needed) && !partial {
             required.push(&field.key);
         }
     }
@@ -68,7 +73,7 @@ fn schema_of_object(object: &Object, tag: Option<(&str, &str)>) -> Value {
         .iter()
         .map(|group| {
             let mut cases: Vec<Value> = group.keys.iter().map(written).collect();
-            if !group.needed {
+            if partial || !group.needed {
                 cases.push(json!({ "not": { "anyOf": cases } }));
             }
             json!({ "oneOf": cases })

@@ -108,6 +108,8 @@ pub(super) struct Object {
     pub fields: Vec<Field>,
     /// Keys that exclude each other.
     pub groups: Vec<Group>,
+    /// Whether it may be written in part, the rest coming from a preset.
+    pub partial: bool,
     /// Keys people write by mistake, and what to write instead.
     pub mistakes: Vec<(&'static str, &'static str)>,
 }
@@ -185,6 +187,12 @@ impl Object {
     /// At most one of these keys is written.
     pub fn at_most_one<S: Into<String>>(mut self, keys: impl IntoIterator<Item = S>) -> Self {
         self.groups.push(Group { keys: keys.into_iter().map(Into::into).collect(), needed: false });
+        self
+    }
+
+    /// It may be written in part, the rest coming from a preset.
+    pub fn partial(mut self) -> Self {
+        self.partial = true;
         self
     }
 
