@@ -248,6 +248,7 @@ impl Shape {
     pub fn describe(&self) -> String {
         match self {
             Self::Number(span) => span.describe(),
+            Self::Whole { min, max } if min == max => format!("the number {min}"),
             Self::Whole { min, max } if *max == u64::MAX => format!("a whole number >= {min}"),
             Self::Whole { min, max } => format!("a whole number from {min} to {max}"),
             Self::Flag => "true or false".to_owned(),
