@@ -71,6 +71,12 @@ pub(super) fn faults_of_train(resolved: &Value) -> Vec<Fault> {
 fn read(root: &Node) -> Option<Built> {
     let (spec, carrier_speed) = read_train(&root.at("train"))?;
     let run = run::read(&root.at("run"), &spec);
+    if run.frame == run::Frame::Fixed && carrier_speed.is_none() {
+        root.at("run")
+            .at("output")
+            .at("frame")
+            .warn("this train's frame does not turn: fixed and rotating are the same");
+    }
     let (q0, v0) = initial::read(&root.at("initial"), &spec);
     Some(Built { dimensionless: root.units == Units::None, carrier_speed, spec, q0, v0, run, warnings: vec![] })
 }

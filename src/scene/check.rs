@@ -129,10 +129,7 @@ fn check_object(
         } else if written.is_empty() && group.needed {
             let place = below(pointer, &group.keys[0]);
             let remedy = format!("add one of the keys {}", either(&group.keys));
-            // A mistaken key that means one of these has its own fault, with a better remedy.
-            if !map.keys().any(|k| object.mistakes.iter().any(|(m, _)| m == k)) {
-                faults.push(Fault::new(&place, "nothing: the key is missing", allowed).remedy(remedy));
-            }
+            faults.push(Fault::new(&place, "nothing: the key is missing", allowed).remedy(remedy));
         }
     }
     Value::Object(resolved)

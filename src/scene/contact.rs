@@ -135,7 +135,7 @@ pub(super) fn read(node: &Node, index: usize, n: usize) -> ContactSpec {
     if direction.iter().all(|g| *g == 0.0) {
         node.at("direction").refuse("a direction with an entry that is not zero", "write the deflection's derivatives");
     }
-    let (law, half_backlash) = read_gap(node, flanks, law::read(&node.at("law"), None));
+    let (law, half_backlash) = read_gap(node, flanks, law::read(&node.at("law")));
     ContactSpec {
         name: node.at("name").written().map_or_else(|| format!("contact {}", index + 1), |name| name.text().to_owned()),
         direction,

@@ -77,13 +77,10 @@ fn restitution() -> Shape {
     Shape::Number(Span { low: Some((0.0, false)), high: Some((1.0, true)) })
 }
 
-/// The law written here; of a gear mesh, with what turns a damping ratio into a damping.
-pub(super) fn read(node: &Node, of_ratio: Option<&dyn Fn(f64) -> f64>) -> Law {
-    let linear = || {
-        let ratio = node.at("damping_ratio").written().zip(of_ratio).map(|(ratio, damping)| damping(ratio.number()));
-        let damping = node.at_unit("damping", "n_s_per_m").written().map(|damping| damping.number());
-        Linear { damping: damping.or(ratio).unwrap_or(0.0) }
-    };
+/// The law written here; a damping ratio is left to the mesh that knows its gears.
+pub(super) fn read(node: &Node) -> Law {
+    let damping = node.at_unit("damping", "n_s_per_m").written().map_or(0.0, |damping| damping.number());
+    let linear = || Linear { damping };
     match node.at("kind").text() {
         "bilateral" => Law::Bilateral(linear()),
         "kelvin-voigt" => Law::KelvinVoigt(linear(), read_release(&node.at("release"))),
@@ -100,10 +97,9 @@ pub(super) fn read(node: &Node, of_ratio: Option<&dyn Fn(f64) -> f64>) -> Law {
 /// An exponent as a ratio; a fault, and Hertz's, if it is none.
 fn exponent(node: &Node) -> Ratio {
     let ratio = if node.is_text() {
-        node.text().split_once('/').and_then(|(p, q)| {
-            let (p, q) = (p.trim().parse().ok()?, q.trim().parse().ok()?);
-            ((1..64).contains(&p) && (1..=Ratio::MAX_DENOMINATOR).contains(&q)).then_some(Ratio { p, q })
-        })
+        let parts =
+            node.text().split_once('/').and_then(|(p, q)| Some((p.trim().parse().ok()?, q.trim().parse().ok()?)));
+        parts.and_then(|(p, q): (u32, u32)| Ratio::from_f64(f64::from(p) / f64::from(q)))
     } else {
         Ratio::from_f64(node.number())
     };
@@ -134,7 +130,17 @@ fn hysteresis(node: &Node) -> f64 {
     let model = MODELS.iter().find(|(word, _)| *word == name).map_or(Hysteresis::None, |(_, model)| *model);
     match node.at("restitution").written() {
         _ if model == Hysteresis::None => 0.0,
-        Some(e) => contact::coefficient(model, e.number()),
+        Some(e) => {
+            let coefficient = contact::coefficient(model, e.number());
+            let obtained = contact::restitution(coefficient);
+            if (obtained - e.number()).abs() > 0.01 {
+                e.warn(format!(
+                    "a free impact under \"{name}\" returns {obtained:.4}, not {}; \"exact\" returns what is asked",
+                    e.number()
+                ));
+            }
+            coefficient
+        }
         None => {
             node.at("restitution")
                 .refuse("a number in (0, 1]", format!("add restitution: \"{name}\" computes its damping from it"));

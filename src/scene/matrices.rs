@@ -74,6 +74,10 @@ pub(super) fn read(node: &Node) -> Spec {
         contacts: contacts.iter().enumerate().map(|(i, item)| contact::read(item, i, n)).collect(),
         omega: None,
     };
+    if spec.stiffness != spec.stiffness.transpose() {
+        node.at("stiffness_n_per_m")
+            .warn("the stiffness matrix is not symmetric: energy is not conserved without damping");
+    }
     spec.omega = base_frequency(node, &spec);
     spec
 }

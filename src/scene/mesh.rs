@@ -3,13 +3,17 @@
 use serde_json::json;
 
 use super::{
-    contact, law,
+    build, contact, law,
     node::Node,
     shape::{Object, Shape, Units, at_least, between, choice, list, number, positive, within},
 };
 use crate::{
-    gear::{BasicRack, MeshHarmonic, MeshStiffness, PathOfContact, Waveform},
-    train::{Flanks, Mesh, mesh_damping},
+    gear::{
+        BasicRack, Gear, Material, MeshGeometry, MeshHarmonic, MeshKind, MeshStiffness, PathOfContact, Waveform,
+        contact::{Law, Linear},
+        geometry::{hertz_stiffness, iso_mesh_stiffness, low_load_factor},
+    },
+    train::{Flanks, Mesh, TrainError, mesh_damping},
 };
 
 const UNITS: Units = Units::Si;
@@ -19,7 +23,7 @@ pub(super) fn shape() -> Shape {
     let mesh = Object::new("A gear mesh; its clock runs in mesh periods, t times the mesh frequency plus the phase.")
         .needed("law", law::shape(UNITS, true), "Contact law.")
         .with_default("flanks", "both", choice(&["both", "drive"]), "Drive and back flank, or the drive flank only.")
-        .needed("stiffness", stiffness_shape(), "Mesh stiffness, N/m (N/m^n under a power law).")
+        .free("stiffness", stiffness_shape(), "Mesh stiffness, N/m (N/m^n under a power law); none for a rigid law.")
         .with_default("error", json!([]), harmonics_shape("amplitude_m"), "Transmission error, a sum of sines.")
         .with_default("error_offset_m", 0.0, number(), "Constant part of the error.");
     Shape::Object(contact::gap(mesh, UNITS))
@@ -68,6 +72,12 @@ fn stiffness_shape() -> Shape {
         between(0.0, 0.5),
         "Half width of a ramp, fraction of the period.",
     );
+    let hertz = Object::new("Hertz stiffness of the flanks at the pitch point, N/m^1.5, taken as spheres.")
+        .with_default("young_pa", Material::STEEL.young, positive(), "Young's modulus of both gears.")
+        .with_default("poisson", Material::STEEL.poisson, within(0.0, 0.5), "Poisson's ratio of both gears.");
+    let iso = Object::new("Mean stiffness of ISO 6336-1, method B, of steel gears.")
+        .needed("face_width_m", positive(), "Face width.")
+        .free("line_load_n_per_m", positive(), "Load per face width: below 1e5 N/m the stiffness falls with it.");
     let fourier = pairs("Fourier series of the number of tooth pairs in contact, cut off.").needed(
         "orders",
         Shape::Whole { min: 1, max: 1000 },
@@ -84,24 +94,36 @@ fn stiffness_shape() -> Shape {
                 ("tooth-pairs", pairs("Number of tooth pairs in contact, rectangular.")),
                 ("tooth-pairs-trapezoidal", ramps),
                 ("fourier", fourier),
+                ("hertz", hertz),
+                ("iso-6336", iso),
             ],
         },
     ])
 }
 
-fn read_stiffness(node: &Node, path: Option<PathOfContact>) -> MeshStiffness {
+/// Two gears in mesh, where a scene gives their teeth.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Engaged {
+    /// Their rack.
+    pub rack: BasicRack,
+    /// Driving and driven gear.
+    pub gears: [Gear; 2],
+    /// How they mesh.
+    pub geometry: MeshGeometry,
+}
+
+impl Engaged {
+    /// Two gears brought into mesh; gears that cannot mesh are a fault of the rack at `node`.
+    pub fn new(node: &Node, rack: BasicRack, gears: [Gear; 2], kind: MeshKind) -> Option<Self> {
+        let geometry = MeshGeometry::new(&rack, gears[0], gears[1], kind).map_err(TrainError::from);
+        build::assembled(node, geometry).map(|geometry| Self { rack, gears, geometry })
+    }
+}
+
+fn read_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStiffness {
     let number = |key: &str| node.at(key).number();
     let pairs = |waveform| {
-        let ratio = node.at("contact_ratio");
-        let written = ratio.clone().written().map(|r| PathOfContact { approach: 0.0, recess: r.number() });
-        let path = written.or(path).unwrap_or_else(|| {
-            ratio.refuse("a contact ratio >= 1", "add contact_ratio, or the geometry it follows from");
-            PathOfContact { approach: 0.0, recess: 1.0 }
-        });
-        if path.contact_ratio() < 1.0 {
-            let found = format!("a contact ratio of {} from the geometry", path.contact_ratio());
-            ratio.fault(found, "a contact ratio >= 1: a tooth pair always in contact", "change addendum or shifts");
-        }
+        let path = path_of_contact(&node.at("contact_ratio"), engaged);
         MeshStiffness::Pairs { mean: number("mean"), path, waveform, modulation: number("modulation") }
     };
     if node.is_number() {
@@ -116,16 +138,73 @@ fn read_stiffness(node: &Node, path: Option<PathOfContact>) -> MeshStiffness {
         "tooth-pairs" => pairs(Waveform::Rectangular),
         "tooth-pairs-trapezoidal" => pairs(Waveform::Trapezoidal { ramp: number("ramp") }),
         "fourier" => pairs(Waveform::Fourier { harmonics: node.at("orders").whole() as u32 }),
-        _ => MeshStiffness::Constant(number("value")),
+        "constant" => MeshStiffness::Constant(number("value")),
+        _ => MeshStiffness::Constant(from_teeth(node, law, engaged)),
     }
 }
 
-/// The mesh written here, phase 0, between two rotary masses, with its path of contact if the geometry is known.
-pub(super) fn read(node: &Node, rotary_masses: [f64; 2], path: Option<PathOfContact>) -> Mesh {
-    let stiffness = read_stiffness(&node.at("stiffness"), path);
-    let damping = |ratio: f64| mesh_damping(stiffness.mean(), ratio, rotary_masses);
+fn path_of_contact(ratio: &Node, engaged: Option<&Engaged>) -> PathOfContact {
+    let written = ratio.clone().written().map(|r| PathOfContact { approach: 0.0, recess: r.number() });
+    let path = written.or(engaged.map(|e| e.geometry.path)).unwrap_or_else(|| {
+        ratio.refuse("a contact ratio >= 1", "add contact_ratio, or the rack it follows from");
+        PathOfContact { approach: 0.0, recess: 1.0 }
+    });
+    if path.contact_ratio() < 1.0 {
+        let found = format!("a contact ratio of {} from the rack", path.contact_ratio());
+        ratio.fault(found, "a contact ratio >= 1: a tooth pair always in contact", "change addendum or shifts");
+    }
+    path
+}
+
+/// A stiffness that follows from the teeth.
+fn from_teeth(node: &Node, law: &Law, engaged: Option<&Engaged>) -> f64 {
+    let kind = node.at("kind");
+    let Some(Engaged { rack, gears: [pinion, wheel], geometry }) = engaged else {
+        kind.refuse("a stiffness in numbers, as no rack is given", "add the rack, or write the stiffness");
+        return 1.0;
+    };
+    let hertzian = matches!(law, Law::Power(power) if power.exponent.value() == 1.5);
+    let belongs = if kind.text() == "hertz" { hertzian } else { !matches!(law, Law::Power(_)) };
+    if !belongs {
+        kind.refuse(
+            "\"hertz\" under a power law of exponent 1.5, \"iso-6336\" under a linear law",
+            "choose the stiffness that belongs to the law",
+        );
+    }
+    if kind.text() == "hertz" {
+        let material = Material { young: node.at("young_pa").number(), poisson: node.at("poisson").number() };
+        return hertz_stiffness(geometry.curvature_radii(), geometry.kind, [material; 2]);
+    }
+    let width = node.at("face_width_m").number();
+    let load = node.at("line_load_n_per_m").written().map_or(1.0, |load| low_load_factor(load.number()));
+    load * iso_mesh_stiffness(rack, *pinion, *wheel, geometry.kind, geometry.path.contact_ratio(), width)
+}
+
+/// The mesh written here, phase 0, between two rotary masses, with their teeth if a rack is given.
+pub(super) fn read(node: &Node, rotary_masses: [f64; 2], engaged: Option<&Engaged>) -> Mesh {
+    let (law_node, stiffness_node) = (node.at("law"), node.at("stiffness"));
     let flanks = if node.at("flanks").text() == "drive" { Flanks::Drive } else { Flanks::Both };
-    let (law, half_backlash) = contact::read_gap(node, flanks, law::read(&node.at("law"), Some(&damping)));
+    let law = law::read(&law_node);
+    let stiffness = match (&law, stiffness_node.clone().written()) {
+        (Law::Rigid(_), None) => MeshStiffness::Constant(0.0),
+        (Law::Rigid(_), Some(written)) => {
+            written.refuse("no stiffness under a rigid law", "remove it (null over a preset), or choose another law");
+            MeshStiffness::Constant(0.0)
+        }
+        (_, Some(written)) => read_stiffness(&written, &law, engaged),
+        (_, None) => {
+            stiffness_node.refuse("a stiffness > 0 or a schedule", "add stiffness: a compliant law needs one");
+            MeshStiffness::Constant(1.0)
+        }
+    };
+    let ratio = law_node.at("damping_ratio").written();
+    let damping = ratio.map(|ratio| Linear { damping: mesh_damping(stiffness.mean(), ratio.number(), rotary_masses) });
+    let law = match (law, damping) {
+        (Law::Bilateral(_), Some(linear)) => Law::Bilateral(linear),
+        (Law::KelvinVoigt(_, release), Some(linear)) => Law::KelvinVoigt(linear, release),
+        (law, _) => law,
+    };
+    let (law, half_backlash) = contact::read_gap(node, flanks, law);
     Mesh {
         error: read_harmonics(&node.at("error"), "amplitude_m"),
         error_offset: node.at("error_offset_m").number(),

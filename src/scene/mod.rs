@@ -1,7 +1,16 @@
 //! Scenes: a train, where it starts and how it runs, as one JSON file.
 //!
 //! A scene names its units in its keys, refuses keys it does not know, and reports everything that is wrong
-//! with it at once, each fault with its place, what is allowed there, and a remedy.
+//! with it at once, each fault with its place, what is allowed there, and a remedy. [`schema`] is its JSON Schema,
+//! printed from the description the reader itself follows. Trains, by `kind`:
+//!
+//! | kind | train | freedoms |
+//! |---|---|---|
+//! | `planetary` | a planetary stage, or a preset with some of its numbers replaced | `torsional`, `in-phase`, `full`, `full-carrier`, or by name |
+//! | `gear-pair` | two external gears with real teeth | `torsional`, `torsional-translational` |
+//! | `gear-pair-dimensionless` | the pair of Kahraman and Singh; keys carry no units | one |
+//! | `wall` | a mass against a wall, or between two | one |
+//! | `matrices` | masses, dampers, springs and contacts written out | any |
 //!
 //! ```
 //! use flank::scene::Scene;

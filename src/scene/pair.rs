@@ -1,13 +1,14 @@
 //! A pair of gears with real teeth.
 
 use super::{
-    body, build, mesh,
+    body, build,
+    mesh::{self, Engaged},
     node::Node,
     shape::{Object, Shape, at_least, choice, number, within},
 };
 use crate::{
-    gear::{Gear, MeshGeometry, MeshKind},
-    train::{GearPair, Spec, TrainError},
+    gear::{Gear, MeshKind},
+    train::{GearPair, Spec},
 };
 
 /// Teeth of a gear.
@@ -41,18 +42,18 @@ pub(super) fn shape() -> Object {
 pub(super) fn read(node: &Node) -> Option<Spec> {
     let (driving, driven) = (node.at("driving"), node.at("driven"));
     let gear = |node: &Node| Gear { teeth: node.at("teeth").whole() as u32, shift: node.at("profile_shift").number() };
-    let rack = mesh::read_rack(&node.at("rack"));
-    let geometry = MeshGeometry::new(&rack, gear(&driving), gear(&driven), MeshKind::External);
-    let geometry = build::assembled(&node.at("rack"), geometry.map_err(TrainError::from))?;
-    let [first, second] = geometry.base_radii.map(Some);
+    let rack = node.at("rack");
+    let gears = [gear(&driving), gear(&driven)];
+    let engaged = Engaged::new(&rack, mesh::read_rack(&rack), gears, MeshKind::External)?;
+    let [first, second] = engaged.geometry.base_radii.map(Some);
     let (one, two) = (body::read(&driving, first), body::read(&driven, second));
-    let mut mesh = mesh::read(&node.at("mesh"), [one.rotary_mass, two.rotary_mass], Some(geometry.path));
+    let mut mesh = mesh::read(&node.at("mesh"), [one.rotary_mass, two.rotary_mass], Some(&engaged));
     mesh.phase = node.at("mesh_phase").number();
     let pair = GearPair {
-        driving_teeth: gear(&driving).teeth,
+        driving_teeth: gears[0].teeth,
         driving: one,
         driven: two,
-        pressure_angle: geometry.pressure_angle,
+        pressure_angle: engaged.geometry.pressure_angle,
         mesh,
         rpm: node.at("speed_rpm").number(),
         torque: node.at("torque_nm").number(),

@@ -3,13 +3,14 @@
 use serde_json::json;
 
 use super::{
-    body, build, mesh,
+    body, build,
+    mesh::{self, Engaged},
     node::Node,
     pair, preset,
     shape::{Object, Shape, at_least, choice, list_of, number, within},
 };
 use crate::{
-    gear::{Gear, MeshGeometry, phase::equally_spaced},
+    gear::{Gear, MeshKind, phase::equally_spaced},
     train::{Freedoms, Load, Phasing, Planet, Planetary, Spec, StageGeometry, Teeth},
 };
 
@@ -90,41 +91,37 @@ fn read_stage(node: &Node) -> Option<Planetary> {
     let number = |key: &str| node.at(key).number();
     let teeth = |key: &str| node.at("teeth").at(key).whole() as u32;
     let teeth = Teeth { sun: teeth("sun"), planet: teeth("planet"), ring: teeth("ring") };
-    let rack = node.at("rack").written();
-    let geometry = rack.as_ref().map(|rack| read_geometry(rack, teeth));
-    let (sun_geometry, ring_geometry) = match (&geometry, &rack) {
-        (Some(gears), Some(rack)) => (
-            Some(build::assembled(rack, gears.sun_mesh().map_err(Into::into))?),
-            Some(build::assembled(rack, gears.ring_mesh().map_err(Into::into))?),
-        ),
-        _ => (None, None),
+    let (sun_engaged, ring_engaged, rack_phase) = match node.at("rack").written() {
+        Some(rack) => {
+            let gears = read_gears(&rack, teeth);
+            (
+                Some(Engaged::new(&rack, gears.rack, [gears.sun, gears.planet], MeshKind::External)?),
+                Some(Engaged::new(&rack, gears.rack, [gears.planet, gears.ring], MeshKind::Internal)?),
+                gears.ring_phase(),
+            )
+        }
+        None => (None, None, 0.0),
     };
-    let angle = |stem: &str, geometry: &Option<MeshGeometry>| {
-        mesh::read_angle(node, stem).or(geometry.map(|g| g.pressure_angle)).unwrap_or_else(|| {
+    let angle = |stem: &str, engaged: &Option<Engaged>| {
+        mesh::read_angle(node, stem).or(engaged.map(|e| e.geometry.pressure_angle)).unwrap_or_else(|| {
             node.at(&format!("{stem}_deg")).refuse("an angle in degrees", "add the working pressure angle, or a rack");
             0.0
         })
     };
-    let radius = |geometry: &Option<MeshGeometry>, i: usize| geometry.map(|g| g.base_radii[i]);
-    let sun = body::read(&node.at("sun"), radius(&sun_geometry, 0));
-    let planet = body::read(&node.at("planet"), radius(&sun_geometry, 1));
-    let ring = body::read(&node.at("ring"), radius(&ring_geometry, 1));
-    let carrier = body::read(&node.at("carrier"), sun_geometry.map(|g| g.centre_distance));
+    let radius = |engaged: &Option<Engaged>, i: usize| engaged.map(|e| e.geometry.base_radii[i]);
+    let sun = body::read(&node.at("sun"), radius(&sun_engaged, 0));
+    let planet = body::read(&node.at("planet"), radius(&sun_engaged, 1));
+    let ring = body::read(&node.at("ring"), radius(&ring_engaged, 1));
+    let carrier = body::read(&node.at("carrier"), sun_engaged.map(|e| e.geometry.centre_distance));
     let masses = |a: &crate::train::Body, b: &crate::train::Body| [a.rotary_mass, b.rotary_mass];
-    let path = |geometry: &Option<MeshGeometry>| geometry.map(|g| g.path);
-    let sun_mesh = mesh::read(&node.at("sun_mesh"), masses(&sun, &planet), path(&sun_geometry));
-    let ring_mesh = mesh::read(&node.at("ring_mesh"), masses(&planet, &ring), path(&ring_geometry));
+    let sun_mesh = mesh::read(&node.at("sun_mesh"), masses(&sun, &planet), sun_engaged.as_ref());
+    let ring_mesh = mesh::read(&node.at("ring_mesh"), masses(&planet, &ring), ring_engaged.as_ref());
     let load = |key: &str| node.at("load").at(key).number();
     let stage = Planetary {
         teeth,
-        sun_pressure_angle: angle("sun_pressure_angle", &sun_geometry),
-        ring_pressure_angle: angle("ring_pressure_angle", &ring_geometry),
-        ring_phase: node
-            .at("ring_phase")
-            .written()
-            .map(|phase| phase.number())
-            .or(geometry.map(|g| g.ring_phase()))
-            .unwrap_or(0.0),
+        sun_pressure_angle: angle("sun_pressure_angle", &sun_engaged),
+        ring_pressure_angle: angle("ring_pressure_angle", &ring_engaged),
+        ring_phase: node.at("ring_phase").written().map_or(rack_phase, |phase| phase.number()),
         sun,
         ring,
         carrier,
@@ -155,14 +152,14 @@ fn read_stage(node: &Node) -> Option<Planetary> {
     build::assembled(node, stage.phased(&phasing))
 }
 
-fn read_geometry(rack: &Node, teeth: Teeth) -> StageGeometry {
+fn read_gears(rack: &Node, teeth: Teeth) -> StageGeometry {
     let gear = |teeth: u32, key: &str| Gear { teeth, shift: rack.at("profile_shift").at(key).number() };
     StageGeometry {
         rack: mesh::read_rack(rack),
         sun: gear(teeth.sun, "sun"),
         planet: gear(teeth.planet, "planet"),
         ring: gear(teeth.ring, "ring"),
-        // Only a stiffness from a standard would read it; here stiffnesses are written.
+        // Only a stiffness by a standard reads it; a mesh that asks for one writes its own.
         face_width: 1.0,
     }
 }

@@ -76,6 +76,23 @@ pub struct Run {
     pub frame: Frame,
 }
 
+impl Run {
+    /// Time at which the run starts, s.
+    #[must_use]
+    pub fn start(&self) -> f64 {
+        self.period.map_or(0.0, |period| self.start_cycle as f64 * period)
+    }
+
+    /// Time at which the run ends, s.
+    #[must_use]
+    pub fn end(&self) -> f64 {
+        match self.duration {
+            Duration::Cycles(n) => (self.start_cycle + n) as f64 * self.period.unwrap_or(f64::NAN),
+            Duration::Until(end) => end,
+        }
+    }
+}
+
 /// The run section.
 pub(super) fn shape(units: Units) -> Shape {
     let tolerance = within(1.0e-16, 1.0e-2);

@@ -49,7 +49,7 @@ pub(super) fn shape() -> Object {
 /// The train written here.
 pub(super) fn read(node: &Node) -> Option<Spec> {
     let number = |key: &str| node.at(key).number();
-    let law = law::read(&node.at("law"), None);
+    let law = law::read(&node.at("law"));
     if let Law::Bilateral(_) = law {
         node.at("law").at("kind").refuse("a law that lets go", "choose \"kelvin-voigt\", \"power\" or \"rigid\"");
     }
