@@ -22,8 +22,8 @@ use serde_json::{Value, json};
 
 fn examples() -> Vec<PathBuf> {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/scenes");
-    let mut files: Vec<_> =
-        fs::read_dir(folder).expect("folder of examples").map(|f| f.expect("file").path()).collect();
+    let all = fs::read_dir(folder).expect("folder of examples").map(|f| f.expect("file").path());
+    let mut files: Vec<_> = all.filter(|file| file.extension().is_some_and(|end| end == "json")).collect();
     files.sort();
     files
 }
