@@ -8,4 +8,5 @@ pub mod hybrid;
 pub mod integrate;
 pub mod linalg;
 pub mod poly;
+pub mod scene;
 pub mod train;

@@ -1,0 +1,163 @@
+//! From a resolved scene to what runs.
+
+use serde_json::{Value, json};
+
+use super::{
+    Built, dimensionless,
+    fault::Fault,
+    initial, matrices,
+    node::{Findings, Node},
+    pair, planetary, run,
+    shape::{Object, Shape, Units},
+    wall,
+};
+use crate::{
+    gear::{Harmonic, contact::Law},
+    train::{ContactSpec, Spec, TrainError},
+};
+
+/// The kind of train in dimensionless form.
+const DIMENSIONLESS: &str = "gear-pair-dimensionless";
+
+/// Units of the keys of a scene, told by its train.
+pub(super) fn units_of(scene: &Value) -> Units {
+    if scene.pointer("/train/kind").and_then(Value::as_str) == Some(DIMENSIONLESS) { Units::None } else { Units::Si }
+}
+
+/// The shape of a scene.
+pub(super) fn shape(units: Units) -> Shape {
+    let train = Shape::Variant {
+        tag: "kind",
+        cases: vec![
+            (DIMENSIONLESS, dimensionless::shape()),
+            ("gear-pair", pair::shape()),
+            ("matrices", matrices::shape()),
+            ("planetary", planetary::shape()),
+            ("wall", wall::shape()),
+        ],
+    };
+    Shape::Object(
+        Object::new("A scene: one train, where it starts, and how it runs.")
+            .needed("flank", Shape::Whole { min: 1, max: 1 }, "Version of this format, 1.")
+            .with_default("name", "", Shape::Text, "Name of the scene.")
+            .with_default("note", "", Shape::Text, "Anything worth saying about it.")
+            .needed("train", train, "The train.")
+            .with_default("initial", "rest", initial::shape(), "Where the run starts.")
+            .needed("run", run::shape(units), "The run.")
+            .mistake("version", "write \"flank\": 1")
+            .mistake("schema", "write \"flank\": 1"),
+    )
+}
+
+/// Reads a resolved scene.
+pub(super) fn build(resolved: &Value) -> Result<Built, Vec<Fault>> {
+    let findings = Findings::default();
+    let root = Node::root(resolved, &findings, units_of(resolved));
+    let built = read(&root);
+    let (faults, warnings) = findings.into_parts();
+    match built {
+        Some(built) if faults.is_empty() => Ok(Built { warnings, ..built }),
+        _ => Err(faults),
+    }
+}
+
+/// What is wrong with the train of a scene whose other parts have faults already.
+pub(super) fn faults_of_train(resolved: &Value) -> Vec<Fault> {
+    let findings = Findings::default();
+    read_train(&Node::root(resolved, &findings, units_of(resolved)).at("train"));
+    findings.into_parts().0
+}
+
+fn read(root: &Node) -> Option<Built> {
+    let (spec, carrier_speed) = read_train(&root.at("train"))?;
+    let run = run::read(&root.at("run"), &spec);
+    if run.frame == run::Frame::Fixed && carrier_speed.is_none() {
+        root.at("run")
+            .at("output")
+            .at("frame")
+            .warn("this train's frame does not turn: fixed and rotating are the same");
+    }
+    let (q0, v0) = initial::read(&root.at("initial"), &spec);
+    Some(Built { dimensionless: root.units == Units::None, carrier_speed, spec, q0, v0, run, warnings: vec![] })
+}
+
+/// The train in its common form, and the speed of its frame if that turns.
+fn read_train(train: &Node) -> Option<(Spec, Option<f64>)> {
+    let (spec, carrier_speed) = match train.at("kind").text() {
+        DIMENSIONLESS => (dimensionless::read(train), None),
+        "matrices" => (matrices::read(train), None),
+        "gear-pair" => (pair::read(train)?, None),
+        "planetary" => planetary::read(train).map(|(spec, speed)| (spec, Some(speed)))?,
+        _ => (wall::read(train)?, None),
+    };
+    if let Some(what) = first_overflow(&spec) {
+        train.fault(
+            format!("numbers whose products are too large: {what}"),
+            "numbers whose products a double can hold",
+            "check the units of very large and very small numbers",
+        );
+    }
+    Some((spec, carrier_speed))
+}
+
+/// Where products of the numbers of a scene have overflowed, if they have.
+fn first_overflow(spec: &Spec) -> Option<String> {
+    let law = |law: &Law| match law {
+        Law::Bilateral(linear) | Law::KelvinVoigt(linear, _) => linear.damping,
+        Law::Power(power) => power.hysteresis,
+        Law::Rigid(rigid) => rigid.restitution,
+    };
+    let finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
+    let structure = [&spec.mass, &spec.damping, &spec.stiffness].iter().all(|matrix| finite(matrix.as_slice()));
+    let loads = finite(&spec.load) && spec.load_harmonics.iter().all(|load| finite(&load.vector));
+    let broken = |c: &&ContactSpec| {
+        let stiffness = [c.stiffness.maximum(), c.stiffness.mean(), law(&c.law), c.half_backlash];
+        let error = |h: &Harmonic| h.amplitude.is_finite() && h.phase.is_finite() && h.omega.is_finite();
+        !finite(&stiffness) || !finite(&c.direction) || !c.error.iter().all(error)
+    };
+    match spec.contacts.iter().find(broken) {
+        _ if !structure => Some("the structure".to_owned()),
+        _ if !loads => Some("the loads".to_owned()),
+        broken => broken.map(|contact| contact.name.clone()),
+    }
+}
+
+/// What a train's own assembly returned; its refusal becomes a fault at the key it is about.
+pub(super) fn assembled<T>(node: &Node, result: Result<T, TrainError>) -> Option<T> {
+    let refused = |error: TrainError| {
+        let (key, allowed, remedy) = match &error {
+            TrainError::Freedom { .. } => ("freedoms", "names of freedoms the train has", "name others, each once"),
+            TrainError::NotInPhase { .. } => {
+                ("freedoms", "\"in-phase\" for alike planets only", "keep other freedoms, or put the meshes in phase")
+            }
+            TrainError::Phases { .. } => ("phases", "one phase per planet and mesh", "write as many as planets"),
+            TrainError::Standing { .. } => {
+                ("speed_rpm", "a speed > 0 where something varies", "give a speed, or leave the variation out")
+            }
+            TrainError::Implausible(_) => {
+                ("strict", "plausible data in strict mode", "mend what it says, or set strict to false")
+            }
+            _ => ("", "data that make a train", "change the value it names"),
+        };
+        let place = if key.is_empty() { node.clone() } else { node.at(key) };
+        place.fault(error.to_string(), allowed, remedy);
+    };
+    result.map_err(refused).ok()
+}
+
+/// The JSON Schema of a scene.
+pub(super) fn schema() -> Value {
+    let mut schema = super::schema::schema_of(&shape(Units::Si), false);
+    let dimensionless = super::schema::schema_of(&shape(Units::None), false);
+    let run = |schema: &Value| schema["properties"]["run"].clone();
+    let choice = json!({
+        "if": { "properties": { "train": { "properties": { "kind": { "const": DIMENSIONLESS } } } } },
+        "then": { "properties": { "run": run(&dimensionless) } },
+        "else": { "properties": { "run": run(&schema) } },
+    });
+    schema["properties"]["run"] = json!({});
+    schema["allOf"] = json!([choice]);
+    schema["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
+    schema["title"] = json!("Flank scene");
+    schema
+}

@@ -1,0 +1,149 @@
+//! Contacts: a law, a gap, a stiffness and an error on one direction.
+
+use super::{
+    harmonics, law,
+    node::Node,
+    schedule,
+    shape::{Object, Shape, Units, at_least, choice, list_of, number},
+};
+use crate::{
+    gear::{Stiffness, contact::Law},
+    train::{ContactSpec, Flanks},
+};
+
+/// Most freedoms a scene may name.
+pub(super) const MAX_FREEDOMS: usize = 512;
+
+/// A contact written out with its direction.
+pub(super) fn shape(units: Units) -> Shape {
+    let contact = Object::new("A contact: deflection = direction . q - error, touched beyond the gap.")
+        .free("name", Shape::Text, "Name in logs.")
+        .needed("direction", list_of(1, MAX_FREEDOMS, number()), "Derivative of the deflection by each freedom.")
+        .with_default("flanks", "both", choice(&["both", "drive"]), "Drive and back flank, or the drive flank only.")
+        .with_default(
+            "error",
+            serde_json::json!([]),
+            harmonics::shape(units, &units.key("amplitude", "m")),
+            "Transmission error; positive opens the drive flank.",
+        )
+        .with_default(units.key("error_offset", "m"), 0.0, number(), "Constant part of the error.")
+        .free(
+            "stiffness",
+            schedule::shape(units),
+            "Contact stiffness, N/m (N/m^n under a power law); none for a rigid law.",
+        )
+        .needed("law", law::shape(units, false), "Contact law.");
+    Shape::Object(gap(contact, units))
+}
+
+/// The two keys of a gap, and the remedy for the key that could mean either.
+pub(super) fn gap(object: Object, units: Units) -> Object {
+    let (half, total) = keys(units);
+    object
+        .free(half.clone(), number(), "Half the gap, b: the drive flank is touched at deflection +b.")
+        .free(total.clone(), at_least(0.0), "The whole gap, 2b.")
+        .at_most_one([half, total])
+        .mistake("backlash", BARE)
+        .mistake("backlash_m", BARE)
+        .mistake("gap", BARE)
+}
+
+const BARE: &str = "half or whole gap? Write half_backlash (b) or total_backlash (2b), with the unit _m in SI scenes";
+
+fn keys(units: Units) -> (String, String) {
+    (units.key("half_backlash", "m"), units.key("total_backlash", "m"))
+}
+
+/// Law and half gap of a mesh or contact that writes its gap under the two keys.
+pub(super) fn read_gap(node: &Node, flanks: Flanks, law: Law) -> (Law, f64) {
+    let (half_key, total_key) = keys(node.units);
+    let (half, total) = (node.at(&half_key), node.at(&total_key));
+    if let Some(half) = half.clone().written() {
+        return close(&half, half.number(), flanks, law);
+    }
+    if let Some(total) = total.written() {
+        return close(&total, 0.5 * total.number(), flanks, law);
+    }
+    if !matches!(law, Law::Bilateral(_)) {
+        half.refuse(
+            format!("exactly one of \"{half_key}\" or \"{total_key}\""),
+            format!("add \"{half_key}\", half the gap, or \"{total_key}\", the whole gap"),
+        );
+    }
+    (law, 0.0)
+}
+
+/// Law and half gap `b`, written at `node`: a gap for every law that has flanks, none for a bilateral one, and
+/// a bilateral mesh where there are two flanks and no gap between them.
+pub(super) fn close(node: &Node, b: f64, flanks: Flanks, law: Law) -> (Law, f64) {
+    if let Law::Bilateral(_) = law {
+        if b != 0.0 {
+            node.refuse(
+                "no gap under a bilateral law",
+                "remove the gap, or choose the law \"kelvin-voigt\", which lets go",
+            );
+        }
+        return (law, 0.0);
+    }
+    if flanks == Flanks::Drive || b > 0.0 {
+        return (law, b);
+    }
+    if b < 0.0 {
+        node.refuse(
+            "a gap >= 0 between two flanks",
+            "a negative gap is interference: write 0 for a mesh without gap, or flanks \"drive\" for a wall",
+        );
+        return (law, 0.0);
+    }
+    if let Law::KelvinVoigt(linear, _) = law {
+        node.warn("no gap between the two flanks: the mesh never lets go and is built as a bilateral one");
+        return (Law::Bilateral(linear), 0.0);
+    }
+    node.refuse(
+        "a gap > 0 between two flanks under this law",
+        "write a gap, or flanks \"drive\" for one flank, or the law \"kelvin-voigt\"",
+    );
+    (law, 0.0)
+}
+
+/// The stiffness a law needs: one for a compliant law, none for a rigid one.
+pub(super) fn read_stiffness(node: &Node, law: &Law) -> Stiffness {
+    match (law, node.clone().written()) {
+        (Law::Rigid(_), None) => Stiffness::Constant(0.0),
+        (Law::Rigid(_), Some(written)) => {
+            written.refuse("no stiffness under a rigid law", "remove the stiffness, or choose a compliant law");
+            Stiffness::Constant(0.0)
+        }
+        (_, None) => {
+            node.refuse("a stiffness > 0 or a schedule", "add stiffness: a compliant law needs one");
+            Stiffness::Constant(0.0)
+        }
+        (_, Some(written)) => {
+            let schedule = schedule::read(&written);
+            if schedule.maximum() <= 0.0 {
+                written.refuse("a stiffness that is positive at some time", "write a stiffness > 0");
+            }
+            schedule
+        }
+    }
+}
+
+/// The contact written here, number `index`, on `n` freedoms.
+pub(super) fn read(node: &Node, index: usize, n: usize) -> ContactSpec {
+    let flanks = if node.at("flanks").text() == "drive" { Flanks::Drive } else { Flanks::Both };
+    let direction = node.at("direction").vector(n);
+    if direction.iter().all(|g| *g == 0.0) {
+        node.at("direction").refuse("a direction with an entry that is not zero", "write the deflection's derivatives");
+    }
+    let (law, half_backlash) = read_gap(node, flanks, law::read(&node.at("law")));
+    ContactSpec {
+        name: node.at("name").written().map_or_else(|| format!("contact {}", index + 1), |name| name.text().to_owned()),
+        direction,
+        error: harmonics::read(&node.at("error"), &node.units.key("amplitude", "m")),
+        error_offset: node.at_unit("error_offset", "m").number(),
+        half_backlash,
+        flanks,
+        stiffness: read_stiffness(&node.at("stiffness"), &law),
+        law,
+    }
+}

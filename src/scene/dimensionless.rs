@@ -1,0 +1,111 @@
+//! The gear pair of Kahraman and Singh: one relative freedom, lengths in half gaps, time in natural periods.
+
+use nalgebra::DMatrix;
+use serde_json::json;
+
+use super::{
+    contact, harmonics, law, matrices,
+    node::Node,
+    schedule,
+    shape::{Object, Shape, Units, at_least, number, positive},
+};
+use crate::{
+    gear::{
+        Stiffness,
+        contact::{Law, Linear, Release},
+    },
+    train::{ContactSpec, Flanks, LoadHarmonic, Spec},
+};
+
+const UNITS: Units = Units::None;
+
+/// `x'' + 2 zeta x' + k(t) g(x) = Fm + sum of Fa w^2 cos(w t + phase)`.
+pub(super) fn shape() -> Object {
+    Object::new("Dimensionless gear pair of Kahraman and Singh, x'' + 2 zeta x' + k(t) g(x) = Fm + Fa w^2 cos(w t).")
+        .needed("damping_ratio", at_least(0.0), "zeta.")
+        .needed("damping_in_gap", Shape::Flag, "Whether the damper also acts while the flanks are apart.")
+        .free(
+            "release",
+            law::release_shape(),
+            "When contact is lost if the damper acts in contact only; \"force\" if left out.",
+        )
+        .with_default(
+            "half_backlash",
+            1.0,
+            at_least(0.0),
+            "Half the gap, 1 in this form; 0 for a mesh that never lets go.",
+        )
+        .needed("mean_load", number(), "Fm.")
+        .with_default(
+            "transmission_error",
+            json!([]),
+            harmonics::shape(UNITS, "amplitude"),
+            "Fa, w and phase of each harmonic of the error; its load is Fa w^2.",
+        )
+        .with_default(
+            "load_harmonics",
+            json!([]),
+            harmonics::shape(UNITS, "amplitude"),
+            "Loads from outside, as they are.",
+        )
+        .with_default("stiffness", 1.0, schedule::shape(UNITS), "k(t), mean 1 in this form.")
+        .free("base_frequency", positive(), "Frequency of one cycle; that of the excitation if left out.")
+        .mistake("backlash", "half or whole gap? Write half_backlash, which is 1 in this form")
+        .mistake("backlash_m", "this train is dimensionless: write half_backlash, which is 1 in this form")
+        .mistake("half_backlash_m", "this train is dimensionless: write half_backlash, which is 1 in this form")
+        .mistake("total_backlash", "write half_backlash, which is 1 in this form")
+}
+
+/// The train written here.
+pub(super) fn read(node: &Node) -> Spec {
+    let damping = 2.0 * node.at("damping_ratio").number();
+    let release = node.at("release");
+    let (everywhere, law) = if node.at("damping_in_gap").flag() {
+        if release.clone().written().is_some() {
+            release
+                .refuse("nothing while the damper acts everywhere", "remove release, or set damping_in_gap to false");
+        }
+        // A spring alone lets go at zero deflection and zero force at once.
+        (damping, Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection))
+    } else {
+        (0.0, Law::KelvinVoigt(Linear { damping }, law::read_release(&release)))
+    };
+    let load = |item: &Node, inertial: bool| {
+        let (omega, phase) = harmonics::read_timing(item);
+        let amplitude = item.at("amplitude").number();
+        LoadHarmonic { vector: vec![if inertial { amplitude * omega * omega } else { amplitude }], omega, phase }
+    };
+    let errors = node.at("transmission_error").items();
+    let loads = node.at("load_harmonics").items();
+    let stiffness = schedule::read(&node.at("stiffness"));
+    if stiffness.maximum() <= 0.0 {
+        node.at("stiffness").refuse("a stiffness that is positive at some time", "write a mean stiffness of 1");
+    }
+    if (stiffness.mean() - 1.0).abs() > 1.0e-6 && !matches!(stiffness, Stiffness::Switched { .. }) {
+        node.at("stiffness")
+            .warn(format!("the mean stiffness is {}, not 1: time is not in natural periods", stiffness.mean()));
+    }
+    let gap = node.at("half_backlash");
+    let (law, half_backlash) = contact::close(&gap, gap.number(), Flanks::Both, law);
+    let mut spec = Spec {
+        freedoms: vec!["x".to_owned()],
+        mass: DMatrix::from_element(1, 1, 1.0),
+        damping: DMatrix::from_element(1, 1, everywhere),
+        stiffness: DMatrix::zeros(1, 1),
+        load: vec![node.at("mean_load").number()],
+        load_harmonics: errors.iter().map(|e| load(e, true)).chain(loads.iter().map(|l| load(l, false))).collect(),
+        contacts: vec![ContactSpec {
+            name: "mesh".to_owned(),
+            direction: vec![1.0],
+            error: vec![],
+            error_offset: 0.0,
+            half_backlash,
+            flanks: Flanks::Both,
+            stiffness,
+            law,
+        }],
+        omega: None,
+    };
+    spec.omega = matrices::base_frequency(node, &spec);
+    spec
+}

@@ -1,0 +1,98 @@
+//! The state a run starts from.
+
+use serde_json::json;
+
+use super::{
+    node::Node,
+    shape::{Object, Shape, choice, list_of, number},
+};
+use crate::{
+    gear::contact::Law,
+    train::{Flanks, Spec, equilibrium},
+};
+
+/// `"rest"`, `"static"`, or coordinates and velocities.
+pub(super) fn shape() -> Shape {
+    let vector =
+        || Shape::Either(vec![list_of(1, super::contact::MAX_FREEDOMS, number()), Shape::Map(Box::new(number()))]);
+    let state = Object::new("Coordinates and velocities: one number per freedom, or by name (the others are 0).")
+        .with_default("q", json!({}), vector(), "Coordinates.")
+        .with_default("v", json!({}), vector(), "Velocities.");
+    Shape::Either(vec![choice(&["rest", "static"]), Shape::Object(state)])
+}
+
+/// Coordinates and velocities, `[n]` each.
+pub(super) fn read(node: &Node, spec: &Spec) -> (Vec<f64>, Vec<f64>) {
+    let n = spec.freedoms.len();
+    let (q, v) = match node.text() {
+        "rest" => (vec![0.0; n], vec![0.0; n]),
+        "static" => (at_equilibrium(node, spec), vec![0.0; n]),
+        _ => (vector(&node.at("q"), spec), vector(&node.at("v"), spec)),
+    };
+    outside_walls(node, spec, &q);
+    (q, v)
+}
+
+fn vector(node: &Node, spec: &Spec) -> Vec<f64> {
+    if node.is_list() {
+        return node.vector(spec.freedoms.len());
+    }
+    let mut values = vec![0.0; spec.freedoms.len()];
+    for (name, entry) in node.entries() {
+        match spec.freedoms.iter().position(|freedom| freedom == name) {
+            Some(i) => values[i] = entry.number(),
+            None => {
+                let close = super::fault::nearest(name, spec.freedoms.iter().map(String::as_str));
+                let remedy = close.map_or_else(
+                    || "name one of the train's freedoms".to_owned(),
+                    |close| format!("did you mean \"{close}\"?"),
+                );
+                entry.fault("a freedom the train does not have", spec.freedoms.join(", "), remedy);
+            }
+        }
+    }
+    values
+}
+
+fn at_equilibrium(node: &Node, spec: &Spec) -> Vec<f64> {
+    let zero = vec![0.0; spec.freedoms.len()];
+    if spec.contacts.iter().any(|c| matches!(c.law, Law::Rigid(_))) {
+        node.refuse("\"static\" for compliant contact laws only", "start from \"rest\" or from coordinates q");
+        return zero;
+    }
+    match equilibrium(spec) {
+        Ok(found) => {
+            let pulls =
+                |(force, c): (&f64, &crate::train::ContactSpec)| *force < 0.0 && !matches!(c.law, Law::Bilateral(_));
+            if found.forces.iter().zip(&spec.contacts).any(pulls) {
+                node.warn("not every contact is pressed in the static state: the run starts from where all are closed");
+            }
+            found.position
+        }
+        Err(error) => {
+            node.fault(
+                error.to_string(),
+                "a train whose constant load its supports and meshes can carry",
+                "start from \"rest\" or from coordinates q, or add a support",
+            );
+            zero
+        }
+    }
+}
+
+/// A rigid flank cannot be penetrated, not even at the start.
+fn outside_walls(node: &Node, spec: &Spec, q: &[f64]) {
+    for contact in spec.contacts.iter().filter(|c| matches!(c.law, Law::Rigid(_))) {
+        // Whole cycles do not change the phase, so the start cycle does not enter.
+        let error = contact.error_offset + contact.error.iter().map(|h| h.amplitude * h.phase.cos()).sum::<f64>();
+        let deflection = contact.direction.iter().zip(q).map(|(g, x)| g * x).sum::<f64>() - error;
+        let (b, slack) = (contact.half_backlash, 1.0e-9 * (contact.half_backlash.abs() + deflection.abs()));
+        if deflection > b + slack || (contact.flanks == Flanks::Both && deflection < -b - slack) {
+            node.fault(
+                format!("a start inside the rigid flank of {}, by {:e}", contact.name, deflection.abs() - b.abs()),
+                "a start with every gap open or closed",
+                "start with the gap open, or choose a compliant law",
+            );
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! A train written out as matrices and contacts.
+
+use serde_json::json;
+
+use super::{
+    contact::{self, MAX_FREEDOMS},
+    harmonics,
+    node::Node,
+    shape::{Object, Shape, Units, list, list_of, number, positive},
+};
+use crate::{
+    gear::Stiffness,
+    train::{LoadHarmonic, Spec},
+};
+
+/// `M q'' + C q' + K q + sum of g F = f(t)`, contact by contact.
+pub(super) fn shape() -> Object {
+    let units = Units::Si;
+    let row = || list_of(1, MAX_FREEDOMS, number());
+    let matrix = || Shape::Either(vec![row(), list_of(1, MAX_FREEDOMS, row())]);
+    let load = Object::new("A load vector_n cos(frequency t + phase).").needed("vector_n", row(), "Amplitudes.");
+    Object::new("Matrices and contacts written out; any consistent set of units will do.")
+        .free("freedoms", list_of(1, MAX_FREEDOMS, Shape::Text), "Names of the freedoms; q1, q2, ... if left out.")
+        .needed("mass_kg", matrix(), "Mass matrix, rows or diagonal, symmetric and positive definite.")
+        .free("damping_n_s_per_m", matrix(), "Damping matrix; zero if left out.")
+        .free("stiffness_n_per_m", matrix(), "Stiffness matrix of everything but the contacts; zero if left out.")
+        .free("load_n", row(), "Constant load; zero if left out.")
+        .with_default(
+            "load_harmonics",
+            json!([]),
+            list(Shape::Object(harmonics::timing(load, units))),
+            "Harmonic loads.",
+        )
+        .with_default("contacts", json!([]), list(contact::shape(units)), "Contacts.")
+        .free("base_frequency_rad_per_s", positive(), "Frequency of one cycle; that of the excitation if left out.")
+}
+
+/// The train written here.
+pub(super) fn read(node: &Node) -> Spec {
+    let mass_node = node.at("mass_kg");
+    let n = mass_node.items().len();
+    let mass = mass_node.matrix(n);
+    let asymmetry = (&mass - mass.transpose()).amax();
+    if asymmetry > 1.0e-12 * mass.amax() {
+        mass_node.fault(
+            format!("a matrix that differs from its transpose by {asymmetry:e}"),
+            "a symmetric matrix",
+            "write the same number above and below the diagonal",
+        );
+    } else if mass.clone().cholesky().is_none() {
+        mass_node.fault(
+            "a matrix that is not positive definite",
+            "a positive definite matrix: every motion has kinetic energy",
+            "write a mass > 0 for every freedom, or drop the freedom",
+        );
+    }
+    let load_harmonics = node
+        .at("load_harmonics")
+        .items()
+        .iter()
+        .map(|load| {
+            let (omega, phase) = harmonics::read_timing(load);
+            LoadHarmonic { vector: load.at("vector_n").vector(n), omega, phase }
+        })
+        .collect();
+    let contacts = node.at("contacts").items();
+    let mut spec = Spec {
+        freedoms: names(&node.at("freedoms"), n),
+        mass,
+        damping: node.at("damping_n_s_per_m").matrix(n),
+        stiffness: node.at("stiffness_n_per_m").matrix(n),
+        load: node.at("load_n").vector(n),
+        load_harmonics,
+        contacts: contacts.iter().enumerate().map(|(i, item)| contact::read(item, i, n)).collect(),
+        omega: None,
+    };
+    if spec.stiffness != spec.stiffness.transpose() {
+        node.at("stiffness_n_per_m")
+            .warn("the stiffness matrix is not symmetric: energy is not conserved without damping");
+    }
+    spec.omega = base_frequency(node, &spec);
+    spec
+}
+
+fn names(node: &Node, n: usize) -> Vec<String> {
+    let items = node.items();
+    if node.clone().written().is_none() {
+        return (1..=n).map(|i| format!("q{i}")).collect();
+    }
+    if items.len() != n {
+        node.refuse(format!("{n} names, one per freedom"), "write one name per row of the mass matrix");
+    }
+    let names: Vec<String> = items.iter().map(|item| item.text().to_owned()).collect();
+    for (i, item) in items.iter().enumerate() {
+        if names[i].is_empty() || names[..i].contains(&names[i]) {
+            item.refuse("a name of its own", "write a different name for each freedom");
+        }
+    }
+    names
+}
+
+/// The frequency of one cycle: the one written, or the lowest of the excitation if all are its multiples.
+pub(super) fn base_frequency(node: &Node, spec: &Spec) -> Option<f64> {
+    if let Some(written) = node.at_unit("base_frequency", "rad_per_s").written() {
+        return Some(written.number());
+    }
+    let of_period = |period: f64| std::f64::consts::TAU / period;
+    let scheduled = spec.contacts.iter().flat_map(|c| match &c.stiffness {
+        Stiffness::Harmonic { harmonics, .. } => harmonics.iter().map(|h| h.omega).collect(),
+        Stiffness::Periodic { period, .. } => vec![of_period(*period)],
+        Stiffness::Constant(_) | Stiffness::Switched { .. } => vec![],
+    });
+    let errors = spec.contacts.iter().flat_map(|c| c.error.iter().map(|h| h.omega));
+    let loads = spec.load_harmonics.iter().map(|h| h.omega);
+    let all: Vec<f64> = loads.chain(errors).chain(scheduled).collect();
+    let least = all.iter().copied().reduce(f64::min)?;
+    let multiple = |omega: &f64| (omega / least - (omega / least).round()).abs() <= 1.0e-12 * omega / least;
+    all.iter().all(multiple).then_some(least)
+}

@@ -1,0 +1,246 @@
+//! Scenes: a train, where it starts and how it runs, as one JSON file.
+//!
+//! A scene names its units in its keys, refuses keys it does not know, and reports everything that is wrong
+//! with it at once, each fault with its place, what is allowed there, and a remedy. [`schema`] is its JSON Schema,
+//! printed from the description the reader itself follows. Trains, by `kind`:
+//!
+//! | kind | train | freedoms |
+//! |---|---|---|
+//! | `planetary` | a planetary stage, or a preset with some of its numbers replaced | `torsional`, `in-phase`, `full`, `full-carrier`, or by name |
+//! | `gear-pair` | two external gears with real teeth | `torsional`, `torsional-translational` |
+//! | `gear-pair-dimensionless` | the pair of Kahraman and Singh; keys carry no units | one |
+//! | `wall` | a mass against a wall, or between two | one |
+//! | `matrices` | masses, dampers, springs and contacts written out | any |
+//!
+//! ```
+//! use flank::scene::Scene;
+//!
+//! let ball = r#"{
+//!     "flank": 1,
+//!     "train": {
+//!         "kind": "wall", "mass_kg": 1, "load_n": -9.81,
+//!         "wall": { "side": "below", "position_m": 0 },
+//!         "law": { "kind": "rigid", "restitution": 0.8 }
+//!     },
+//!     "initial": { "q": [1] },
+//!     "run": { "t_end_s": 5 }
+//! }"#;
+//! let built = Scene::from_json(ball, "ball")?.build()?;
+//! assert_eq!(built.spec.freedoms, ["x"]);
+//! assert_eq!(built.q0, [1.0]);
+//! # Ok::<(), flank::scene::SceneError>(())
+//! ```
+
+mod body;
+mod build;
+mod check;
+mod contact;
+mod dimensionless;
+mod fault;
+mod harmonics;
+mod initial;
+mod json;
+mod law;
+mod matrices;
+mod mesh;
+mod node;
+mod pair;
+mod planetary;
+mod preset;
+mod run;
+mod schedule;
+mod schema;
+mod shape;
+mod wall;
+
+use std::{io::Read, path::Path};
+
+use serde_json::{Map, Value};
+use sha2::{Digest, Sha256};
+
+pub use fault::{Fault, SceneError, Warning};
+pub use run::{Duration, Frame, Method, Run};
+
+use crate::train::Spec;
+
+/// A scene that has been read, checked and resolved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    name: String,
+    given: Value,
+    resolved: Value,
+}
+
+/// What a scene builds: a train in its common form, a start and a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Built {
+    /// The train.
+    pub spec: Spec,
+    /// Coordinates at the start, `[n]`.
+    pub q0: Vec<f64>,
+    /// Velocities at the start, `[n]`.
+    pub v0: Vec<f64>,
+    /// The run.
+    pub run: Run,
+    /// Whether the train is in dimensionless form; else SI units (or those of its matrices).
+    pub dimensionless: bool,
+    /// Speed of the frame the train is written in, rad/s, if it turns.
+    pub carrier_speed: Option<f64>,
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
+}
+
+impl Scene {
+    /// Reads a scene; `name` appears in messages.
+    ///
+    /// # Errors
+    /// [`SceneError`] with every fault found.
+    pub fn from_json(text: &str, name: &str) -> Result<Self, SceneError> {
+        let given = json::parse(text).map_err(|faults| SceneError::new(name, faults))?;
+        Self::from_value(given, name)
+    }
+
+    /// The default scene: the reference planetary set under light load at 500 rev/min.
+    ///
+    /// # Errors
+    /// Never in fact: the scene is part of the library and tested.
+    pub fn reference() -> Result<Self, SceneError> {
+        Self::from_json(include_str!("../../examples/scenes/reference-light.json"), "reference-light")
+    }
+
+    /// Reads a scene from a JSON value.
+    ///
+    /// # Errors
+    /// [`SceneError`] with every fault found.
+    pub fn from_value(given: Value, name: &str) -> Result<Self, SceneError> {
+        let (mut faults, expanded) = (Vec::new(), preset::expand(&given));
+        let resolved = check::check(&expanded, &build::shape(build::units_of(&expanded)), "", &mut faults);
+        if faults.is_empty() {
+            faults = build::build(&resolved).err().unwrap_or_default();
+        } else if resolved["train"].is_object() && !faults.iter().any(|fault| fault.pointer.starts_with("/train")) {
+            faults.extend(build::faults_of_train(&resolved));
+        }
+        if faults.is_empty() {
+            Ok(Self { name: name.to_owned(), given, resolved })
+        } else {
+            Err(SceneError::new(name, faults))
+        }
+    }
+
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    /// [`SceneError`] with every fault found; a file that cannot be read is one.
+    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+        let path = path.as_ref();
+        let name = path.display().to_string();
+        let fail = |fault: Fault| SceneError::new(&name, vec![fault]);
+        let mut bytes = Vec::new();
+        std::fs::File::open(path).and_then(|file| file.take(json::MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(
+            |error| {
+                fail(Fault::new("", error.to_string(), "a scene file that can be read").remedy("check path and rights"))
+            },
+        )?;
+        if bytes.len() as u64 > json::MAX_BYTES {
+            return Err(fail(json::too_large(bytes.len() as u64)));
+        }
+        let text = String::from_utf8(bytes).map_err(|error| {
+            let found = format!("a byte that is not text, at offset {}", error.utf8_error().valid_up_to());
+            fail(Fault::new("", found, "JSON text in UTF-8").remedy("save the file as UTF-8, without a UTF-16 mark"))
+        })?;
+        Self::from_json(&text, &name)
+    }
+
+    /// The same scene with another value at a JSON pointer, such as `/train/speed_rpm`.
+    ///
+    /// # Errors
+    /// [`SceneError`] if the pointer leads nowhere or the scene no longer holds.
+    pub fn with(&self, pointer: &str, value: Value) -> Result<Self, SceneError> {
+        let mut given = self.given.clone();
+        let mut place = &mut given;
+        for key in pointer.split('/').skip(1).map(|key| key.replace("~1", "/").replace("~0", "~")) {
+            let next = match place {
+                // What a preset or a default brings is not written yet.
+                Value::Object(object) => Some(object.entry(key).or_insert_with(|| Value::Object(Map::new()))),
+                Value::Array(items) => key.parse::<usize>().ok().and_then(|i| items.get_mut(i)),
+                _ => None,
+            };
+            place = next.ok_or_else(|| {
+                let fault = Fault::new(pointer, "a pointer that leads nowhere", "a place in the scene");
+                SceneError::new(&self.name, vec![fault.remedy("check the pointer against the resolved scene")])
+            })?;
+        }
+        *place = value;
+        Self::from_value(given, &self.name)
+    }
+
+    /// Name of the scene: its file, or what [`from_json`](Self::from_json) was told.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The scene with every default written out.
+    #[must_use]
+    pub fn resolved(&self) -> &Value {
+        &self.resolved
+    }
+
+    /// SHA-256 of the resolved scene, hexadecimal. Name and note do not enter.
+    #[must_use]
+    pub fn hash(&self) -> String {
+        let mut text = String::new();
+        let mut scene = self.resolved.clone();
+        if let Value::Object(object) = &mut scene {
+            object.remove("name");
+            object.remove("note");
+        }
+        canonical(&scene, &mut text);
+        Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// Builds the train, the start and the run.
+    ///
+    /// # Errors
+    /// None for a scene that has been read; the type is there for scenes built in other ways later.
+    pub fn build(&self) -> Result<Built, SceneError> {
+        build::build(&self.resolved).map_err(|faults| SceneError::new(&self.name, faults))
+    }
+}
+
+/// The JSON Schema (draft 2020-12) of a scene.
+#[must_use]
+pub fn schema() -> Value {
+    build::schema()
+}
+
+/// JSON without spaces, keys sorted: the same scene is the same text.
+fn canonical(value: &Value, text: &mut String) {
+    match value {
+        Value::Object(map) => {
+            let mut keys: Vec<&String> = map.keys().collect();
+            keys.sort();
+            text.push('{');
+            for (i, key) in keys.into_iter().enumerate() {
+                if i > 0 {
+                    text.push(',');
+                }
+                text.push_str(&Value::from(key.as_str()).to_string());
+                text.push(':');
+                canonical(&map[key], text);
+            }
+            text.push('}');
+        }
+        Value::Array(items) => {
+            text.push('[');
+            for (i, item) in items.iter().enumerate() {
+                if i > 0 {
+                    text.push(',');
+                }
+                canonical(item, text);
+            }
+            text.push(']');
+        }
+        other => text.push_str(&other.to_string()),
+    }
+}

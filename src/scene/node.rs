@@ -1,0 +1,154 @@
+//! Reading a resolved scene: a value that already has its shape, with the place it stands at.
+
+use std::cell::RefCell;
+
+use nalgebra::DMatrix;
+use serde_json::Value;
+
+use super::{
+    fault::{Fault, Warning, below, show},
+    shape::Units,
+};
+
+/// What reading finds out beyond the shapes: conditions across keys.
+#[derive(Debug, Default)]
+pub(super) struct Findings {
+    faults: RefCell<Vec<Fault>>,
+    warnings: RefCell<Vec<Warning>>,
+}
+
+impl Findings {
+    pub fn into_parts(self) -> (Vec<Fault>, Vec<Warning>) {
+        (self.faults.into_inner(), self.warnings.into_inner())
+    }
+}
+
+/// A place in a resolved scene.
+///
+/// Its accessors do not fail: the shape has been checked before, and a key that may be left out has an
+/// accessor that says so. What a broken promise would return (NaN, nothing) is refused further on.
+#[derive(Clone, Debug)]
+pub(super) struct Node<'a> {
+    value: &'a Value,
+    pointer: String,
+    findings: &'a Findings,
+    /// Units of the keys below.
+    pub units: Units,
+}
+
+impl<'a> Node<'a> {
+    pub fn root(value: &'a Value, findings: &'a Findings, units: Units) -> Self {
+        Self { value, pointer: String::new(), findings, units }
+    }
+
+    /// The value under a key; `null` if there is none.
+    pub fn at(&self, key: &str) -> Node<'a> {
+        self.child(key, self.value.get(key).unwrap_or(&Value::Null))
+    }
+
+    /// The value under a key with a unit.
+    pub fn at_unit(&self, stem: &str, unit: &str) -> Node<'a> {
+        self.at(&self.units.key(stem, unit))
+    }
+
+    fn child(&self, key: &str, value: &'a Value) -> Node<'a> {
+        Node { value, pointer: below(&self.pointer, key), findings: self.findings, units: self.units }
+    }
+
+    /// The value itself, if something is written here.
+    pub fn written(self) -> Option<Node<'a>> {
+        if self.value.is_null() { None } else { Some(self) }
+    }
+
+    pub fn number(&self) -> f64 {
+        self.value.as_f64().unwrap_or(f64::NAN)
+    }
+
+    pub fn whole(&self) -> u64 {
+        self.value.as_u64().unwrap_or(0)
+    }
+
+    pub fn flag(&self) -> bool {
+        self.value.as_bool().unwrap_or(false)
+    }
+
+    pub fn text(&self) -> &'a str {
+        self.value.as_str().unwrap_or("")
+    }
+
+    pub fn is_text(&self) -> bool {
+        self.value.is_string()
+    }
+
+    pub fn is_number(&self) -> bool {
+        self.value.is_number()
+    }
+
+    pub fn is_list(&self) -> bool {
+        self.value.is_array()
+    }
+
+    /// The items of a list; none if there is no list.
+    pub fn items(&self) -> Vec<Node<'a>> {
+        let items = self.value.as_array().map_or(&[][..], Vec::as_slice);
+        items.iter().enumerate().map(|(i, item)| self.child(&i.to_string(), item)).collect()
+    }
+
+    /// The entries of an object whose keys the user names.
+    pub fn entries(&self) -> Vec<(&'a str, Node<'a>)> {
+        self.value
+            .as_object()
+            .map(|map| map.iter().map(|(key, value)| (key.as_str(), self.child(key, value))).collect())
+            .unwrap_or_default()
+    }
+
+    pub fn numbers(&self) -> Vec<f64> {
+        self.items().iter().map(Node::number).collect()
+    }
+
+    /// A list of `n` numbers; zeros if nothing is written.
+    pub fn vector(&self, n: usize) -> Vec<f64> {
+        let Some(node) = self.clone().written() else { return vec![0.0; n] };
+        let numbers = node.numbers();
+        if numbers.len() != n {
+            self.refuse(format!("a list of {n} numbers, one per freedom"), "write one number per freedom");
+            return vec![0.0; n];
+        }
+        numbers
+    }
+
+    /// An `n × n` matrix, as rows or as its diagonal; zero if nothing is written.
+    pub fn matrix(&self, n: usize) -> DMatrix<f64> {
+        let items = self.items();
+        if self.clone().written().is_none() {
+            return DMatrix::zeros(n, n);
+        }
+        if items.len() != n {
+            let allowed = format!("{n} rows of {n} numbers, or a diagonal of {n} numbers");
+            self.refuse(allowed, "write one row, or one diagonal entry, per freedom");
+            return DMatrix::zeros(n, n);
+        }
+        if items.iter().all(|item| item.is_number()) {
+            return DMatrix::from_diagonal(&self.numbers().into());
+        }
+        let rows: Vec<f64> = items.iter().flat_map(|row| row.vector(n)).collect();
+        DMatrix::from_row_slice(n, n, &rows)
+    }
+
+    /// Notes that what stands here is not allowed.
+    pub fn refuse(&self, allowed: impl Into<String>, remedy: impl Into<String>) {
+        let found = if self.value.is_null() { "nothing: the key is missing".to_owned() } else { show(self.value) };
+        self.fault(found, allowed, remedy);
+    }
+
+    /// Notes a fault found here, in words.
+    pub fn fault(&self, found: impl Into<String>, allowed: impl Into<String>, remedy: impl Into<String>) {
+        self.findings.faults.borrow_mut().push(Fault::new(&self.pointer, found, allowed).remedy(remedy));
+    }
+
+    /// Notes something the user should know.
+    pub fn warn(&self, message: impl Into<String>) {
+        let warning = Warning { pointer: self.pointer.clone(), message: message.into() };
+        self.findings.warnings.borrow_mut().push(warning);
+    }
+}
