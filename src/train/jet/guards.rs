@@ -1,6 +1,6 @@
 //! The guards of a mode as polynomials in the step's clock.
 
-use super::{DEFLECTION, Expansion, FACTOR, FORCE, ROW, rooted::Owner};
+use super::{Expansion, FACTOR, FORCE, LANES, ROW, rooted::Owner};
 use crate::{
     gear::contact::{Law, Release},
     hybrid::{Crossing, Guard, Jet, Role},
@@ -56,10 +56,13 @@ impl Expansion<'_> {
                         (tail * self.h, 0.0)
                     }
                     _ => {
-                        let d = self.layout.of(j, DEFLECTION);
                         let along = if watch == Watch::DriveFlank { -sign } else { sign };
-                        series.iter_mut().zip(&work[d..d + ROW]).for_each(|(s, d)| *s = along * d);
-                        series[0] += sign * c.gap();
+                        let deflections = work[self.layout.deflection(j, 0)..].iter().step_by(LANES);
+                        series.iter_mut().zip(deflections).for_each(|(s, d)| *s = along * d);
+                        series[0] = match state.side() {
+                            0.0 => series[0] + sign * c.gap(),
+                            side => side * work[self.layout.stretches + j],
+                        };
                         (tail * deflect, self.deflection_size(c))
                     }
                 };
