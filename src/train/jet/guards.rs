@@ -37,9 +37,15 @@ impl Expansion<'_> {
         remainder.clear();
         rounding.clear();
         guard_series.resize(3 * self.s.contacts.len() * ROW, 0.0);
-        let mut powers = [1.0; ROW];
-        for k in 1..ROW {
-            powers[k] = powers[k - 1] * reach;
+        let mut powers = [1.0; ROW + 3];
+        powers[1] = reach;
+        powers[2] = reach * reach;
+        powers[3] = powers[2] * reach;
+        let fourth = powers[2] * powers[2];
+        for k in (4..ROW).step_by(4) {
+            for l in k..k + 4 {
+                powers[l] = powers[l - 4] * fourth;
+            }
         }
         for (j, c) in self.s.contacts.iter().enumerate() {
             let state = contact_mode(self.request.mode, j);

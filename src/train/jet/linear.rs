@@ -54,6 +54,9 @@ struct Four {
     carried: bool,
 }
 
+/// Oscillators the kernel keeps at hand.
+const MAX_OSCILLATORS: usize = 16;
+
 /// Fours of contacts a structure may have.
 const FOURS: usize = MAX_CONTACTS.div_ceil(LANES);
 
@@ -117,7 +120,7 @@ impl Expansion<'_> {
         let (s, h) = (self.s, self.h);
         let Jet { state, work, time, .. } = out;
         time.clear();
-        let varying = parts.iter().any(|p| p.varying && p.carried);
+        let varying = parts.iter().any(|p| p.varying);
         let mut fours = [Four::default(); FOURS];
         let fours = &mut fours[..parts.len().div_ceil(LANES)];
         for (j, p) in parts.iter().enumerate() {
@@ -131,14 +134,22 @@ impl Expansion<'_> {
         let (by_q, by_v) = (column(&s.columns.by_q), column(&s.columns.by_v));
         let (mut q, mut v) = (column(&self.request.x[..N]), column(&self.request.x[N..2 * N]));
         let mut a = column(&s.load);
+        let mut waves = [(0.0, 0.0); MAX_OSCILLATORS];
+        let waves = &mut waves[..s.oscillators.len()];
+        for (i, w) in waves.iter_mut().enumerate() {
+            *w = (work[Layout::oscillator(i)], work[Layout::oscillator(i) + ROW]);
+        }
+        let still = !self.request.still.is_empty();
+        let mut rows = state.chunks_exact_mut(s.dim);
         for k in 0..=ORDER {
-            if k > 0 {
-                let row = &mut state[k * s.dim..k * s.dim + 2 * N];
+            if let Some(row) = rows.next()
+                && k > 0
+            {
                 row[..N].copy_from_slice(&q);
-                row[N..].copy_from_slice(&v);
+                row[N..2 * N].copy_from_slice(&v);
                 a = [0.0; N];
             }
-            self.contacts(fours, k, &q, &v, &mut a, work);
+            self.contacts(fours, k, still, waves, &q, &v, &mut a, work);
             if k == ORDER {
                 break;
             }
@@ -149,8 +160,7 @@ impl Expansion<'_> {
                 a[i as usize] += by_q * q[j as usize] + by_v * v[j as usize];
             }
             for w in &s.load_waves {
-                let o = Layout::oscillator(w.index) + k;
-                let (c, s) = (work[o], work[o + ROW]);
+                let (c, s) = waves[w.index];
                 if let (Some(cosine), Some(sine)) = (w.cosine.first_chunk::<N>(), w.sine.first_chunk::<N>()) {
                     for i in 0..N {
                         a[i] = fused(cosine[i], c, fused(sine[i], s, a[i]));
@@ -161,10 +171,13 @@ impl Expansion<'_> {
                 self.varying_forces(parts, k, &v, &mut a, work);
             }
             let step = h * STEP[k];
-            for (i, o) in s.oscillators.iter().enumerate() {
-                let c = Layout::oscillator(i) + k;
+            for (i, (w, o)) in waves.iter_mut().zip(&s.oscillators).enumerate() {
                 let f = step * o.omega;
-                (work[c + 1], work[c + 1 + ROW]) = (-f * work[c + ROW], f * work[c]);
+                *w = (-f * w.1, f * w.0);
+                if varying {
+                    let at = Layout::oscillator(i) + k + 1;
+                    (work[at], work[at + ROW]) = *w;
+                }
             }
             for i in 0..N {
                 q[i] = step * v[i];
@@ -181,10 +194,13 @@ impl Expansion<'_> {
     /// The deflection is formed before it is multiplied by the stiffness: where the train has turned far, the
     /// difference of two displacements is exact and the difference of two forces would not be.
     #[inline(always)]
+    #[allow(clippy::too_many_arguments)] // the variables of the recurrence
     fn contacts<const N: usize>(
         &self,
         fours: &[Four],
         k: usize,
+        still: bool,
+        waves: &[(f64, f64)],
         q: &[f64; N],
         v: &[f64; N],
         a: &mut [f64; N],
@@ -203,8 +219,8 @@ impl Expansion<'_> {
                 }
             }
             for (index, cosine, sine) in &columns.waves {
-                let (o, omega) = (Layout::oscillator(*index) + k, s.oscillators[*index].omega);
-                let (c, s) = (work[o], work[o + ROW]);
+                let omega = s.oscillators[*index].omega;
+                let (c, s) = waves[*index];
                 for l in 0..LANES {
                     d[l] -= fused(cosine[l], c, sine[l] * s);
                 }
@@ -217,7 +233,7 @@ impl Expansion<'_> {
                 // Order zero was written before: it may be pinned.
                 if k == 0 { d = *at } else { *at = d }
             }
-            if k < 2 && !self.request.still.is_empty() {
+            if still && k < 2 {
                 self.still(chunk, k, &mut d, &mut r, work);
             }
             if !four.carried {
