@@ -36,7 +36,6 @@ fn compare(name: &str, case: &Case, tolerance: f64) -> ContactReport {
     ] {
         let Some(exact) = want[key].as_str().map(|s| s.parse::<f64>().unwrap()) else { continue };
         let error = (got - exact).abs() / exact.abs();
-        println!("{name} {key}: {error:.1e}");
         assert!(error <= tolerance, "{name} {key}: {got} for {exact}");
     }
     for (key, got) in [
@@ -85,7 +84,6 @@ fn hertz_episodes_have_the_peaks_and_restitutions_of_the_reference_run() {
             *worst = worst.max((got - exact).abs() / exact);
         }
     }
-    println!("{worst:?}");
     assert!(worst.iter().all(|w| *w < 1e-11), "{worst:?}");
 }
 
