@@ -122,8 +122,9 @@ impl Jet {
     #[must_use]
     pub fn rate_at(&self, theta: f64) -> f64 {
         if self.time.is_empty() {
-            return self.span;
+            return self.span * self.reach;
         }
-        (1..=self.order).rev().fold(0.0, |s, k| s * theta + k as f64 * self.time[k])
+        let s = theta * self.reach;
+        self.reach * (1..=self.order).rev().fold(0.0, |r, k| r * s + k as f64 * self.time[k])
     }
 }
