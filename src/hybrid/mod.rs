@@ -14,4 +14,4 @@ pub use guard::{Crossing, Guard, GuardId, GuardSet, Role};
 pub use instant::{Clock, Instant, Wide};
 pub use mode::Mode;
 pub use power::{PowerBalance, Powers};
-pub use system::{HybridSystem, Jump, ModelError};
+pub use system::{HybridSystem, Jump, ModelError, Rates};
