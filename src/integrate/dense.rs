@@ -293,7 +293,9 @@ impl Pieces {
             }
             self.chebyshev.coefficients(&values[..=n], &mut c);
             let range: f64 = c[1..=n].iter().map(|c| c.abs()).sum();
-            tolerance = SHARE * place.rtol * range.min(sensitivity.max(f64::MIN_POSITIVE)) + rounding;
+            // At an exact zero the leading coefficients decide, however small they are: nothing is given away.
+            let share = if pinned { 0.0 } else { SHARE * place.rtol };
+            tolerance = share * range.min(sensitivity.max(f64::MIN_POSITIVE)) + rounding;
             tail = c[n].abs() + c[n - 1].abs();
             // Trailing coefficients below the tolerance only add noise to the powers.
             let mut top = n;
