@@ -56,6 +56,7 @@ impl Observer for Watch<'_> {
                 assert!((a - b).abs() <= 1e-13 * (a.abs() + b.abs() + 1e-3), "steps join in state: {a} {b}");
             }
         }
+        if std::env::var("DBG").is_ok() { eprintln!("  step {:e} until {until:e} p {:?} err {:?}", step.time(1.0), if step.guards().is_empty() {&[]} else {&step.guard(0)[..5]}, if step.guards().is_empty() {(0.0,0.0)} else {step.guard_error(0)}); }
         let mut before = 0.0;
         let mut thetas: Vec<f64> = (0..4).map(|_| self.random() * until).collect();
         thetas.sort_by(f64::total_cmp);
@@ -90,6 +91,7 @@ impl Observer for Watch<'_> {
                 assert!(x.iter().zip(&record.x_minus).all(|(a, b)| (a - b).abs() <= 1e-12 * scale));
             }
         }
+        if std::env::var("DBG").is_ok() { let t=self.system.clock().time(record.at).value(); eprintln!("{t} {:?} {:?}->{:?} jumps {} v- {:e} v+ {:e} g- {:e} acc {:?} proj {:e}", record.fired, record.from, record.to, record.jumps, record.x_minus[1]+1.6*t.sin(), record.x_plus[1]+1.6*t.sin(), record.x_minus[0]-1.6*t.cos(), record.accumulation, record.projected); }
         if !record.fired.is_empty() && !record.start && !record.graze {
             self.events.push((record.at, record.fired, record.to));
         }

@@ -299,7 +299,7 @@ impl Pieces {
             tail = c[n].abs() + c[n - 1].abs();
             // Trailing coefficients below the tolerance only add noise to the powers.
             let mut top = n;
-            while top > 1 && tail < tolerance && c[top].abs() < 0.1 * tolerance {
+            while top > 1 && tail + c[top].abs() <= tolerance {
                 tail += c[top].abs();
                 c[top] = 0.0;
                 top -= 1;

@@ -41,13 +41,9 @@ impl Method {
         }
     }
 
-    /// Order the first step's error is of.
+    /// Order of the first step; backward differences have a start-up of order 3.
     fn first_order(self) -> f64 {
-        match self {
-            Self::Bdf => 1.0,
-            Self::Sdirk => 3.0,
-            Self::Explicit => 5.0,
-        }
+        if self == Self::Explicit { 5.0 } else { 3.0 }
     }
 }
 
@@ -95,8 +91,10 @@ fn when(system: &dyn HybridSystem, arc: &Arc<'_>, elapsed: f64) -> f64 {
 struct Start {
     /// Absolute tolerances, `[dim]`.
     absolute: Vec<f64>,
-    /// First step, s.
+    /// Step of a method of the asked order, s.
     step: f64,
+    /// Step of a method of order 1 over that one.
+    first_order: f64,
 }
 
 /// Share of a component's scale that is its floor.
@@ -147,9 +145,13 @@ impl Start {
         field.eval(arc.mode, arc.at, trial, &x1, &mut f1);
         f1.iter_mut().zip(&f).for_each(|(a, b)| *a -= b);
         let d2 = size(&f1) / trial;
-        let reach = tau * (0.01 / (d1 * tau).max(d2 * tau * tau)).powf(1.0 / (order + 1.0));
-        let step = reach.min(100.0 * trial).min(span);
-        Self { absolute, step: if step.is_finite() && step > 0.0 { step } else { 1e-6 * span } }
+        let harshness = (d1 * tau).max(d2 * tau * tau);
+        let step = |order: f64| {
+            let reach = tau * (0.01 / harshness).powf(1.0 / (order + 1.0));
+            let step = reach.min(100.0 * trial).min(span);
+            if step.is_finite() && step > 0.0 { step } else { 1e-6 * span }
+        };
+        Self { absolute, step: step(order), first_order: (step(1.0) / step(order)).min(1.0) }
     }
 }
 
@@ -211,25 +213,25 @@ impl Integrator for Diffsol {
         let outcome = match self.method {
             // Backward differences start at order 1, with positions and velocities that agree to the tolerance only: too
             // coarse to tell on which side of a guard an arc begins, and for flights lower than the tolerance.
-            Method::Bdf if !arc.pinned.is_empty() => problem.esdirk34::<LS>().and_then(|first| {
-                let under_way = run.drive(first, |_| 3, START_UP, end, visit);
+            Method::Bdf => problem.esdirk34::<LS>().and_then(|first| {
+                let until = START_UP.max(100.0 * START_UP * start.first_order);
+                let under_way = run.drive(first, |_| 3, 1.0, until, end, visit);
                 if !matches!(under_way, Ok(true)) {
                     return Ok(under_way);
                 }
-                problem.bdf::<LS>().map(|s| run.drive(s, |s| s.order(), f64::INFINITY, end, visit))
+                problem.bdf::<LS>().map(|s| run.drive(s, |s| s.order(), start.first_order, f64::INFINITY, end, visit))
             }),
-            Method::Bdf => problem.bdf::<LS>().map(|s| run.drive(s, |s| s.order(), f64::INFINITY, end, visit)),
-            Method::Sdirk => problem.esdirk34::<LS>().map(|s| run.drive(s, |_| 3, f64::INFINITY, end, visit)),
-            Method::Explicit => problem.tsit45().map(|s| run.drive(s, |_| 4, f64::INFINITY, end, visit)),
+            Method::Sdirk => problem.esdirk34::<LS>().map(|s| run.drive(s, |_| 3, 1.0, f64::INFINITY, end, visit)),
+            Method::Explicit => problem.tsit45().map(|s| run.drive(s, |_| 4, 1.0, f64::INFINITY, end, visit)),
         };
         outcome.map_err(|e| self.fault(system, arc, 0.0, &e))?.map(|_| ())
     }
 }
 
-/// Span of the one-step start-up of backward differences, in units of their first step h: about ten doubling steps. The
-/// error of that step, a h²/2 with a the acceleration, is about the tolerance; a flight that lasts beyond the start-up is
-/// a thousand times higher.
-const START_UP: f64 = 1e3;
+/// Span of the one-step start-up of backward differences, in its own first steps, and at least a hundred times as many
+/// steps of order 1. The error of such a step, a h²/2 with a the acceleration, is about the tolerance; a flight that lasts
+/// beyond the start-up is a thousand times higher.
+const START_UP: f64 = 10.0;
 /// Shortest step, in units of the first one.
 const SMALLEST: f64 = 1e-12;
 
@@ -258,12 +260,14 @@ impl<'a> Run<'a> {
         self.pieces.begin(&self.place());
     }
 
-    /// Steps `solver` on from the state in `end`, until `limit` units are reached. `degree` is that of its interpolant on the last
-    /// step. `true`: the arc goes on.
+    /// Steps `solver` on from the state in `end`, the first time by `step` units, until `limit` units are reached. `degree` is
+    /// that of its interpolant on the last step. `true`: the arc goes on.
+    #[allow(clippy::too_many_arguments)]
     fn drive<'p, E, S>(
         &mut self,
         mut solver: S,
         degree: impl Fn(&S) -> usize,
+        step: f64,
         limit: f64,
         end: &mut [f64],
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
@@ -276,8 +280,7 @@ impl<'a> Run<'a> {
         let t = |units: f64| when(system, arc, units * unit);
         let fault = |from: f64, e: &DiffsolError| IntegrateError::Solver { method, t: t(from), reason: e.to_string() };
         let state = solver.state_mut();
-        // The first step is one unit, here and after a change of solver.
-        *state.h = 1.0;
+        *state.h = step.min(self.span / unit - self.from);
         if self.from > 0.0 {
             *state.t = self.from;
             state.y.batch_as_mut_slice(0).copy_from_slice(end);
