@@ -353,11 +353,13 @@ impl Pieces {
         if !still {
             return;
         }
+        self.error[i].0 += series[1].abs();
         series[1] = 0.0;
         let (square, cube) = (series[2], series[3]);
         let error = self.error[i].0 + self.error[i].1 + noise;
         // The lowest point of s θ² + c θ³ with s < 0 < c is −(4/27) |s|³/c².
         if square < 0.0 && cube > 0.0 && 4.0 / 27.0 * square.abs().powi(3) <= error * cube * cube {
+            self.error[i].0 += square.abs();
             series[2] = 0.0;
         }
     }

@@ -7,8 +7,8 @@
 use std::ops::ControlFlow;
 
 use diffsol::{
-    DiffsolError, NalgebraContext, NalgebraLU, NalgebraMat, NalgebraVec, OdeBuilder, OdeEquations,
-    OdeSolverMethod, OdeSolverStopReason, Vector,
+    DiffsolError, NalgebraContext, NalgebraLU, NalgebraMat, NalgebraVec, OdeBuilder, OdeEquations, OdeSolverMethod,
+    OdeSolverStopReason, Vector,
 };
 
 use super::{
