@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 
 use diffsol::{
     DiffsolError, NalgebraContext, NalgebraLU, NalgebraMat, NalgebraVec, OdeBuilder, OdeEquations, OdeSolverMethod,
-    OdeSolverStopReason, Vector,
+    OdeSolverStopReason, Vector, error::OdeSolverError,
 };
 
 use super::{
@@ -77,10 +77,20 @@ impl Diffsol {
         self.absolute = Some(absolute);
         self
     }
+}
 
-    fn fault(&self, system: &dyn HybridSystem, arc: &Arc<'_>, elapsed: f64, reason: &DiffsolError) -> IntegrateError {
-        IntegrateError::Solver { method: self.method.name(), t: when(system, arc, elapsed), reason: reason.to_string() }
-    }
+/// What a solver says, with our time instead of its own.
+fn fault(method: Method, t: f64, unit: f64, error: &DiffsolError) -> IntegrateError {
+    let reason = match error {
+        DiffsolError::OdeSolverError(OdeSolverError::StepSizeTooSmall { .. }) => {
+            return IntegrateError::StepTooSmall { t, step: SMALLEST * unit };
+        }
+        DiffsolError::OdeSolverError(OdeSolverError::TooManyErrorTestFailures { num_failures, .. }) => {
+            format!("{num_failures} steps in a row miss the tolerance")
+        }
+        other => other.to_string(),
+    };
+    IntegrateError::Solver { method: method.name(), t, reason }
 }
 
 fn when(system: &dyn HybridSystem, arc: &Arc<'_>, elapsed: f64) -> f64 {
@@ -201,7 +211,7 @@ impl Integrator for Diffsol {
             )
             .init(|_p, _t, x| x.copy_from_slice(arc.x), arc.x.len())
             .build()
-            .map_err(|e| self.fault(system, arc, 0.0, &e))?;
+            .map_err(|e| fault(self.method, when(system, arc, 0.0), unit, &e))?;
         let options = &mut problem.ode_options;
         // Counted over a solver's life by diffsol, and no sign of trouble.
         options.max_nonlinear_solver_failures = usize::MAX;
@@ -224,7 +234,7 @@ impl Integrator for Diffsol {
             Method::Sdirk => problem.esdirk34::<LS>().map(|s| run.drive(s, |_| 3, 1.0, f64::INFINITY, end, visit)),
             Method::Explicit => problem.tsit45().map(|s| run.drive(s, |_| 4, 1.0, f64::INFINITY, end, visit)),
         };
-        outcome.map_err(|e| self.fault(system, arc, 0.0, &e))?.map(|_| ())
+        outcome.map_err(|e| fault(self.method, when(system, arc, 0.0), unit, &e))?.map(|_| ())
     }
 }
 
@@ -276,9 +286,9 @@ impl<'a> Run<'a> {
         E: OdeEquations<T = f64, V = V> + 'p,
         S: OdeSolverMethod<'p, E>,
     {
-        let (system, arc, unit, method) = (self.system, self.arc, self.unit, self.method.name());
+        let (system, arc, unit, method) = (self.system, self.arc, self.unit, self.method);
         let t = |units: f64| when(system, arc, units * unit);
-        let fault = |from: f64, e: &DiffsolError| IntegrateError::Solver { method, t: t(from), reason: e.to_string() };
+        let fault = |from: f64, e: &DiffsolError| fault(method, t(from), unit, e);
         let state = solver.state_mut();
         *state.h = step.min(self.span / unit - self.from);
         if self.from > 0.0 {
