@@ -122,9 +122,8 @@ impl Structure {
                 rates.oscillating = rates.oscillating.max(omega);
             }
         };
-        let diagonal = |row: &[(u32, f64)], i: usize| row.iter().find(|(j, _)| *j as usize == i).map_or(0.0, |r| r.1);
-        for i in 0..self.n {
-            meet(diagonal(&self.stiffness_rows[i], i), diagonal(&self.damping_rows[i], i));
+        for (by_q, by_v) in self.columns.by_q.iter().zip(&self.columns.by_v) {
+            meet(-by_q, -by_v);
         }
         for (j, c) in self.contacts.iter().enumerate() {
             let linear = match c.spec.law {
