@@ -82,7 +82,11 @@ impl Locator {
             }
         }
         let Some((theta, lead)) = first else { return (None, touch) };
-        (Some(self.batch(step, theta, lead)), touch.filter(|(t, _)| *t < theta))
+        // In a root clock a contact that ends together with the clock's owner touches zero where time stands still:
+        // a touch at the instant of the event is part of it.
+        let until = step.time(theta);
+        let before = |t: f64| t < theta && until - step.time(t) > 64.0 * f64::EPSILON * until;
+        (Some(self.batch(step, theta, lead)), touch.filter(|(t, _)| before(*t)))
     }
 
     /// All guards that fire at `theta` together with guard `lead`.
