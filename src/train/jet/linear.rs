@@ -116,6 +116,7 @@ impl Expansion<'_> {
         })
     }
 
+    #[inline(never)]
     fn recurrence<const N: usize>(&self, parts: &[LinearPart], out: &mut Jet) {
         let (s, h) = (self.s, self.h);
         let Jet { state, work, time, .. } = out;
