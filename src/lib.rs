@@ -1,6 +1,7 @@
 //! Flank simulates gear vibro-impact with exact events.
 #![warn(missing_docs)]
 
+pub mod analysis;
 pub mod engine;
 pub mod event;
 pub mod gear;

@@ -1,4 +1,4 @@
-use crate::hybrid::{GuardSet, Instant, Mode};
+use crate::hybrid::{GuardSet, Instant, Mode, Transition};
 
 /// How well an event time is determined.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -51,4 +51,19 @@ pub struct EventRecord {
     pub accumulation: Option<Accumulation>,
     /// Largest displacement by which the state was moved onto a guard, in the guard's units.
     pub projected: f64,
+}
+
+impl EventRecord {
+    /// The jump it tells of.
+    #[must_use]
+    pub fn transition(&self) -> Transition<'_> {
+        Transition {
+            at: self.at,
+            fired: self.fired,
+            from: self.from,
+            to: self.to,
+            x_minus: &self.x_minus,
+            x_plus: &self.x_plus,
+        }
+    }
 }

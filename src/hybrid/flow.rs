@@ -106,4 +106,13 @@ impl Jet {
             self.time[..=self.order].iter().rev().fold(0.0, |s, c| s * theta + c)
         }
     }
+
+    /// Rate of the clock, `dt/dθ`, s.
+    #[must_use]
+    pub fn rate_at(&self, theta: f64) -> f64 {
+        if self.time.is_empty() {
+            return self.span;
+        }
+        (1..=self.order).rev().fold(0.0, |s, k| s * theta + k as f64 * self.time[k])
+    }
 }

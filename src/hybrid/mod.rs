@@ -2,6 +2,8 @@
 //!
 //! The meaning of every word is fixed in `docs/EVENTS.md`.
 
+mod contact;
+mod decimal;
 mod flow;
 mod guard;
 mod instant;
@@ -9,9 +11,10 @@ mod mode;
 mod power;
 mod system;
 
+pub use contact::{ContactMode, ContactView, Watch};
 pub use flow::{Flow, Jet, JetField, JetRequest, VectorField};
 pub use guard::{Crossing, Guard, GuardId, GuardSet, Role};
 pub use instant::{Clock, Instant, Wide};
 pub use mode::Mode;
-pub use power::{PowerBalance, Powers};
+pub use power::{EnergyJump, PowerBalance, Powers, Transition};
 pub use system::{HybridSystem, Jump, ModelError};

@@ -33,6 +33,9 @@ impl DenseStep for Step<'_> {
     fn time(&self, theta: f64) -> f64 {
         self.jet.time_at(theta)
     }
+    fn rate(&self, theta: f64) -> f64 {
+        self.jet.rate_at(theta)
+    }
     fn state(&self, theta: f64, x: &mut [f64]) {
         self.jet.state_at(theta, x);
     }

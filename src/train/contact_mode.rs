@@ -2,60 +2,17 @@
 
 use crate::hybrid::{GuardId, Mode};
 
-/// The state of one contact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum ContactMode {
-    /// Between the flanks: no force.
-    Separated,
-    /// In contact on the drive flank; resting on it, for a rigid law.
-    Drive,
-    /// In contact on the back flank; resting on it, for a rigid law.
-    Back,
-    /// Inside the drive flank's zone while the law would pull: no force.
-    DriveDetached,
-    /// Inside the back flank's zone while the law would pull: no force.
-    BackDetached,
-}
+pub use crate::hybrid::{ContactMode, Watch};
 
 use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
 
-impl ContactMode {
-    /// Whether the contact carries force.
-    #[must_use]
-    pub fn is_closed(self) -> bool {
-        matches!(self, Drive | Back)
-    }
-
-    /// +1 on the drive flank's side, −1 on the back flank's, 0 between.
-    #[must_use]
-    pub fn side(self) -> f64 {
-        match self {
-            Drive | DriveDetached => 1.0,
-            Back | BackDetached => -1.0,
-            Separated => 0.0,
-        }
-    }
-
-    /// The word used in logs.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Separated => "separated",
-            Drive => "drive",
-            Back => "back",
-            DriveDetached => "drive-detached",
-            BackDetached => "back-detached",
-        }
-    }
-
-    fn from_bits(bits: u128) -> Self {
-        match bits {
-            1 => Drive,
-            2 => Back,
-            3 => DriveDetached,
-            4 => BackDetached,
-            _ => Separated,
-        }
+fn from_bits(bits: u128) -> ContactMode {
+    match bits {
+        1 => Drive,
+        2 => Back,
+        3 => DriveDetached,
+        4 => BackDetached,
+        _ => Separated,
     }
 }
 
@@ -64,7 +21,7 @@ const BITS: usize = 6;
 /// The state of contact `j` in `mode`.
 #[must_use]
 pub fn contact_mode(mode: Mode, j: usize) -> ContactMode {
-    ContactMode::from_bits(mode.0 >> (BITS * j) & 7)
+    from_bits(mode.0 >> (BITS * j) & 7)
 }
 
 pub(super) fn with_contact(mode: Mode, j: usize, state: ContactMode) -> Mode {
@@ -79,17 +36,6 @@ pub fn piece(mode: Mode, j: usize) -> u32 {
 
 pub(super) fn with_piece(mode: Mode, j: usize, piece: u32) -> Mode {
     Mode(mode.0 & !(7 << (BITS * j + 3)) | u128::from(piece & 7) << (BITS * j + 3))
-}
-
-/// What a guard of a contact watches.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Watch {
-    /// The drive flank, `δ = b`.
-    DriveFlank,
-    /// The back flank, `δ = −b`.
-    BackFlank,
-    /// The force (of a rigid contact: the multiplier; of a power law: its factor `1 + χ ṗ`).
-    Force,
 }
 
 /// The guard of contact `j` that watches `watch`.

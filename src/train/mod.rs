@@ -6,6 +6,7 @@ mod assemble;
 mod automaton;
 mod body;
 mod contact_mode;
+mod energy;
 mod error;
 mod forces;
 pub mod frame;
@@ -18,6 +19,7 @@ pub mod planetary;
 mod schedule;
 mod spec;
 mod sticking;
+mod view;
 mod wall;
 
 pub use assemble::{AssembleError, Contact, MAX_CONTACTS, Structure};

@@ -1,0 +1,399 @@
+//! What the contacts do: time apart, contact episodes, extremes of deflection and force.
+
+use std::ops::ControlFlow;
+
+use super::{
+    episode::{Episode, Moment, Separation, Spell, flank},
+    extreme::peak,
+    quadrature::{Rule, theta_at},
+    report::{ContactReport, Statistics},
+    sum::Sum,
+};
+use crate::{
+    engine::Observer,
+    event::EventRecord,
+    hybrid::{Clock, ContactMode, ContactView, HybridSystem, Instant, Mode},
+    integrate::DenseStep,
+};
+
+/// Intervals between the nodes on a step: enough to see every extreme, and to integrate the force to rounding.
+const INTERVALS: usize = 20;
+
+/// Measures every contact. Durations are sums of arc lengths, so short ones keep their relative accuracy.
+#[derive(Clone, Debug)]
+pub struct Contacts<'s, S: ?Sized> {
+    system: &'s S,
+    clock: Clock,
+    from: Option<Instant>,
+    keep: usize,
+    rule: Rule,
+    nodes: Nodes,
+    x: Vec<f64>,
+    impulses: Vec<f64>,
+    time: Sum,
+    tracks: Vec<Track>,
+}
+
+/// Values on the nodes of one step; contact `j` has row `j` of `deflections` and `forces`.
+#[derive(Clone, Debug, Default)]
+struct Nodes {
+    theta: Vec<f64>,
+    /// Weights times `dt/dθ`, s.
+    weight: Vec<f64>,
+    deflections: Vec<f64>,
+    forces: Vec<f64>,
+    losses: Vec<f64>,
+    signed: Vec<f64>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Track {
+    spell: Option<Spell>,
+    ended: Option<Episode>,
+    separations: Vec<Separation>,
+    episodes: Vec<Episode>,
+    counts: Counts,
+    apart: Sum,
+    no_force: Sum,
+    impulse: Sum,
+    lost: Sum,
+    durations: Sum,
+    shortest: f64,
+    longest: f64,
+    whole: u64,
+    deflection: [f64; 2],
+    force: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    separations: u64,
+    contacts: [u64; 2],
+    sticks: u64,
+}
+
+impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
+    /// Measures from `from` on (from the start, if none), so that a transient is left out.
+    #[must_use]
+    pub fn new(system: &'s S, from: Option<Instant>) -> Self {
+        let track =
+            Track { shortest: f64::INFINITY, deflection: [f64::NEG_INFINITY, f64::INFINITY], ..Track::default() };
+        let (m, n) = (system.contact_count(), INTERVALS + 1);
+        let nodes = Nodes {
+            theta: vec![0.0; n],
+            weight: vec![0.0; n],
+            deflections: vec![0.0; m * n],
+            forces: vec![0.0; m * n],
+            losses: vec![0.0; m * n],
+            signed: vec![0.0; n],
+        };
+        Self {
+            system,
+            clock: *system.clock(),
+            from,
+            keep: usize::MAX,
+            rule: Rule::clenshaw_curtis(INTERVALS),
+            nodes,
+            x: vec![0.0; system.dim()],
+            impulses: vec![0.0; m],
+            time: Sum::default(),
+            tracks: vec![track; m],
+        }
+    }
+
+    /// Keeps at most `entries` separations and episodes of each contact; statistics go on.
+    #[must_use]
+    pub fn keep(mut self, entries: usize) -> Self {
+        self.keep = entries;
+        self
+    }
+
+    /// The separations of contact `j` that began and ended in the measured time, in order.
+    #[must_use]
+    pub fn separations(&self, j: usize) -> &[Separation] {
+        &self.tracks[j].separations
+    }
+
+    /// The contact episodes of contact `j` that began and ended in the measured time, in order.
+    #[must_use]
+    pub fn episodes(&self, j: usize) -> &[Episode] {
+        &self.tracks[j].episodes
+    }
+
+    /// The episode of contact `j` that ended at the latest record, measured time or not.
+    #[must_use]
+    pub fn ended(&self, j: usize) -> Option<&Episode> {
+        self.tracks[j].ended.as_ref()
+    }
+
+    /// Measured time, s.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        self.time.value()
+    }
+
+    /// The measures of contact `j` so far.
+    #[must_use]
+    pub fn report(&self, j: usize) -> ContactReport {
+        let t = &self.tracks[j];
+        let time = self.time.value();
+        let share = |part: f64| if time > 0.0 { part / time } else { 0.0 };
+        let cycles = self.clock.period().map(|p| time / p.value()).filter(|c| *c > 0.0);
+        let any = t.whole > 0;
+        let contacts = t.counts.contacts[0] + t.counts.contacts[1];
+        ContactReport {
+            name: self.system.contact_name(j).to_owned(),
+            time,
+            apart_time: t.apart.value(),
+            apart_fraction: share(t.apart.value()),
+            no_force_time: t.no_force.value(),
+            no_force_fraction: share(t.no_force.value()),
+            separations: t.counts.separations,
+            drive_contacts: t.counts.contacts[0],
+            back_contacts: t.counts.contacts[1],
+            sticks: t.counts.sticks,
+            separations_per_cycle: cycles.map(|c| t.counts.separations as f64 / c),
+            contacts_per_cycle: cycles.map(|c| contacts as f64 / c),
+            durations: Statistics {
+                count: t.whole,
+                min: any.then_some(t.shortest),
+                max: any.then_some(t.longest),
+                mean: any.then(|| t.durations.value() / t.whole as f64),
+            },
+            deflection_max: t.deflection[0],
+            deflection_min: t.deflection[1],
+            force_abs_max: t.force,
+            force_mean: share(t.impulse.value()),
+            energy_lost: t.lost.value(),
+        }
+    }
+
+    fn measures(&self, at: Instant) -> bool {
+        self.from.is_none_or(|from| self.clock.between(from, at) >= 0.0)
+    }
+
+    /// The piece `[a, b]` of a step.
+    fn piece(&mut self, mode: Mode, step: &dyn DenseStep, a: f64, b: f64, measured: bool) {
+        let Self { system, clock, rule, nodes, x, tracks, .. } = self;
+        let count = rule.nodes.len();
+        let at_theta = |theta: f64, x: &mut [f64]| {
+            step.state(theta, x);
+            clock.advance(step.start(), step.time(theta))
+        };
+        for (i, (node, weight)) in rule.nodes.iter().zip(&rule.weights).enumerate() {
+            let theta = a + (b - a) * node;
+            nodes.theta[i] = theta;
+            nodes.weight[i] = (b - a) * weight * step.rate(theta);
+            let at = at_theta(theta, x);
+            for j in 0..tracks.len() {
+                nodes.deflections[j * count + i] = system.deflection(j, at, x).0;
+                if system.contact_mode(j, mode).is_closed() {
+                    nodes.forces[j * count + i] = system.force(j, mode, at, x);
+                    nodes.losses[j * count + i] = system.dissipation(j, mode, at, x);
+                }
+            }
+        }
+        let length = if a == 0.0 { step.time(b) } else { step.time(b) - step.time(a) };
+        if measured {
+            self.time.add(length);
+        }
+        let Nodes { theta, weight, deflections, forces, losses, signed } = nodes;
+        for (j, track) in tracks.iter_mut().enumerate() {
+            let state = system.contact_mode(j, mode);
+            let row = j * count..(j + 1) * count;
+            let mut highest = |values: &[f64], sign: f64, best: f64, force: bool| {
+                signed.iter_mut().zip(values).for_each(|(s, v)| *s = sign * v);
+                peak(theta, signed, best, |theta| {
+                    let at = at_theta(theta, x);
+                    sign * if force { system.force(j, mode, at, x) } else { system.deflection(j, at, x).0 }
+                })
+            };
+            let (d, f) = (&deflections[row.clone()], &forces[row.clone()]);
+            let integral = |values: &[f64]| weight.iter().zip(values).map(|(w, v)| w * v).sum::<f64>();
+            if measured {
+                track.deflection[0] = highest(d, 1.0, track.deflection[0], false);
+                track.deflection[1] = -highest(d, -1.0, -track.deflection[1], false);
+                if state == ContactMode::Separated {
+                    track.apart.add(length);
+                }
+                if !state.is_closed() {
+                    track.no_force.add(length);
+                }
+            }
+            let Some(spell) = track.spell.as_mut() else { continue };
+            spell.duration.add(length);
+            if state == ContactMode::Separated {
+                spell.apart.add(length);
+            }
+            if !state.is_closed() {
+                continue;
+            }
+            let (impulse, lost) = (integral(f), integral(&losses[row]));
+            spell.impulse.add(impulse);
+            spell.lost.add(lost);
+            spell.peak_force = highest(f, spell.side, spell.peak_force, true);
+            let gap = system.half_backlash(j);
+            spell.peak_penetration = highest(d, spell.side, spell.peak_penetration + gap, false) - gap;
+            if measured {
+                track.force = highest(f, 1.0, track.force, true);
+                track.force = highest(f, -1.0, track.force, true);
+                track.impulse.add(impulse);
+                track.lost.add(lost);
+            }
+        }
+    }
+
+    /// Contact `j` at an instant.
+    fn follow(&mut self, j: usize, record: &EventRecord, measured: bool) {
+        let system = self.system;
+        let (before, after) = (system.contact_mode(j, record.from), system.contact_mode(j, record.to));
+        let (_, rate) = system.deflection(j, record.at, &record.x_minus);
+        if self.tracks[j].spell.is_none() {
+            self.begin(j, before, record.at);
+        }
+        let struck = record
+            .fired
+            .iter()
+            .map(|id| system.watch(id))
+            .find(|(k, watch)| *k == j && watch.side() != 0.0)
+            .map(|(_, watch)| watch.side())
+            .filter(|side| system.is_rigid(j) && !before.is_closed() && side * rate > 0.0);
+        match struck {
+            Some(side) => {
+                self.part(j, side, measured);
+                if record.accumulation.is_none() {
+                    self.impact(j, side, record, measured);
+                }
+                self.open(j, after, record.at, side, measured);
+            }
+            None if !before.is_closed() && after.is_closed() => {
+                self.part(j, after.side(), measured);
+                self.open(j, after, record.at, after.side(), measured);
+                let track = &mut self.tracks[j];
+                if let Some(spell) = track.spell.as_mut() {
+                    spell.approach = after.side() * rate;
+                    spell.by_force = before != ContactMode::Separated;
+                }
+                if measured && !system.is_rigid(j) {
+                    track.counts.contacts[usize::from(after.side() < 0.0)] += 1;
+                }
+            }
+            None if before.is_closed() && !after.is_closed() => {
+                let release = -before.side() * rate;
+                let dropped = system.stored(j, record.from, record.at, &record.x_minus)
+                    - system.stored(j, record.to, record.at, &record.x_minus);
+                let track = &mut self.tracks[j];
+                if let Some(mut spell) = track.spell.take() {
+                    spell.lost.add(dropped);
+                    let episode = spell.episode(&self.clock, release);
+                    if measured {
+                        track.lost.add(dropped);
+                    }
+                    if spell.whole && track.episodes.len() < self.keep {
+                        track.episodes.push(episode);
+                    }
+                    track.ended = Some(episode);
+                }
+                self.open(j, after, record.at, before.side(), measured);
+            }
+            None => {}
+        }
+    }
+
+    /// A spell whose beginning was not seen.
+    fn begin(&mut self, j: usize, state: ContactMode, at: Instant) {
+        self.tracks[j].spell = Some(Spell::new(state.is_closed(), at, state.side()));
+    }
+
+    /// A spell begins at an event, on (or off) the flank of `side`.
+    fn open(&mut self, j: usize, state: ContactMode, at: Instant, side: f64, measured: bool) {
+        let track = &mut self.tracks[j];
+        let spell = Spell { whole: measured, ..Spell::new(state.is_closed(), at, side) };
+        track.spell = Some(spell);
+        if measured {
+            track.counts.separations += u64::from(!spell.closed);
+            track.counts.sticks += u64::from(spell.closed && self.system.is_rigid(j));
+        }
+    }
+
+    /// A spell without force ends at the flank of `side`.
+    fn part(&mut self, j: usize, side: f64, measured: bool) {
+        let track = &mut self.tracks[j];
+        let Some(spell) = track.spell.take().filter(|s| s.whole && !s.closed && measured) else { return };
+        let separation = spell.separation(&self.clock, side);
+        track.whole += 1;
+        track.durations.add(separation.duration);
+        track.shortest = track.shortest.min(separation.duration);
+        track.longest = track.longest.max(separation.duration);
+        if track.separations.len() < self.keep {
+            track.separations.push(separation);
+        }
+    }
+
+    /// A rigid impact: an episode of no duration.
+    fn impact(&mut self, j: usize, side: f64, record: &EventRecord, measured: bool) {
+        let before = self.system.deflection(j, record.at, &record.x_minus).1;
+        let after = self.system.deflection(j, record.at, &record.x_plus).1;
+        let lost = 0.5 * self.impulses[j] * (before + after);
+        let track = &mut self.tracks[j];
+        let (approach, release) = (side * before, -side * after);
+        let episode = Episode {
+            start: Moment::new(&self.clock, record.at),
+            flank: flank(side),
+            by_force: false,
+            duration: 0.0,
+            peak_force: None,
+            peak_penetration: 0.0,
+            approach,
+            release,
+            restitution: Some(release / approach),
+            impulse: side * self.impulses[j],
+            energy_lost: lost,
+        };
+        track.ended = Some(episode);
+        if measured {
+            track.counts.contacts[usize::from(side < 0.0)] += 1;
+            track.impulse.add(self.impulses[j]);
+            track.lost.add(lost);
+            if track.episodes.len() < self.keep {
+                track.episodes.push(episode);
+            }
+        }
+    }
+}
+
+impl<S: HybridSystem + ContactView + ?Sized> Observer for Contacts<'_, S> {
+    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        for j in 0..self.tracks.len() {
+            if self.tracks[j].spell.is_none() {
+                self.begin(j, self.system.contact_mode(j, mode), step.start());
+            }
+        }
+        let wait = self.from.map_or(0.0, |from| self.clock.between(step.start(), from));
+        if wait <= 0.0 {
+            self.piece(mode, step, 0.0, until, true);
+        } else if wait >= step.time(until) {
+            self.piece(mode, step, 0.0, until, false);
+        } else {
+            let theta = theta_at(step, wait, until);
+            self.piece(mode, step, 0.0, theta, false);
+            self.piece(mode, step, theta, until, true);
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        for track in &mut self.tracks {
+            track.ended = None;
+        }
+        if record.graze {
+            return ControlFlow::Continue(());
+        }
+        let measured = self.measures(record.at);
+        self.system.impulses(&record.transition(), &mut self.impulses);
+        for j in 0..self.tracks.len() {
+            self.follow(j, record, measured);
+        }
+        ControlFlow::Continue(())
+    }
+}

@@ -1,0 +1,248 @@
+//! Event records told in words: one serialisable row an instant.
+
+use std::ops::ControlFlow;
+
+use serde::Serialize;
+
+use super::contacts::Contacts;
+use crate::{
+    engine::Observer,
+    event::EventRecord,
+    hybrid::{ContactMode, ContactView, HybridSystem, Mode},
+    integrate::DenseStep,
+};
+
+/// Digits of a written time: all that a pair of doubles holds.
+const DIGITS: usize = 32;
+
+/// What happened to one contact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Force begins on the drive flank.
+    DriveContact,
+    /// Force begins on the back flank.
+    BackContact,
+    /// Force ends: at the flank, or inside its zone where the law would begin to pull.
+    Separation,
+    /// The flank's zone is left without force: a detached contact becomes a separated one.
+    Clear,
+    /// A rigid flank is struck.
+    Impact,
+    /// A rigid contact comes to rest.
+    Stick,
+    /// A resting rigid contact lets go.
+    Release,
+    /// A guard was touched and not crossed.
+    Graze,
+    /// The first mode of the run was decided for a contact that starts on its flank, and it stays apart.
+    Start,
+}
+
+/// One contact at one instant. What belongs to the contact episode that ends here is absent where none ends.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ContactEvent {
+    /// Number of the contact.
+    pub mesh: usize,
+    /// Its name.
+    pub name: String,
+    /// What happened.
+    pub kind: Kind,
+    /// Its state before.
+    pub from: &'static str,
+    /// Its state after.
+    pub to: &'static str,
+    /// Deflection δ just before, m.
+    pub deflection: f64,
+    /// Rate just before, m/s: of the deflection; of the gap (negative while it closes) for a rigid contact.
+    pub velocity: f64,
+    /// Closing speed with which the episode began that begins or ends here, m/s.
+    pub approach: Option<f64>,
+    /// Opening speed with which the ending episode ends, m/s.
+    pub release: Option<f64>,
+    /// How long force was carried, s; 0 for an impact.
+    pub duration: Option<f64>,
+    /// Largest force, N.
+    pub peak_force: Option<f64>,
+    /// Largest penetration, m.
+    pub peak_penetration: Option<f64>,
+    /// Impulse, N s.
+    pub impulse: Option<f64>,
+    /// Energy lost, J.
+    pub energy_lost: Option<f64>,
+    /// Restitution obtained: release over approach speed.
+    pub restitution: Option<f64>,
+    /// Restitution of a free impact under the contact's law: what was asked for.
+    pub restitution_free: Option<f64>,
+}
+
+/// One instant.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EventRow {
+    /// Number of the row, from 0.
+    pub index: u64,
+    /// Forcing cycle n.
+    pub n: i64,
+    /// Phase in it, s.
+    pub phase: f64,
+    /// Time as a decimal number, s, to 32 digits.
+    pub t: String,
+    /// Time rounded to a double, s.
+    pub seconds: f64,
+    /// The record decides the first mode of the run.
+    pub start: bool,
+    /// A known stiffness switch fell on the instant.
+    pub switch: bool,
+    /// The instant ends an impact sequence: impacts of it that were resolved, and the time left after the last, s.
+    pub accumulation: Option<(u32, f64)>,
+    /// Jumps iterated at the instant.
+    pub jumps: u32,
+    /// Largest displacement onto a guard, in the guard's units.
+    pub projected: f64,
+    /// Value of the guard at the event, in its units.
+    pub residual: f64,
+    /// Its rate there, per second.
+    pub slope: f64,
+    /// Uncertainty of the time, s.
+    pub uncertainty: f64,
+    /// The contacts to which something happened, in rising order.
+    pub contacts: Vec<ContactEvent>,
+}
+
+/// Describes every record, and measures the contacts for it.
+pub struct EventLog<'s, S: ?Sized, F> {
+    system: &'s S,
+    contacts: Contacts<'s, S>,
+    rows: u64,
+    row: F,
+}
+
+impl<'s, S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFlow<()>> EventLog<'s, S, F> {
+    /// A log that hands its rows to `row`. `contacts` runs inside it and need not be observed elsewhere.
+    #[must_use]
+    pub fn new(system: &'s S, contacts: Contacts<'s, S>, row: F) -> Self {
+        Self { system, contacts, rows: 0, row }
+    }
+
+    /// The measures.
+    #[must_use]
+    pub fn contacts(&self) -> &Contacts<'s, S> {
+        &self.contacts
+    }
+
+    fn describe(&self, record: &EventRecord) -> EventRow {
+        let clock = self.system.clock();
+        let t = clock.time(record.at);
+        let mut contacts = Vec::new();
+        for j in 0..self.system.contact_count() {
+            for kind in kinds(self.system, j, record).into_iter().flatten() {
+                contacts.push(self.contact(j, kind, record));
+            }
+        }
+        EventRow {
+            index: self.rows,
+            n: record.at.cycle,
+            phase: record.at.phase.value(),
+            t: t.decimal(DIGITS),
+            seconds: t.value(),
+            start: record.start,
+            switch: record.switched,
+            accumulation: record.accumulation.map(|a| (a.resolved, a.remaining)),
+            jumps: record.jumps,
+            projected: record.projected,
+            residual: record.conditioning.residual,
+            slope: record.conditioning.slope,
+            uncertainty: record.conditioning.time,
+            contacts,
+        }
+    }
+
+    fn contact(&self, j: usize, kind: Kind, record: &EventRecord) -> ContactEvent {
+        let s = self.system;
+        let (before, after) = (s.contact_mode(j, record.from), s.contact_mode(j, record.to));
+        let (deflection, rate) = s.deflection(j, record.at, &record.x_minus);
+        // At rest on a flank just struck, the flank is the one after.
+        let side = if s.is_rigid(j) { flank_side(s, j, record, before, after) } else { 0.0 };
+        let begins = matches!(kind, Kind::DriveContact | Kind::BackContact);
+        let ended = self.contacts.ended(j).filter(|_| matches!(kind, Kind::Separation | Kind::Impact | Kind::Release));
+        let contact_side = after.side();
+        ContactEvent {
+            mesh: j,
+            name: s.contact_name(j).to_owned(),
+            kind,
+            from: before.name(),
+            to: after.name(),
+            deflection,
+            velocity: if s.is_rigid(j) { -side * rate } else { rate },
+            approach: if begins { Some(contact_side * rate) } else { ended.map(|e| e.approach) },
+            release: ended.map(|e| e.release),
+            duration: ended.map(|e| e.duration),
+            peak_force: ended.and_then(|e| e.peak_force),
+            peak_penetration: ended.map(|e| e.peak_penetration),
+            impulse: ended.map(|e| e.impulse),
+            energy_lost: ended.map(|e| e.energy_lost),
+            restitution: ended.and_then(|e| e.restitution),
+            restitution_free: ended.and_then(|_| s.free_restitution(j)),
+        }
+    }
+}
+
+/// The flank a rigid contact meets or leaves at a record.
+fn flank_side<S: ContactView + ?Sized>(
+    s: &S,
+    j: usize,
+    record: &EventRecord,
+    before: ContactMode,
+    after: ContactMode,
+) -> f64 {
+    let struck = record.fired.iter().map(|id| s.watch(id)).find(|(k, watch)| *k == j && watch.side() != 0.0);
+    struck.map_or(before.side() + after.side(), |(_, watch)| watch.side())
+}
+
+/// What happened to contact `j`: up to two things (an impact that comes to rest at once).
+fn kinds<S: ContactView + ?Sized>(s: &S, j: usize, record: &EventRecord) -> [Option<Kind>; 2] {
+    let (before, after) = (s.contact_mode(j, record.from), s.contact_mode(j, record.to));
+    let fired = |flank: bool| {
+        record.fired.iter().map(|id| s.watch(id)).any(|(k, watch)| k == j && (watch.side() != 0.0 || !flank))
+    };
+    let (closed, closes) = (before.is_closed(), after.is_closed());
+    if record.graze {
+        return [fired(false).then_some(Kind::Graze), None];
+    }
+    if s.is_rigid(j) {
+        let struck = fired(true) && !closed && record.accumulation.is_none();
+        let moving = s.deflection(j, record.at, &record.x_minus).1 != s.deflection(j, record.at, &record.x_plus).1;
+        let impact = (struck && (moving || !record.start)).then_some(Kind::Impact);
+        let rest = match (closed, closes) {
+            (false, true) => Some(Kind::Stick),
+            (true, false) => Some(Kind::Release),
+            _ => None,
+        };
+        return if impact.is_some() { [impact, rest] } else { [rest.or(start(record, fired(true))), None] };
+    }
+    let kind = match (closed, after) {
+        (false, ContactMode::Drive) => Some(Kind::DriveContact),
+        (false, ContactMode::Back) => Some(Kind::BackContact),
+        (true, _) if !closes => Some(Kind::Separation),
+        _ if before != after => Some(Kind::Clear),
+        _ => start(record, fired(true)),
+    };
+    [kind, None]
+}
+
+fn start(record: &EventRecord, on_flank: bool) -> Option<Kind> {
+    (record.start && on_flank).then_some(Kind::Start)
+}
+
+impl<S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFlow<()>> Observer for EventLog<'_, S, F> {
+    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        self.contacts.step(mode, step, until)
+    }
+
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        self.contacts.event(record)?;
+        let row = self.describe(record);
+        self.rows += 1;
+        (self.row)(row)
+    }
+}

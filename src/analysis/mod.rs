@@ -1,0 +1,22 @@
+//! Measures taken while a run goes on: energy ledger, contacts, sampled trajectories, event descriptions.
+//!
+//! All are [`Observer`](crate::engine::Observer)s, and know a system only through the traits of
+//! [`hybrid`](crate::hybrid).
+
+mod contacts;
+mod episode;
+mod events;
+mod extreme;
+mod ledger;
+mod quadrature;
+mod report;
+mod sum;
+mod trajectory;
+
+pub use contacts::Contacts;
+pub use episode::{Episode, Moment, Separation};
+pub use events::{ContactEvent, EventLog, EventRow, Kind};
+pub use ledger::{Balance, Ledger};
+pub use report::{ContactReport, Statistics};
+pub use sum::Sum;
+pub use trajectory::{Grid, Sample, Trajectory};

@@ -1,0 +1,35 @@
+/// A compensated sum (Neumaier 1974): the error does not grow with the number of terms.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sum {
+    total: f64,
+    rest: f64,
+}
+
+impl Sum {
+    /// Adds a term.
+    pub fn add(&mut self, term: f64) {
+        let sum = self.total + term;
+        self.rest += if self.total.abs() >= term.abs() { (self.total - sum) + term } else { (term - sum) + self.total };
+        self.total = sum;
+    }
+
+    /// The sum.
+    #[must_use]
+    pub fn value(&self) -> f64 {
+        self.total + self.rest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_terms_are_not_lost() {
+        let mut sum = Sum::default();
+        for term in [1e16, 1.0, 1.0, -1e16] {
+            sum.add(term);
+        }
+        assert_eq!(sum.value(), 2.0);
+    }
+}

@@ -1,0 +1,123 @@
+//! Samples of the dense output at exact phases or at fixed intervals.
+
+use std::ops::ControlFlow;
+
+use super::quadrature::theta_at;
+use crate::{
+    engine::{Observer, State},
+    hybrid::{Clock, HybridSystem, Instant, Mode, Wide},
+    integrate::DenseStep,
+};
+
+/// Where samples lie.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Grid {
+    /// `per_cycle` samples a forcing cycle, at phases `i T/per_cycle`. Each phase is computed from its
+    /// number, so cycle after cycle has the same phases to the last bit.
+    Phases {
+        /// Samples a cycle, > 0.
+        per_cycle: u32,
+    },
+    /// Every `interval` seconds from the first instant on: `t₀ + i · interval`, from the number too.
+    Interval {
+        /// Interval, s, > 0.
+        interval: f64,
+    },
+}
+
+/// One sample. At an event it is the state after it.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample<'a> {
+    /// Number of the sample, from 0.
+    pub index: u64,
+    /// When.
+    pub at: Instant,
+    /// Time, s, rounded to a double.
+    pub t: f64,
+    /// Mode.
+    pub mode: Mode,
+    /// State, `[dim]`.
+    pub x: &'a [f64],
+}
+
+/// Hands samples to a callback. Call [`finish`](Self::finish) after the run for a sample exactly at its end.
+pub struct Trajectory<F> {
+    clock: Clock,
+    grid: Grid,
+    origin: Instant,
+    number: i64,
+    emitted: u64,
+    x: Vec<f64>,
+    row: F,
+}
+
+impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
+    /// Samples from `from` on. Without a period a [`Grid::Phases`] has no phases and gives no sample.
+    #[must_use]
+    pub fn new(system: &dyn HybridSystem, grid: Grid, from: Instant, row: F) -> Self {
+        let clock = *system.clock();
+        let x = vec![0.0; system.dim()];
+        let mut trajectory = Self { clock, grid, origin: from, number: 0, emitted: 0, x, row };
+        if let (Grid::Phases { per_cycle }, Some(period)) = (grid, clock.period()) {
+            let estimate = (from.phase.hi / period.hi * f64::from(per_cycle)).floor() as i64;
+            trajectory.number = from.cycle * i64::from(per_cycle) + estimate - 1;
+            while trajectory.due().is_some_and(|at| clock.between(from, at) < 0.0) {
+                trajectory.number += 1;
+            }
+        }
+        trajectory
+    }
+
+    /// When the next sample is due.
+    #[must_use]
+    pub fn due(&self) -> Option<Instant> {
+        match self.grid {
+            Grid::Phases { per_cycle } => {
+                let per_cycle = i64::from(per_cycle.max(1));
+                let (cycle, i) = (self.number.div_euclid(per_cycle), self.number.rem_euclid(per_cycle));
+                let phase = Wide::quotient(self.clock.period()? * i as f64, per_cycle as f64);
+                Some(Instant { cycle, phase })
+            }
+            Grid::Interval { interval } => {
+                if !(interval > 0.0) {
+                    return None;
+                }
+                let offset = Wide::product(interval, self.number as f64);
+                Some(self.clock.advance(self.clock.advance(self.origin, offset.hi), offset.lo))
+            }
+        }
+    }
+
+    fn emit(&mut self, at: Instant, mode: Mode) -> ControlFlow<()> {
+        let sample = Sample { index: self.emitted, at, t: self.clock.time(at).value(), mode, x: &self.x };
+        self.emitted += 1;
+        self.number += 1;
+        (self.row)(&sample)
+    }
+
+    /// The sample at the very end of a run, if one is due there.
+    pub fn finish(&mut self, state: &State) -> ControlFlow<()> {
+        while let Some(at) = self.due().filter(|at| self.clock.between(*at, state.at) >= 0.0) {
+            self.x.copy_from_slice(&state.x);
+            self.emit(at, state.jump.mode)?;
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Observer for Trajectory<F> {
+    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        let span = step.time(until);
+        // A sample exactly at the end belongs to what follows: the state after an event there.
+        while let Some(at) = self.due() {
+            let elapsed = self.clock.between(step.start(), at);
+            if elapsed >= span {
+                break;
+            }
+            let theta = theta_at(step, elapsed, until);
+            step.state(theta, &mut self.x);
+            self.emit(at, mode)?;
+        }
+        ControlFlow::Continue(())
+    }
+}

@@ -1,0 +1,104 @@
+use super::{GuardId, Instant, Mode, Transition};
+
+/// The state of one contact.
+///
+/// The order is part of how a train packs its [`Mode`]: `Separated` is zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ContactMode {
+    /// Between the flanks: no force.
+    Separated,
+    /// In contact on the drive flank; resting on it, for a rigid law.
+    Drive,
+    /// In contact on the back flank; resting on it, for a rigid law.
+    Back,
+    /// Inside the drive flank's zone while the law would pull: no force.
+    DriveDetached,
+    /// Inside the back flank's zone while the law would pull: no force.
+    BackDetached,
+}
+
+use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
+
+impl ContactMode {
+    /// Whether the contact carries force.
+    #[must_use]
+    pub fn is_closed(self) -> bool {
+        matches!(self, Drive | Back)
+    }
+
+    /// +1 on the drive flank's side, −1 on the back flank's, 0 between.
+    #[must_use]
+    pub fn side(self) -> f64 {
+        match self {
+            Drive | DriveDetached => 1.0,
+            Back | BackDetached => -1.0,
+            Separated => 0.0,
+        }
+    }
+
+    /// The word used in logs.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Separated => "separated",
+            Drive => "drive",
+            Back => "back",
+            DriveDetached => "drive-detached",
+            BackDetached => "back-detached",
+        }
+    }
+}
+
+/// What a guard of a contact watches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Watch {
+    /// The drive flank, `δ = b`.
+    DriveFlank,
+    /// The back flank, `δ = −b`.
+    BackFlank,
+    /// The force (of a rigid contact: the multiplier; of a power law: its factor `1 + χ ṗ`).
+    Force,
+}
+
+impl Watch {
+    /// +1 for the drive flank, −1 for the back flank, 0 for the force.
+    #[must_use]
+    pub fn side(self) -> f64 {
+        match self {
+            Self::DriveFlank => 1.0,
+            Self::BackFlank => -1.0,
+            Self::Force => 0.0,
+        }
+    }
+}
+
+/// A system seen through its contacts: what logs and measures ask.
+///
+/// Deflections `δ` are compression positive, forces `F` act along the contact's direction: positive on the drive
+/// flank, negative on the back flank.
+pub trait ContactView {
+    /// Number of contacts.
+    fn contact_count(&self) -> usize;
+    /// Name of contact `j`.
+    fn contact_name(&self, j: usize) -> &str;
+    /// State of contact `j` in `mode`.
+    fn contact_mode(&self, j: usize, mode: Mode) -> ContactMode;
+    /// The contact a guard belongs to, and what it watches.
+    fn watch(&self, id: GuardId) -> (usize, Watch);
+    /// Whether contact `j` cannot be penetrated: its contacts are impacts or rest.
+    fn is_rigid(&self, j: usize) -> bool;
+    /// Half the backlash b of contact `j`, m.
+    fn half_backlash(&self, j: usize) -> f64;
+    /// What the law of contact `j` returns of the approach speed in a free impact, `[0, 1]`, where it is known.
+    fn free_restitution(&self, j: usize) -> Option<f64>;
+    /// Deflection δ, m, and its rate, m/s, of contact `j`.
+    fn deflection(&self, j: usize, at: Instant, x: &[f64]) -> (f64, f64);
+    /// Force F of contact `j`, N; zero where it carries none.
+    fn force(&self, j: usize, mode: Mode, at: Instant, x: &[f64]) -> f64;
+    /// Energy stored in the spring of contact `j`, J.
+    fn stored(&self, j: usize, mode: Mode, at: Instant, x: &[f64]) -> f64;
+    /// Power lost in contact `j`, W.
+    fn dissipation(&self, j: usize, mode: Mode, at: Instant, x: &[f64]) -> f64;
+    /// The impulses `P_j` along each direction that a jump applied, N s, into `out` `[contact_count]`.
+    fn impulses(&self, transition: &Transition<'_>, out: &mut [f64]);
+}
