@@ -143,6 +143,12 @@ impl<'s> Engine<'s> {
         &self.state
     }
 
+    /// The integrator, which may tell what it chose.
+    #[must_use]
+    pub fn integrator(&self) -> &(dyn Integrator + 's) {
+        &*self.integrator
+    }
+
     /// Work done so far.
     #[must_use]
     pub fn counters(&self) -> Counters {

@@ -17,4 +17,4 @@ pub use guard::{Crossing, Guard, GuardId, GuardSet, Role};
 pub use instant::{Clock, Instant, Wide};
 pub use mode::Mode;
 pub use power::{EnergyJump, PowerBalance, Powers, Transition};
-pub use system::{HybridSystem, Jump, ModelError};
+pub use system::{HybridSystem, Jump, ModelError, Rates};

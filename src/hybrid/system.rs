@@ -37,6 +37,15 @@ pub struct Jump {
     pub projected: f64,
 }
 
+/// How fast the elements of a mode move by themselves, 1/s: an indication, not a bound.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Rates {
+    /// Fastest decay of an element with at least half the critical damping.
+    pub damped: f64,
+    /// Fastest angular frequency of the others.
+    pub oscillating: f64,
+}
+
 /// A hybrid automaton: smooth flows, guards that end them, jumps between them.
 pub trait HybridSystem {
     /// Length of the state, latched quantities included.
@@ -65,4 +74,9 @@ pub trait HybridSystem {
     /// # Errors
     /// As [`jump`](Self::jump).
     fn settle(&self, mode: Mode, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError>;
+    /// The own rates of `mode`, if the system knows them: they tell stiff modes from others.
+    fn rates(&self, mode: Mode) -> Option<Rates> {
+        let _ = mode;
+        None
+    }
 }

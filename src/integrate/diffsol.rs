@@ -1,1 +1,292 @@
-//! Adapter to diffsol: implicit and explicit Runge–Kutta and BDF steps.
+//! Adapter to diffsol: implicit and explicit steps of fields that can only be evaluated, and of stiff modes.
+//!
+//! One arc is one solver, built at its start and dropped at its end; diffsol's own root finder and resets are
+//! not used. Time is measured from the arc's start in units of the first step, so that no absolute size of time
+//! reaches the solver.
+
+use std::ops::ControlFlow;
+
+use diffsol::{
+    DiffsolError, NalgebraContext, NalgebraLU, NalgebraMat, NalgebraVec, OdeBuilder, OdeEquations,
+    OdeSolverMethod, OdeSolverStopReason, Vector,
+};
+
+use super::{
+    Arc, DenseStep, IntegrateError, Integrator,
+    dense::{self, Pieces, Place},
+};
+use crate::hybrid::{Flow, HybridSystem, VectorField};
+
+type M = NalgebraMat<f64>;
+type V = NalgebraVec<f64>;
+type LS = NalgebraLU<f64>;
+
+/// Which of diffsol's methods.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Backward differences of order 1 to 5: strongly damped fast modes.
+    Bdf,
+    /// ESDIRK 3(4), A-stable: lightly damped fast modes that need not be resolved.
+    Sdirk,
+    /// Tsitouras 5(4): fields that are not stiff.
+    Explicit,
+}
+
+impl Method {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Bdf => "bdf",
+            Self::Sdirk => "sdirk",
+            Self::Explicit => "explicit",
+        }
+    }
+
+    /// Order the first step's error is of.
+    fn first_order(self) -> f64 {
+        match self {
+            Self::Bdf => 1.0,
+            Self::Sdirk => 3.0,
+            Self::Explicit => 5.0,
+        }
+    }
+}
+
+/// Steps by diffsol, dense output and guards by polynomials of its interpolant.
+///
+/// Each component is held to `rtol` times its size, and to a tenth of `rtol` times its scale on the arc where it
+/// passes through zero. The scale is the largest of `|x|`, `τ|ẋ|` and `τ²|ẍ|/2` at the arc's start, with τ the
+/// fastest time the system names, the forcing's 1/ω or the arc's span, whichever is least; or as given by
+/// [`with_absolute`](Self::with_absolute).
+#[derive(Debug)]
+pub struct Diffsol {
+    method: Method,
+    rtol: f64,
+    absolute: Option<Vec<f64>>,
+    pieces: Pieces,
+}
+
+impl Diffsol {
+    /// Tightest tolerance the solvers can hold.
+    pub const TIGHTEST: f64 = 1e-13;
+
+    /// A method with a relative tolerance, kept within `[1e-13, 0.1]`.
+    #[must_use]
+    pub fn new(method: Method, rtol: f64) -> Self {
+        Self { method, rtol: rtol.clamp(Self::TIGHTEST, 0.1), absolute: None, pieces: Pieces::new() }
+    }
+
+    /// Absolute tolerances, one for each component of the state, in its units and > 0, instead of derived ones.
+    #[must_use]
+    pub fn with_absolute(mut self, absolute: Vec<f64>) -> Self {
+        self.absolute = Some(absolute);
+        self
+    }
+
+    fn fault(&self, system: &dyn HybridSystem, arc: &Arc<'_>, elapsed: f64, reason: &DiffsolError) -> IntegrateError {
+        IntegrateError::Solver { method: self.method.name(), t: when(system, arc, elapsed), reason: reason.to_string() }
+    }
+}
+
+fn when(system: &dyn HybridSystem, arc: &Arc<'_>, elapsed: f64) -> f64 {
+    system.clock().time(system.clock().advance(arc.at, elapsed)).value()
+}
+
+/// Sizes at the start of an arc.
+struct Start {
+    /// Absolute tolerances, `[dim]`.
+    absolute: Vec<f64>,
+    /// First step, s.
+    step: f64,
+}
+
+/// Share of a component's scale that is its floor.
+const FLOOR: f64 = 0.1;
+/// A component without a scale of its own is held to this part of the largest one's.
+const NO_SCALE: f64 = 1e-8;
+
+impl Start {
+    /// Scales from the state and two derivatives; the first step as in Hairer, Nørsett & Wanner (1993), II.4, with
+    /// τ as the unit of time.
+    fn new(
+        field: &dyn VectorField,
+        system: &dyn HybridSystem,
+        arc: &Arc<'_>,
+        span: f64,
+        rtol: f64,
+        order: f64,
+        given: Option<&[f64]>,
+    ) -> Self {
+        let dim = arc.x.len();
+        let (mut f, mut f1, mut x1) = (vec![0.0; dim], vec![0.0; dim], vec![0.0; dim]);
+        field.eval(arc.mode, arc.at, 0.0, arc.x, &mut f);
+        let rate = system.rates(arc.mode).map_or(0.0, |r| r.damped.max(r.oscillating));
+        let tau = [rate, system.clock().omega()].iter().filter(|w| **w > 0.0).fold(span, |t, w| t.min(1.0 / w));
+        let absolute = given.map_or_else(
+            || {
+                field.jac_mul(arc.mode, arc.at, 0.0, arc.x, &f, &mut f1);
+                let mut scale: Vec<f64> = arc.x.iter().map(|x| x.abs()).collect();
+                for (s, (f, f1)) in scale.iter_mut().zip(f.iter().zip(&f1)) {
+                    *s = s.max(tau * f.abs()).max(0.5 * tau * tau * f1.abs());
+                }
+                // Forcing that is zero just now shows itself a little later.
+                field.eval(arc.mode, arc.at, 0.5 * tau, arc.x, &mut f1);
+                scale.iter_mut().zip(&f1).for_each(|(s, f)| *s = s.max(tau * f.abs()));
+                let largest = scale.iter().copied().fold(0.0, f64::max);
+                let least = if largest > 0.0 { NO_SCALE * largest } else { 1.0 };
+                scale.iter().map(|s| FLOOR * rtol * s.max(least)).collect()
+            },
+            <[f64]>::to_vec,
+        );
+        let size = |v: &[f64]| {
+            let parts = v.iter().zip(arc.x).zip(&absolute).map(|((v, x), a)| v.abs() / (a + rtol * x.abs()));
+            parts.fold(0.0, f64::max)
+        };
+        let (d0, d1) = (size(arc.x), size(&f));
+        let trial = if d0 > 0.0 && d1 > 0.0 { (0.01 * d0 / d1).min(span) } else { 1e-6 * tau };
+        x1.iter_mut().zip(arc.x.iter().zip(&f)).for_each(|(y, (x, f))| *y = x + trial * f);
+        field.eval(arc.mode, arc.at, trial, &x1, &mut f1);
+        f1.iter_mut().zip(&f).for_each(|(a, b)| *a -= b);
+        let d2 = size(&f1) / trial;
+        let reach = tau * (0.01 / (d1 * tau).max(d2 * tau * tau)).powf(1.0 / (order + 1.0));
+        let step = reach.min(100.0 * trial).min(span);
+        Self { absolute, step: if step.is_finite() && step > 0.0 { step } else { 1e-6 * span } }
+    }
+}
+
+impl Integrator for Diffsol {
+    fn name(&self) -> &'static str {
+        self.method.name()
+    }
+
+    fn order(&self) -> Option<u32> {
+        match self.method {
+            Method::Bdf => None,
+            Method::Sdirk => Some(3),
+            Method::Explicit => Some(5),
+        }
+    }
+
+    fn integrate_arc(
+        &mut self,
+        system: &dyn HybridSystem,
+        arc: &Arc<'_>,
+        end: &mut [f64],
+        visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
+    ) -> Result<(), IntegrateError> {
+        let (Flow::Jet(_, field) | Flow::Smooth(field)) = system.flow();
+        let span = system.clock().between(arc.at, arc.bound);
+        if span <= 0.0 {
+            end.copy_from_slice(arc.x);
+            return Ok(());
+        }
+        // The solvers' norm is a mean over the components: one active contact among many must not be diluted.
+        let rtol = self.rtol / (arc.x.len() as f64).sqrt();
+        let given = self.absolute.as_deref();
+        let start = Start::new(field, system, arc, span, rtol, self.method.first_order(), given);
+        let unit = start.step;
+        let mut problem = OdeBuilder::<M>::new()
+            .rtol(rtol)
+            .atol(start.absolute)
+            .rhs_implicit(
+                |x, _p, t, dx| {
+                    field.eval(arc.mode, arc.at, t * unit, x, dx);
+                    dx.iter_mut().for_each(|d| *d *= unit);
+                },
+                |x, _p, t, v, jv| {
+                    field.jac_mul(arc.mode, arc.at, t * unit, x, v, jv);
+                    jv.iter_mut().for_each(|d| *d *= unit);
+                },
+            )
+            .init(|_p, _t, x| x.copy_from_slice(arc.x), arc.x.len())
+            .build()
+            .map_err(|e| self.fault(system, arc, 0.0, &e))?;
+        let options = &mut problem.ode_options;
+        // Counted over a solver's life by diffsol, and no sign of trouble.
+        options.max_nonlinear_solver_failures = usize::MAX;
+        options.max_error_test_failures = 1000;
+        options.min_timestep = SMALLEST;
+        let mut run = Run { system, arc, span, unit, method: self.method, pieces: &mut self.pieces, rtol: self.rtol };
+        let outcome = match self.method {
+            Method::Bdf => problem.bdf::<LS>().map(|s| run.drive(s, |s| s.order(), end, visit)),
+            Method::Sdirk => problem.esdirk34::<LS>().map(|s| run.drive(s, |_| 3, end, visit)),
+            Method::Explicit => problem.tsit45().map(|s| run.drive(s, |_| 4, end, visit)),
+        };
+        outcome.map_err(|e| self.fault(system, arc, 0.0, &e))?
+    }
+}
+
+/// Shortest step, in units of the first one.
+const SMALLEST: f64 = 1e-12;
+
+/// One arc under way.
+struct Run<'a> {
+    system: &'a dyn HybridSystem,
+    arc: &'a Arc<'a>,
+    span: f64,
+    /// The solver's unit of time, s.
+    unit: f64,
+    method: Method,
+    pieces: &'a mut Pieces,
+    rtol: f64,
+}
+
+impl Run<'_> {
+    /// Steps `solver` to the arc's end. `degree` is that of its interpolant on the last step.
+    fn drive<'p, E, S>(
+        &mut self,
+        mut solver: S,
+        degree: impl Fn(&S) -> usize,
+        end: &mut [f64],
+        visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
+    ) -> Result<(), IntegrateError>
+    where
+        E: OdeEquations<T = f64, V = V> + 'p,
+        S: OdeSolverMethod<'p, E>,
+    {
+        let (system, arc, unit) = (self.system, self.arc, self.unit);
+        let dim = arc.x.len();
+        let method = self.method.name();
+        let fault = |t: f64, e: &DiffsolError| IntegrateError::Solver {
+            method,
+            t: when(system, arc, t * unit),
+            reason: e.to_string(),
+        };
+        // The first step is one unit. Reaching for the state restarts the solver, which has not begun yet.
+        *solver.state_mut().h = 1.0;
+        solver.set_stop_time(self.span / unit).map_err(|e| fault(0.0, &e))?;
+        let mut inside = V::zeros(dim, NalgebraContext::default());
+        let mut from = 0.0;
+        let mut place = Place { system, arc, rtol: self.rtol, from: 0.0, to: None };
+        self.pieces.begin(&place);
+        end.copy_from_slice(arc.x);
+        loop {
+            let arrived = matches!(solver.step().map_err(|e| fault(from, &e))?, OdeSolverStopReason::TstopReached);
+            let to = solver.state().t;
+            let y = solver.state().y.batch_as_slice(0);
+            if !to.is_finite() || y.iter().any(|v| !v.is_finite()) {
+                return Err(IntegrateError::NotFinite { t: when(system, arc, from * unit) });
+            }
+            if to <= from {
+                return Err(IntegrateError::StepTooSmall { t: when(system, arc, from * unit), step: unit * (to - from) });
+            }
+            // `end` still holds the state at the step's start.
+            let degree = degree(&solver).clamp(1, dense::STATE_DEGREE);
+            let samples = &mut self.pieces.step;
+            samples.clear();
+            samples.extend_from_slice(end);
+            for theta in dense::state_points(degree).skip(1).take(degree - 1) {
+                solver.interpolate_inplace(from + theta * (to - from), &mut inside).map_err(|e| fault(from, &e))?;
+                samples.extend_from_slice(inside.batch_as_slice(0));
+            }
+            samples.extend_from_slice(y);
+            end.copy_from_slice(y);
+            dense::to_powers(samples, dim);
+            place.from = from * unit;
+            place.to = (!arrived).then_some(to * unit);
+            if !self.pieces.visit(&place, |step| visit(step).is_continue()) || arrived {
+                return Ok(());
+            }
+            from = to;
+        }
+    }
+}

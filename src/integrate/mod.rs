@@ -2,6 +2,9 @@
 //!
 //! One arc is one call. Nothing of a solver can survive a jump, because the call does not.
 
+mod choice;
+#[cfg(feature = "diffsol")]
+mod dense;
 #[cfg(feature = "diffsol")]
 mod diffsol;
 mod taylor;
@@ -10,6 +13,9 @@ use std::ops::ControlFlow;
 
 use crate::hybrid::{Guard, GuardSet, HybridSystem, Instant, Mode};
 
+#[cfg(feature = "diffsol")]
+pub use self::diffsol::{Diffsol, Method};
+pub use choice::{Choice, PerMode, STIFF_STEPS, build};
 pub use taylor::Taylor;
 
 /// One accepted step with its dense output, in the step's own clock `θ ∈ [0, reach]`.
@@ -76,6 +82,12 @@ pub enum IntegrateError {
     /// The method needs Taylor coefficients and the flow has none.
     #[error("the flow does not know its Taylor series: use an integrator that only evaluates it")]
     NoJet,
+    /// The method is not part of this build.
+    #[error("{method} is not part of this build: it needs the cargo feature `diffsol`")]
+    NotBuilt {
+        /// Which method.
+        method: &'static str,
+    },
     /// The solver behind the method gave up.
     #[error("{method} fails at t = {t} s: {reason}")]
     Solver {
@@ -106,4 +118,8 @@ pub trait Integrator {
         end: &mut [f64],
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError>;
+    /// The integrator each mode met so far got, where the choice is made mode by mode; empty elsewhere.
+    fn chosen(&self) -> Vec<(Mode, &'static str)> {
+        Vec::new()
+    }
 }

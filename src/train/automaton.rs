@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     gear::contact::Law,
-    hybrid::{Clock, Crossing, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, Role},
+    hybrid::{Clock, Crossing, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, Rates, Role},
 };
 
 use super::assemble::Spring;
@@ -253,6 +253,10 @@ impl HybridSystem for Structure {
             Spring::Scheduled(s) => with_piece(mode, j, s.piece(&self.clock, at).0),
             _ => mode,
         })
+    }
+
+    fn rates(&self, mode: Mode) -> Option<Rates> {
+        Some(self.own_rates(mode))
     }
 
     fn restitution(&self, id: GuardId) -> Option<f64> {

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     gear::contact::Law,
-    hybrid::{Instant, Mode, VectorField},
+    hybrid::{Instant, Mode, Rates, VectorField},
 };
 
 impl Structure {
@@ -44,8 +44,9 @@ impl Structure {
                 (k + w.cosine * cos + w.sine * sin, dk + o.omega * (w.sine * cos - w.cosine * sin))
             }),
             Spring::Scheduled(s) => {
-                let (value, slope) = s.law(piece(mode, j));
-                if slope == 0.0 { (value, 0.0) } else { (value + slope * s.piece(&self.clock, at).1, slope) }
+                let number = piece(mode, j);
+                let (value, slope) = s.law(number);
+                if slope == 0.0 { (value, 0.0) } else { (value + slope * s.elapsed(&self.clock, at, number), slope) }
             }
         }
     }
@@ -106,6 +107,36 @@ impl Structure {
                 self.contacts[j].push.iter().for_each(|(i, p)| a[*i as usize] -= p * f);
             }
         }
+    }
+
+    /// Own rates of the elements of a mode, each alone on the mass it feels: freedoms on their supports, closed linear
+    /// contacts on their effective masses. (A power law sets its own time scale and is never stiff by itself.)
+    pub(super) fn own_rates(&self, mode: Mode) -> Rates {
+        let mut rates = Rates::default();
+        let mut meet = |square: f64, damping: f64| {
+            let omega = square.max(0.0).sqrt();
+            // x″ + d x′ + ω² x: from half the critical damping, d = ω, on, the fast root decays at about d.
+            if damping >= omega {
+                rates.damped = rates.damped.max(damping);
+            } else {
+                rates.oscillating = rates.oscillating.max(omega);
+            }
+        };
+        for (i, row) in self.rows.iter().enumerate() {
+            let (_, k, c) = row.iter().find(|(j, ..)| *j as usize == i).copied().unwrap_or_default();
+            meet(k, c);
+        }
+        for (j, c) in self.contacts.iter().enumerate() {
+            let linear = match c.spec.law {
+                Law::Bilateral(l) => Some(l),
+                Law::KelvinVoigt(l, _) if contact_mode(mode, j).is_closed() => Some(l),
+                _ => None,
+            };
+            if let Some(l) = linear {
+                meet(c.spec.stiffness.maximum() * c.mobility, l.damping * c.mobility);
+            }
+        }
+        rates
     }
 
     /// `g_iᵀ M⁻¹ g_j`, 1/kg.

@@ -115,6 +115,19 @@ impl Schedule {
         found
     }
 
+    /// The time since piece `number` last started, s. Unlike [`piece`](Self::piece) it holds up to and at the piece's
+    /// end, where the next one starts.
+    pub fn elapsed(&self, clock: &Clock, at: Instant, number: u32) -> f64 {
+        let late = tie(clock, at);
+        let mut found = 0.0;
+        self.around(clock, at, |piece, start| {
+            if piece == number && !after(start, late) {
+                found = clock.between(start, at);
+            }
+        });
+        found
+    }
+
     /// The next piece start strictly after `at`.
     pub fn next(&self, clock: &Clock, at: Instant) -> Option<Instant> {
         let late = tie(clock, at);

@@ -1,0 +1,156 @@
+//! Which integrator: forced, or chosen mode by mode.
+
+use std::{collections::BTreeMap, fmt, ops::ControlFlow};
+
+#[cfg(feature = "diffsol")]
+use super::{Diffsol, Method};
+use super::{Arc, DenseStep, IntegrateError, Integrator, Taylor};
+use crate::hybrid::{Flow, HybridSystem, Mode};
+
+/// The integrator asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Choice {
+    /// Chosen for each mode; see [`build`].
+    #[default]
+    Auto,
+    /// Taylor series, to round-off.
+    Taylor,
+    /// Backward differences.
+    Bdf,
+    /// Implicit Runge–Kutta.
+    Sdirk,
+    /// Explicit Runge–Kutta.
+    Explicit,
+}
+
+impl Choice {
+    /// The word used in scenes and logs.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Taylor => "taylor",
+            Self::Bdf => "bdf",
+            Self::Sdirk => "sdirk",
+            Self::Explicit => "explicit",
+        }
+    }
+}
+
+impl fmt::Display for Choice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Builds the integrator for `system`, and says in a sentence why it is this one.
+///
+/// `rtol` is the relative tolerance of the methods other than Taylor, which always works to round-off.
+/// [`Choice::Auto`] takes Taylor for flows that know their series and the explicit method for others, except in
+/// stiff modes, which it gives to backward differences: [`PerMode`].
+///
+/// # Errors
+/// [`IntegrateError::NoJet`] if Taylor is forced on a flow that can only be evaluated;
+/// [`IntegrateError::NotBuilt`] if a method is needed that this build leaves out.
+pub fn build(
+    choice: Choice,
+    rtol: f64,
+    system: &dyn HybridSystem,
+) -> Result<(Box<dyn Integrator>, String), IntegrateError> {
+    let series = matches!(system.flow(), Flow::Jet(..));
+    match choice {
+        Choice::Taylor if !series => Err(IntegrateError::NoJet),
+        Choice::Taylor => Ok((Box::new(Taylor::default()), "taylor: asked for".to_owned())),
+        Choice::Auto => auto(rtol, series),
+        forced => Ok((solver(forced, rtol)?, format!("{forced}: asked for, rtol {rtol:e}"))),
+    }
+}
+
+#[cfg(feature = "diffsol")]
+fn solver(choice: Choice, rtol: f64) -> Result<Box<dyn Integrator>, IntegrateError> {
+    let method = match choice {
+        Choice::Bdf => Method::Bdf,
+        Choice::Sdirk => Method::Sdirk,
+        _ => Method::Explicit,
+    };
+    Ok(Box::new(Diffsol::new(method, rtol)))
+}
+
+#[cfg(not(feature = "diffsol"))]
+fn solver(choice: Choice, _rtol: f64) -> Result<Box<dyn Integrator>, IntegrateError> {
+    Err(IntegrateError::NotBuilt { method: choice.name() })
+}
+
+fn auto(rtol: f64, series: bool) -> Result<(Box<dyn Integrator>, String), IntegrateError> {
+    let plain = if series { Choice::Taylor } else { Choice::Explicit };
+    let usual: Box<dyn Integrator> =
+        if series { Box::new(Taylor::default()) } else { solver(Choice::Explicit, rtol)? };
+    let why = if series { "the flow knows its Taylor series" } else { "the flow can only be evaluated" };
+    Ok(match solver(Choice::Bdf, rtol) {
+        Ok(stiff) => {
+            let text = format!("auto: {plain}, as {why}; bdf with rtol {rtol:e} in stiff modes");
+            (Box::new(PerMode { usual, stiff, picks: BTreeMap::new() }), text)
+        }
+        Err(_) => (usual, format!("auto: {plain}, as {why}; this build has no method for stiff modes")),
+    })
+}
+
+/// Steps a forcing period may ask of a method bound to the fastest decay before its mode counts as stiff.
+///
+/// A Taylor step of order 24 covers about two decay times, an explicit step about 3.3; backward differences need
+/// some hundreds of steps a period at ordinary tolerances whatever the decay, each about as dear as a Taylor
+/// step of a small train, and 20 to 45 more after each event.
+pub const STIFF_STEPS: f64 = 5000.0;
+/// Decay times a step of such a method covers.
+const PER_STEP: f64 = 2.0;
+/// Oscillations must be this much slower than the decay: those at its pace have to be resolved anyway, and
+/// backward differences of high order are unstable on them.
+const SLOWER: f64 = 0.05;
+
+/// Two integrators, and for each mode the one that suits it.
+///
+/// A mode is stiff if the fastest strongly damped element the system names
+/// ([`rates`](HybridSystem::rates)) would cost the usual method more than [`STIFF_STEPS`] steps in a forcing period
+/// (in the arc at hand, where there is no period), and everything lightly damped is at least twenty times slower. A
+/// mode keeps the integrator it got first.
+pub struct PerMode {
+    usual: Box<dyn Integrator>,
+    stiff: Box<dyn Integrator>,
+    picks: BTreeMap<Mode, bool>,
+}
+
+impl PerMode {
+    fn is_stiff(system: &dyn HybridSystem, arc: &Arc<'_>) -> bool {
+        let Some(rates) = system.rates(arc.mode) else { return false };
+        let clock = system.clock();
+        let time = clock.period().map_or_else(|| clock.between(arc.at, arc.bound), |t| t.value());
+        rates.damped * time > STIFF_STEPS * PER_STEP && rates.oscillating < SLOWER * rates.damped
+    }
+}
+
+impl Integrator for PerMode {
+    fn name(&self) -> &'static str {
+        "auto"
+    }
+
+    fn order(&self) -> Option<u32> {
+        None
+    }
+
+    fn integrate_arc(
+        &mut self,
+        system: &dyn HybridSystem,
+        arc: &Arc<'_>,
+        end: &mut [f64],
+        visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
+    ) -> Result<(), IntegrateError> {
+        let stiff = *self.picks.entry(arc.mode).or_insert_with(|| Self::is_stiff(system, arc));
+        let chosen = if stiff { &mut self.stiff } else { &mut self.usual };
+        chosen.integrate_arc(system, arc, end, visit)
+    }
+
+    fn chosen(&self) -> Vec<(Mode, &'static str)> {
+        let name = |stiff: bool| if stiff { self.stiff.name() } else { self.usual.name() };
+        self.picks.iter().map(|(mode, stiff)| (*mode, name(*stiff))).collect()
+    }
+}

@@ -1,0 +1,382 @@
+//! Dense output of a step whose solver offers an interpolant: plain polynomials in `θ ∈ [0, 1]`.
+//!
+//! A step's state is a polynomial of the interpolant's degree. A guard of it (with forcing that is no
+//! polynomial) is sampled at Chebyshev points and interpolated; the decay of its Chebyshev coefficients and
+//! two more samples tell how well. Where it is not resolved, the step is handed out in several pieces.
+
+use crate::{
+    hybrid::{Guard, HybridSystem, Instant},
+    integrate::{Arc, DenseStep},
+};
+
+/// Highest degree of a guard's polynomial; a guard that needs more is cut into pieces.
+const DEGREE: usize = 16;
+/// Degree tried first.
+const FIRST: usize = 8;
+/// Room for one guard's polynomial.
+const ROW: usize = DEGREE + 1;
+/// Highest degree of an interpolant of the state.
+pub(super) const STATE_DEGREE: usize = 5;
+/// A step is halved at most this often: what is not resolved on 1/64 of a solver's step is not smooth.
+const HALVINGS: i32 = 6;
+/// The share of the integration error that interpolation may add to a guard.
+const SHARE: f64 = 1e-2;
+/// Where the interpolation is checked: between the Chebyshev points.
+const CHECKS: [f64; 2] = [0.381_966, 0.888_889];
+
+/// Chebyshev points and the way from values there to coefficients of powers.
+#[derive(Debug)]
+struct Chebyshev {
+    /// `T_k(2θ − 1)` in powers of θ.
+    powers: [[f64; ROW]; ROW],
+    /// `cos(π i/DEGREE)`.
+    cosine: [f64; 2 * DEGREE],
+}
+
+impl Chebyshev {
+    fn new() -> Self {
+        let mut powers = [[0.0; ROW]; ROW];
+        powers[0][0] = 1.0;
+        powers[1][0] = -1.0;
+        powers[1][1] = 2.0;
+        for k in 2..ROW {
+            for m in 0..=k {
+                let shifted = if m > 0 { 4.0 * powers[k - 1][m - 1] } else { 0.0 };
+                powers[k][m] = shifted - 2.0 * powers[k - 1][m] - powers[k - 2][m];
+            }
+        }
+        let cosine = std::array::from_fn(|i| (std::f64::consts::PI * i as f64 / DEGREE as f64).cos());
+        Self { powers, cosine }
+    }
+
+    /// The `i`-th of `n + 1` points, rising from 0 to 1.
+    fn point(i: usize, n: usize) -> f64 {
+        if i == n {
+            return 1.0;
+        }
+        (std::f64::consts::FRAC_PI_2 * i as f64 / n as f64).sin().powi(2)
+    }
+
+    /// Chebyshev coefficients from the `n + 1` values at the points, `n` a divisor of [`DEGREE`].
+    fn coefficients(&self, values: &[f64], out: &mut [f64]) {
+        let n = values.len() - 1;
+        let stride = DEGREE / n;
+        for (k, c) in out[..=n].iter_mut().enumerate() {
+            let mut sum = 0.5 * (values[0] + if k % 2 == 0 { values[n] } else { -values[n] });
+            for (i, f) in values.iter().enumerate().take(n).skip(1) {
+                sum += f * self.cosine[stride * i * k % (2 * DEGREE)];
+            }
+            let sign = if k % 2 == 0 { 2.0 } else { -2.0 };
+            *c = sign * sum / n as f64;
+        }
+        out[0] *= 0.5;
+        out[n] *= 0.5;
+    }
+}
+
+/// The points at which an interpolant of the given degree is to be sampled, ends included.
+pub(super) fn state_points(degree: usize) -> impl Iterator<Item = f64> {
+    (0..=degree).map(move |i| i as f64 / degree as f64)
+}
+
+/// Coefficients of powers from `samples` at the [`state_points`], by divided differences, component by
+/// component in place. The rows of `samples` are states, `[(degree + 1) · dim]`.
+pub(super) fn to_powers(samples: &mut [f64], dim: usize) {
+    let degree = samples.len() / dim - 1;
+    let point = |i: usize| i as f64 / degree as f64;
+    for level in 1..=degree {
+        for i in (level..=degree).rev() {
+            let width = point(i) - point(i - level);
+            let (low, high) = samples.split_at_mut(i * dim);
+            for (a, b) in high[..dim].iter_mut().zip(&low[(i - 1) * dim..]) {
+                *a = (*a - b) / width;
+            }
+        }
+    }
+    // Newton's form to powers: multiply out the factors (θ − θ_i), the innermost first.
+    for level in (0..degree).rev() {
+        for i in level..degree {
+            let (low, high) = samples.split_at_mut((i + 1) * dim);
+            for (a, b) in low[i * dim..].iter_mut().zip(&high[..dim]) {
+                *a -= point(level) * b;
+            }
+        }
+    }
+}
+
+/// A piece of a solver's step, as handed to the visitor.
+#[derive(Debug)]
+pub(super) struct Pieces {
+    chebyshev: Chebyshev,
+    dim: usize,
+    /// The state on the whole step, row `k` the coefficients of `θᵏ`.
+    pub step: Vec<f64>,
+    /// The state on the piece.
+    state: Vec<f64>,
+    start: Instant,
+    span: f64,
+    guards: Vec<Guard>,
+    series: Vec<f64>,
+    error: Vec<(f64, f64)>,
+    /// States at the Chebyshev points of the piece and, behind them, at the check points.
+    samples: Vec<f64>,
+    scratch: Vec<f64>,
+}
+
+impl DenseStep for Pieces {
+    fn start(&self) -> Instant {
+        self.start
+    }
+    fn reach(&self) -> f64 {
+        1.0
+    }
+    fn time(&self, theta: f64) -> f64 {
+        theta * self.span
+    }
+    fn state(&self, theta: f64, x: &mut [f64]) {
+        horner(&self.state, self.dim, theta, x);
+    }
+    fn guards(&self) -> &[Guard] {
+        &self.guards
+    }
+    fn guard(&self, i: usize) -> &[f64] {
+        &self.series[i * ROW..(i + 1) * ROW]
+    }
+    fn guard_error(&self, i: usize) -> (f64, f64) {
+        self.error[i]
+    }
+    fn plain_span(&self) -> Option<f64> {
+        Some(self.span)
+    }
+}
+
+fn horner(rows: &[f64], dim: usize, theta: f64, x: &mut [f64]) {
+    let mut rows = rows.chunks_exact(dim).rev();
+    if let Some(last) = rows.next() {
+        x.copy_from_slice(last);
+    }
+    for row in rows {
+        x.iter_mut().zip(row).for_each(|(x, c)| *x = *x * theta + c);
+    }
+}
+
+/// What a piece needs to know about its place.
+#[derive(Clone, Copy)]
+pub(super) struct Place<'a> {
+    pub system: &'a dyn HybridSystem,
+    pub arc: &'a Arc<'a>,
+    /// Relative tolerance of the integration.
+    pub rtol: f64,
+    /// The solver's step, s after the arc's start.
+    pub from: f64,
+    /// Its end; `None` if it is the arc's own.
+    pub to: Option<f64>,
+}
+
+impl Pieces {
+    pub fn new() -> Self {
+        Self {
+            chebyshev: Chebyshev::new(),
+            dim: 0,
+            step: Vec::new(),
+            state: Vec::new(),
+            start: Instant::default(),
+            span: 0.0,
+            guards: Vec::new(),
+            series: Vec::new(),
+            error: Vec::new(),
+            samples: Vec::new(),
+            scratch: Vec::new(),
+        }
+    }
+
+    /// Prepares for an arc.
+    pub fn begin(&mut self, place: &Place<'_>) {
+        self.dim = place.system.dim();
+        place.system.guards(place.arc.mode, &mut self.guards);
+        self.series.clear();
+        self.series.resize(self.guards.len() * ROW, 0.0);
+        self.error.clear();
+        self.error.resize(self.guards.len(), (0.0, 0.0));
+        self.samples.resize((ROW + CHECKS.len()) * self.dim, 0.0);
+        self.scratch.resize(self.dim, 0.0);
+    }
+
+    /// Hands the step out, whole if every guard is resolved on it, otherwise in pieces. `false`: broken off.
+    pub fn visit(&mut self, place: &Place<'_>, mut visitor: impl FnMut(&dyn DenseStep) -> bool) -> bool {
+        let smallest = 0.5f64.powi(HALVINGS);
+        let (mut low, mut width) = (0.0, 1.0);
+        while low < 1.0 {
+            if !self.cut(place, low, width) && width > smallest {
+                width *= 0.5;
+                continue;
+            }
+            if !visitor(self) {
+                return false;
+            }
+            low += width;
+        }
+        true
+    }
+
+    /// Makes this the piece `[low, low + width]` of the step; `false` if a guard is not resolved on it.
+    fn cut(&mut self, place: &Place<'_>, low: f64, width: f64) -> bool {
+        let clock = place.system.clock();
+        let at = |theta: f64| match place.to {
+            Some(to) => clock.advance(place.arc.at, place.from + theta * (to - place.from)),
+            None if theta == 1.0 => place.arc.bound,
+            None => {
+                let whole = clock.between(place.arc.at, place.arc.bound) - place.from;
+                clock.advance(place.arc.at, place.from + theta * whole)
+            }
+        };
+        self.start = if low == 0.0 && place.from == 0.0 { place.arc.at } else { at(low) };
+        self.span = clock.between(self.start, at(low + width));
+        self.shift(low, width);
+        for i in (0..=DEGREE).step_by(DEGREE / FIRST) {
+            self.sample(i, Chebyshev::point(i, DEGREE));
+        }
+        for (i, theta) in CHECKS.into_iter().enumerate() {
+            self.sample(ROW + i, theta);
+        }
+        let first = low == 0.0 && place.from == 0.0;
+        let mut dense = false;
+        (0..self.guards.len()).all(|i| self.interpolate(place, i, first, &mut dense))
+    }
+
+    /// The state's coefficients on `[low, low + width]`, by repeated synthetic division.
+    fn shift(&mut self, low: f64, width: f64) {
+        let (dim, state) = (self.dim, &mut self.state);
+        state.clone_from(&self.step);
+        let degree = state.len() / dim - 1;
+        if low != 0.0 {
+            for level in 0..degree {
+                for k in (level..degree).rev() {
+                    let (below, above) = state.split_at_mut((k + 1) * dim);
+                    below[k * dim..].iter_mut().zip(&above[..dim]).for_each(|(a, b)| *a += low * b);
+                }
+            }
+        }
+        let mut power = 1.0;
+        for row in state.chunks_exact_mut(dim) {
+            row.iter_mut().for_each(|c| *c *= power);
+            power *= width;
+        }
+    }
+
+    fn sample(&mut self, i: usize, theta: f64) {
+        horner(&self.state, self.dim, theta, &mut self.samples[i * self.dim..(i + 1) * self.dim]);
+    }
+
+    /// Interpolates guard `i` on the piece; `false` if it is not resolved.
+    fn interpolate(&mut self, place: &Place<'_>, i: usize, first: bool, dense: &mut bool) -> bool {
+        let id = self.guards[i].id;
+        let pinned = first && place.arc.pinned.contains(id);
+        let (rounding, sensitivity) = self.rounding(place, i);
+        let mut values = [0.0; ROW];
+        let mut c = [0.0; ROW];
+        let mut n = FIRST;
+        let (mut tolerance, mut tail, mut resolved);
+        loop {
+            if n == DEGREE && !*dense {
+                *dense = true;
+                for j in (1..DEGREE).step_by(2) {
+                    self.sample(j, Chebyshev::point(j, DEGREE));
+                }
+            }
+            for (j, v) in values[..=n].iter_mut().enumerate() {
+                let k = j * DEGREE / n;
+                *v = self.value(place, i, Chebyshev::point(j, n), k);
+            }
+            if pinned {
+                values[0] = 0.0;
+            }
+            self.chebyshev.coefficients(&values[..=n], &mut c);
+            let range: f64 = c[1..=n].iter().map(|c| c.abs()).sum();
+            tolerance = SHARE * place.rtol * range.min(sensitivity.max(f64::MIN_POSITIVE)) + rounding;
+            tail = c[n].abs() + c[n - 1].abs();
+            // Trailing coefficients below the tolerance only add noise to the powers.
+            let mut top = n;
+            while top > 1 && tail < tolerance && c[top].abs() < 0.1 * tolerance {
+                tail += c[top].abs();
+                c[top] = 0.0;
+                top -= 1;
+            }
+            self.to_series(i, &c[..=top]);
+            for (j, theta) in CHECKS.into_iter().enumerate() {
+                let gap = crate::poly::eval(self.guard(i), theta) - self.value(place, i, theta, ROW + j);
+                tail = tail.max(2.0 * gap.abs());
+            }
+            resolved = tail <= 4.0 * tolerance;
+            if resolved || n == DEGREE {
+                break;
+            }
+            n = DEGREE;
+        }
+        // Cancellation between the powers: Σ |c_k| T_k(3) bounds the sum of their sizes.
+        let (mut before, mut now, mut cancelled) = (1.0, 3.0, c[0].abs());
+        for c in &c[1..=n] {
+            cancelled += c.abs() * now;
+            (before, now) = (now, 6.0 * now - before);
+        }
+        let cancelled = f64::EPSILON * cancelled;
+        self.error[i] = (tail + cancelled, rounding);
+        if pinned {
+            self.pin(i, first && place.arc.still.contains(id), place.rtol * sensitivity);
+        }
+        resolved && cancelled <= 4.0 * tolerance
+    }
+
+    fn value(&self, place: &Place<'_>, i: usize, theta: f64, sample: usize) -> f64 {
+        let at = place.system.clock().advance(self.start, theta * self.span);
+        let x = &self.samples[sample * self.dim..(sample + 1) * self.dim];
+        place.system.guard(place.arc.mode, self.guards[i].id, at, x)
+    }
+
+    fn to_series(&mut self, i: usize, c: &[f64]) {
+        let series = &mut self.series[i * ROW..(i + 1) * ROW];
+        series.fill(0.0);
+        for (c, powers) in c.iter().zip(&self.chebyshev.powers).rev() {
+            series.iter_mut().zip(powers).for_each(|(s, p)| *s += c * p);
+        }
+    }
+
+    /// Writes what is exactly zero at the arc's start as exactly zero.
+    ///
+    /// A guard that is still and whose second derivative vanishes too (a contact released from rest) starts with
+    /// its cubic term; a square term against it that only makes a dip within `noise` is no decision.
+    fn pin(&mut self, i: usize, still: bool, noise: f64) {
+        let series = &mut self.series[i * ROW..(i + 1) * ROW];
+        series[0] = 0.0;
+        if !still {
+            return;
+        }
+        series[1] = 0.0;
+        let (square, cube) = (series[2], series[3]);
+        let error = self.error[i].0 + self.error[i].1 + noise;
+        // The lowest point of s θ² + c θ³ with s < 0 < c is −(4/27) |s|³/c².
+        if square < 0.0 && cube > 0.0 && 4.0 / 27.0 * square.abs().powi(3) <= error * cube * cube {
+            series[2] = 0.0;
+        }
+    }
+
+    /// The rounding error of a guard's value, and how strongly relative errors of the state move it: the
+    /// state's components are changed by one part in 10⁶, with two patterns of signs.
+    fn rounding(&mut self, place: &Place<'_>, i: usize) -> (f64, f64) {
+        const PART: f64 = 1e-6;
+        let at = self.start;
+        let id = self.guards[i].id;
+        let g = place.system.guard(place.arc.mode, id, at, &self.samples[..self.dim]);
+        let mut moved: f64 = 0.0;
+        for pattern in 0..2 {
+            for (j, (s, x)) in self.scratch.iter_mut().zip(&self.samples[DEGREE * self.dim..]).enumerate() {
+                let sign = if pattern == 1 && j % 2 == 1 { -PART } else { PART };
+                let size = x.abs().max(self.samples[j].abs());
+                *s = self.samples[j] + sign * size;
+            }
+            moved = moved.max((place.system.guard(place.arc.mode, id, at, &self.scratch) - g).abs());
+        }
+        let sensitivity = moved / PART;
+        (4.0 * f64::EPSILON * (g.abs() + sensitivity), g.abs() + sensitivity)
+    }
+}
