@@ -2,9 +2,9 @@
 
 use std::{collections::BTreeMap, fmt, ops::ControlFlow};
 
+use super::{Arc, DenseStep, IntegrateError, Integrator, Taylor};
 #[cfg(feature = "diffsol")]
 use super::{Diffsol, Method};
-use super::{Arc, DenseStep, IntegrateError, Integrator, Taylor};
 use crate::hybrid::{Flow, HybridSystem, Mode};
 
 /// The integrator asked for.
@@ -83,8 +83,7 @@ fn solver(choice: Choice, _rtol: f64) -> Result<Box<dyn Integrator>, IntegrateEr
 
 fn auto(rtol: f64, series: bool) -> Result<(Box<dyn Integrator>, String), IntegrateError> {
     let plain = if series { Choice::Taylor } else { Choice::Explicit };
-    let usual: Box<dyn Integrator> =
-        if series { Box::new(Taylor::default()) } else { solver(Choice::Explicit, rtol)? };
+    let usual: Box<dyn Integrator> = if series { Box::new(Taylor::default()) } else { solver(Choice::Explicit, rtol)? };
     let why = if series { "the flow knows its Taylor series" } else { "the flow can only be evaluated" };
     Ok(match solver(Choice::Bdf, rtol) {
         Ok(stiff) => {

@@ -7,8 +7,8 @@
 use std::ops::ControlFlow;
 
 use diffsol::{
-    DiffsolError, NalgebraContext, NalgebraLU, NalgebraMat, NalgebraVec, OdeBuilder, OdeEquations,
-    OdeSolverMethod, OdeSolverStopReason, Vector,
+    DiffsolError, NalgebraContext, NalgebraLU, NalgebraMat, NalgebraVec, OdeBuilder, OdeEquations, OdeSolverMethod,
+    OdeSolverStopReason, Vector,
 };
 
 use super::{
@@ -267,7 +267,10 @@ impl Run<'_> {
                 return Err(IntegrateError::NotFinite { t: when(system, arc, from * unit) });
             }
             if to <= from {
-                return Err(IntegrateError::StepTooSmall { t: when(system, arc, from * unit), step: unit * (to - from) });
+                return Err(IntegrateError::StepTooSmall {
+                    t: when(system, arc, from * unit),
+                    step: unit * (to - from),
+                });
             }
             // `end` still holds the state at the step's start.
             let degree = degree(&solver).clamp(1, dense::STATE_DEGREE);

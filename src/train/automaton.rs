@@ -7,7 +7,9 @@ use super::{
 };
 use crate::{
     gear::contact::Law,
-    hybrid::{Clock, Crossing, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, Rates, Role},
+    hybrid::{
+        Clock, Crossing, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, Rates, Role,
+    },
 };
 
 use super::assemble::Spring;
