@@ -9,7 +9,7 @@
 //! holds rows `[time, surface, direction]`: surface `2j` is the drive flank of contact `j`, `2j + 1` its back flank,
 //! and the direction is the sign of the crossing.
 
-use std::{error::Error, fs, ops::ControlFlow, process::ExitCode, time::Instant as Stopwatch};
+use std::{error::Error, fs, io::Write, ops::ControlFlow, process::ExitCode, time::Instant as Stopwatch};
 
 use flank::{
     engine::{Engine, Observer, Options, State},
@@ -55,8 +55,8 @@ fn run(words: &[String]) -> Outcome<()> {
         fs::write(file, serde_json::to_string(&workload.events()?)?)?;
     }
     let line = workload.measure(repetitions)?;
-    println!("{}", merged(json!({ "workload": name, "cycles": cycles }), line, cycles));
-    Ok(())
+    let line = merged(json!({ "workload": name, "cycles": cycles }), line, cycles);
+    Ok(writeln!(std::io::stdout(), "{line}")?)
 }
 
 /// Cycles over which a workload is timed.
