@@ -65,6 +65,8 @@ const MAX_CASCADE: usize = 64;
 pub struct Engine<'s> {
     integrator: Box<dyn Integrator + 's>,
     state: State,
+    /// The next known switching time, kept until it is passed.
+    next_switch: Option<Instant>,
     /// Scratch for the state at the end of an arc.
     end: Vec<f64>,
     core: Core<'s>,
@@ -136,7 +138,7 @@ impl<'s> Engine<'s> {
             left_at: state.at,
             left_x: vec![0.0; dim],
         };
-        Self { integrator, end: vec![0.0; dim], core, state }
+        Self { integrator, next_switch: system.next_switch(state.at), end: vec![0.0; dim], core, state }
     }
 
     /// Where the run stands.
@@ -167,7 +169,7 @@ impl<'s> Engine<'s> {
             if self.core.counters.events >= self.core.options.max_events {
                 return Ok(Outcome::EventBudgetSpent);
             }
-            let switch = self.core.system.next_switch(self.state.at).filter(|s| clock.between(*s, end) > 0.0);
+            let switch = self.next_switch.filter(|s| clock.between(*s, end) > 0.0);
             match self.arc(switch.unwrap_or(end), switch.is_some(), observer)? {
                 End::Observer => return Ok(Outcome::StoppedByObserver),
                 End::Event(located) => self.jump(located)?,
@@ -189,7 +191,7 @@ impl<'s> Engine<'s> {
 
     /// One smooth arc up to `bound`; leaves the state where it ended, in the mode it ran in.
     fn arc(&mut self, bound: Instant, switching: bool, observer: &mut dyn Observer) -> Result<End, EngineError> {
-        let Self { integrator, state, end, core } = self;
+        let Self { integrator, state, end, core, .. } = self;
         core.counters.arcs += 1;
         let place = Place { mode: state.jump.mode, switching, bound };
         let arc = Arc {
@@ -260,6 +262,7 @@ impl<'s> Engine<'s> {
         }
         core.open.switched = true;
         state.jump.mode = core.system.switched(state.jump.mode, state.at);
+        self.next_switch = core.system.next_switch(state.at);
     }
 
     /// An impact sequence ends: the contacts come to rest, `accumulation.remaining` later.
@@ -332,9 +335,8 @@ impl Core<'_> {
         observer: &mut dyn Observer,
     ) -> Option<End> {
         self.counters.steps += 1;
-        let reach = step.reach();
         let closes = !place.switching
-            && self.system.clock().between(step.start(), place.bound) <= step.time(reach) * (1.0 + 4.0 * f64::EPSILON);
+            && self.system.clock().between(step.start(), place.bound) <= step.time(1.0) * (1.0 + 4.0 * f64::EPSILON);
         let (located, touch) = self.locator.first(step, closes);
         if first {
             if let Some(located) = located.filter(|l| l.theta == 0.0) {
@@ -366,7 +368,7 @@ impl Core<'_> {
                 left > l.conditioning.time
             }
         });
-        let until = located.map_or(reach, |l| l.theta);
+        let until = located.map_or(1.0, |l| l.theta);
         if observer.step(place.mode, step, until).is_break() {
             self.leave(step, until);
             return Some(End::Observer);

@@ -46,10 +46,9 @@ impl<'a> Deflated<'a> {
             return Self { p, order, error: tail + rounding };
         }
         // From an exact zero on, errors are relative to what the series adds.
-        let reach = step.reach();
         let p = &p[order.min(p.len() - 1)..];
-        let added = p.iter().rev().fold(0.0, |s, c| s * reach + c.abs());
-        Self { p, order, error: tail * reach.powi(-(order as i32)) + 8.0 * f64::EPSILON * added }
+        let added = p.iter().fold(0.0, |s, c| s + c.abs());
+        Self { p, order, error: tail + 8.0 * f64::EPSILON * added }
     }
 }
 
@@ -60,20 +59,20 @@ impl Locator {
     pub fn first(&mut self, step: &dyn DenseStep, closed_end: bool) -> (Option<Located>, Option<(f64, GuardId)>) {
         let mut first: Option<(f64, usize)> = None;
         let mut touch: Option<(f64, GuardId)> = None;
-        let mut reach = step.reach();
+        let mut limit = 1.0;
         for (i, guard) in step.guards().iter().enumerate() {
             let series = Deflated::new(step, i);
-            let found = poly::first_root(series.p, reach, series.error);
+            let found = poly::first_root(series.p, limit, series.error);
             self.splits += u64::from(found.splits);
             if let FirstRoot::At(theta) = found.root {
                 if first.is_none_or(|(t, _)| theta < t) {
                     first = Some((theta, i));
-                    reach = theta;
+                    limit = theta;
                 }
             } else if closed_end && first.is_none() {
-                let (value, slope) = poly::eval_with_slope(series.p, reach);
+                let (value, slope) = poly::eval_with_slope(series.p, 1.0);
                 if value <= series.error && slope < 0.0 {
-                    first = Some((reach, i));
+                    first = Some((1.0, i));
                 }
             }
             if let Some(theta) = found.touch
@@ -114,7 +113,7 @@ impl Locator {
             }
         }
         // Slope and width in time.
-        let step_back = (theta - 1e-6 * step.reach()).max(0.0);
+        let step_back = (theta - 1e-6).max(0.0);
         let rate = (step.time(theta) - step.time(step_back)) / (theta - step_back);
         let per_second = if rate > 0.0 { rate } else { f64::INFINITY };
         let conditioning = Conditioning {

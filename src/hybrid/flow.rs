@@ -48,9 +48,11 @@ pub trait VectorField {
     fn jac_mul(&self, mode: Mode, base: Instant, t: f64, x: &[f64], v: &[f64], jv: &mut [f64]);
 }
 
-/// Taylor coefficients of one step, in a normalised clock `θ`: `x(θ) = Σ x_k θᵏ` for `0 ≤ θ ≤ reach`.
+/// Taylor coefficients of one step.
 ///
-/// All series have `order + 1` coefficients. The buffers belong to the integrator and are reused.
+/// State and clock are series in the field's own variable `s`, `x = Σ x_k sᵏ`, and hold for `0 ≤ s ≤ reach`.
+/// The step's clock is `θ = s/reach ∈ [0, 1]`; the guards are series in θ. All series have `order + 1`
+/// coefficients. The buffers belong to the integrator and are reused.
 #[derive(Clone, Debug, Default)]
 pub struct Jet {
     /// Highest power kept.
@@ -59,40 +61,39 @@ pub struct Jet {
     pub dim: usize,
     /// State coefficients, row `k` at `[k·dim, (k+1)·dim)`.
     pub state: Vec<f64>,
-    /// Elapsed time `t(θ) − t0`, s, `[order + 1]`; empty when time is the clock and `t = θ · span`.
+    /// Elapsed time `t(s) − t0`, s, `[order + 1]`; empty when time is the clock and `t = s · span`.
     pub time: Vec<f64>,
-    /// Span of `θ ∈ [0, 1]`, s, when time is the clock.
+    /// Span of `s ∈ [0, 1]`, s, when time is the clock.
     pub span: f64,
+    /// Largest `s` at which the series hold to tolerance; not finite if they could not be formed.
+    pub reach: f64,
     /// The guards of the mode, in the order of their rows in `guard_series`.
     pub guards: Vec<Guard>,
-    /// Guard coefficients, row `i` at `[i·stride, i·stride + order + 1)`.
+    /// Guard coefficients in θ, row `i` at `[i·(order + 1), (i + 1)·(order + 1))`.
     pub guard_series: Vec<f64>,
-    /// Row length of `guard_series`.
-    pub stride: usize,
-    /// For each guard, a bound on what the truncated tail adds on `[0, reach]`.
+    /// For each guard, a bound on what the truncated tail adds on `[0, 1]`.
     pub remainder: Vec<f64>,
     /// For each guard, the rounding error of its value where it is computed from scratch.
     pub rounding: Vec<f64>,
-    /// Largest `θ` at which the series holds to tolerance.
-    pub reach: f64,
     /// Working space of the field.
     pub work: Vec<f64>,
 }
 
 impl Jet {
-    /// The series of guard `i`, `[order + 1]`.
+    /// The series of guard `i` in θ, `[order + 1]`.
     #[must_use]
     pub fn guard(&self, i: usize) -> &[f64] {
-        &self.guard_series[i * self.stride..=i * self.stride + self.order]
+        let row = self.order + 1;
+        &self.guard_series[i * row..(i + 1) * row]
     }
 
     /// The state at `θ`, by Horner's rule, into `x` `[dim]`.
     pub fn state_at(&self, theta: f64, x: &mut [f64]) {
-        let d = self.dim;
+        let (d, s) = (self.dim, theta * self.reach);
         x.copy_from_slice(&self.state[self.order * d..(self.order + 1) * d]);
         for row in self.state[..self.order * d].chunks_exact(d).rev() {
             for (xi, c) in x.iter_mut().zip(row) {
-                *xi = *xi * theta + c;
+                *xi = *xi * s + c;
             }
         }
     }
@@ -100,10 +101,11 @@ impl Jet {
     /// Elapsed time at `θ`, s.
     #[must_use]
     pub fn time_at(&self, theta: f64) -> f64 {
+        let s = theta * self.reach;
         if self.time.is_empty() {
-            theta * self.span
+            s * self.span
         } else {
-            self.time[..=self.order].iter().rev().fold(0.0, |s, c| s * theta + c)
+            self.time[..=self.order].iter().rev().fold(0.0, |t, c| t * s + c)
         }
     }
 

@@ -66,6 +66,11 @@ impl GuardSet {
 
     /// The members in rising order.
     pub fn iter(self) -> impl Iterator<Item = GuardId> {
-        (0..128).filter(move |i| self.0 >> i & 1 == 1).map(GuardId)
+        let mut rest = self.0;
+        std::iter::from_fn(move || {
+            let next = (rest != 0).then(|| GuardId(rest.trailing_zeros() as u16));
+            rest &= rest.wrapping_sub(1);
+            next
+        })
     }
 }

@@ -18,12 +18,10 @@ pub use self::diffsol::{Diffsol, Method};
 pub use choice::{Choice, PerMode, STIFF_STEPS, build};
 pub use taylor::Taylor;
 
-/// One accepted step with its dense output, in the step's own clock `θ ∈ [0, reach]`.
+/// One accepted step with its dense output, in the step's own clock `θ ∈ [0, 1]`.
 pub trait DenseStep {
     /// When the step starts.
     fn start(&self) -> Instant;
-    /// Largest `θ` at which the step holds.
-    fn reach(&self) -> f64;
     /// Elapsed time `t(θ) − t(0)`, s; monotone up to the first event.
     fn time(&self, theta: f64) -> f64;
     /// Rate of the clock `dt/dθ`, s. A step on a clock of its own overrides this.
@@ -37,7 +35,7 @@ pub trait DenseStep {
     fn guards(&self) -> &[Guard];
     /// Guard `i` as a polynomial in θ, coefficients in rising powers.
     fn guard(&self, i: usize) -> &[f64];
-    /// Bounds on the error of guard `i`: of its polynomial on `[0, reach]`, and of rounding where a value is
+    /// Bounds on the error of guard `i`: of its polynomial on `[0, 1]`, and of rounding where a value is
     /// computed from scratch.
     fn guard_error(&self, i: usize) -> (f64, f64);
     /// `Some(h)` if the clock is plain time, `t = h θ`.

@@ -27,9 +27,6 @@ impl DenseStep for Step<'_> {
     fn start(&self) -> Instant {
         self.start
     }
-    fn reach(&self) -> f64 {
-        self.jet.reach
-    }
     fn time(&self, theta: f64) -> f64 {
         self.jet.time_at(theta)
     }
@@ -49,7 +46,7 @@ impl DenseStep for Step<'_> {
         (self.jet.remainder[i], self.jet.rounding[i])
     }
     fn plain_span(&self) -> Option<f64> {
-        self.jet.time.is_empty().then_some(self.jet.span)
+        self.jet.time.is_empty().then_some(self.jet.span * self.jet.reach)
     }
 }
 
@@ -85,7 +82,7 @@ impl Integrator for Taylor {
             if !jet.reach.is_finite() {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }
-            let elapsed = jet.time_at(jet.reach);
+            let elapsed = jet.time_at(1.0);
             if visit(&Step { start: at, jet }).is_break() {
                 return Ok(());
             }
@@ -94,7 +91,7 @@ impl Integrator for Taylor {
             if !(elapsed > resolution || elapsed >= span) {
                 return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });
             }
-            jet.state_at(jet.reach, x);
+            jet.state_at(1.0, x);
             if x.iter().any(|v| !v.is_finite()) {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }

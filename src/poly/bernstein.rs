@@ -2,6 +2,28 @@
 
 use super::MAX_DEGREE;
 
+/// Degree of the cheap first test.
+const LOW: usize = 6;
+
+/// The quick "no": the Bernstein coefficients of the low-degree part exceed all the rest can take away.
+pub(super) fn certainly_positive(p: &[f64], uncertainty: f64) -> bool {
+    let (low, high) = p.split_at(p.len().min(LOW + 1));
+    let rest = high.iter().fold(uncertainty, |s, c| s + c.abs());
+    if low[0] <= rest {
+        return false;
+    }
+    let mut b = [0.0; LOW + 1];
+    for ((b, c), inverse) in b.iter_mut().zip(low).zip(&INVERSE_BINOMIALS[LOW]) {
+        *b = c * inverse;
+    }
+    for j in 1..=LOW {
+        for i in (j..=LOW).rev() {
+            b[i] += b[i - 1];
+        }
+    }
+    b.iter().all(|b| *b > rest)
+}
+
 /// A polynomial of degree `n` by its Bernstein coefficients `b_0 … b_n` on some interval.
 #[derive(Clone, Copy)]
 pub(super) struct Bernstein {
@@ -76,6 +98,15 @@ impl Bernstein {
             }
         }
         Self { n, b: right }
+    }
+
+    /// Where the control polygon first crosses zero, in `[0, 1]`: a first guess of a single root.
+    pub fn crossing(&self) -> f64 {
+        let b = self.coefficients();
+        let i = b.iter().position(|c| *c < 0.0).unwrap_or(self.n).max(1);
+        let fall = b[i - 1] - b[i];
+        let within = if fall > 0.0 { b[i - 1] / fall } else { 0.5 };
+        ((i - 1) as f64 + within) / self.n as f64
     }
 
     pub fn first_sign(&self) -> f64 {

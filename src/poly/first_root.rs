@@ -1,6 +1,10 @@
 //! The first point of `[0, reach]` at which a polynomial falls below zero.
 
-use super::{MAX_DEGREE, bernstein::Bernstein, eval_with_slope};
+use super::{
+    MAX_DEGREE,
+    bernstein::{self, Bernstein},
+    eval_with_slope,
+};
 
 /// Where a polynomial that starts positive first falls through zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,60 +34,40 @@ impl Isolation {
 /// Splitting stops at intervals of this many halvings: 2⁻⁵² of the step, one unit in its last place.
 const MAX_DEPTH: u32 = 52;
 
-/// Degree of the cheap first test.
-const LOW: usize = 6;
-
-/// Finds the first place in `[0, reach]` where `p` falls through zero.
+/// Finds the first place in `[0, limit]`, `limit ≤ 1`, where `p` falls through zero.
 ///
-/// `uncertainty ≥ 0` bounds the error of the values of `p` (truncated tail and rounding). Values within it
-/// cannot be told from zero: a dip no deeper than that is a touch, not a crossing. If the first non-zero
-/// coefficient is negative the polynomial is outside from the start and the root is at 0.
+/// `uncertainty ≥ 0` bounds the error of the values of `p` on `[0, 1]` (truncated tail and rounding). Values
+/// within it cannot be told from zero: a dip no deeper than that is a touch, not a crossing. If the first
+/// non-zero coefficient is negative the polynomial is outside from the start and the root is at 0.
 ///
 /// # Panics
 /// If `p` is empty or has a degree above [`MAX_DEGREE`].
 #[must_use]
-pub fn first_root(p: &[f64], reach: f64, uncertainty: f64) -> Isolation {
-    if certainly_positive(p, reach, uncertainty) {
+pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
+    if bernstein::certainly_positive(p, uncertainty) {
         return Isolation::NOTHING;
     }
-    // Work on [0, 1]: coefficients of p(reach σ).
-    let mut scaled = [0.0; MAX_DEGREE + 1];
-    let (mut power, mut n) = (1.0, 0);
-    for (k, c) in p.iter().enumerate() {
-        scaled[k] = c * power;
-        power *= reach;
-        if scaled[k] != 0.0 {
-            n = k;
+    // Trailing terms that together stay far below the uncertainty only make the polynomial longer.
+    let (mut n, mut dropped) = (p.len() - 1, 0.0);
+    while n > 1 && dropped + p[n].abs() <= 0.125 * uncertainty {
+        dropped += p[n].abs();
+        n -= 1;
+    }
+    let p = &p[..=n];
+    let mut search = Search { p, uncertainty: uncertainty + dropped, touch: None, splits: 0 };
+    let start = if limit == 1.0 {
+        Bernstein::from_power(p)
+    } else {
+        let mut scaled = [0.0; MAX_DEGREE + 1];
+        let mut power = 1.0;
+        for (s, c) in scaled.iter_mut().zip(p) {
+            *s = c * power;
+            power *= limit;
         }
-    }
-    let scaled = &scaled[..=n];
-    let mut search = Search { p: scaled, uncertainty, touch: None, splits: 0 };
-    let root = search.first(Bernstein::from_power(scaled), 0.0, 1.0, 0);
-    Isolation {
-        root: root.map_or(FirstRoot::None, |s| FirstRoot::At(s * reach)),
-        touch: search.touch.map(|s| s * reach),
-        splits: search.splits,
-    }
-}
-
-/// The quick "no": the Bernstein coefficients of the low-degree part exceed all the rest can take away.
-fn certainly_positive(p: &[f64], reach: f64, uncertainty: f64) -> bool {
-    let low = LOW.min(p.len() - 1);
-    let mut scaled = [0.0; LOW + 1];
-    let mut power = 1.0;
-    for (s, c) in scaled.iter_mut().zip(p) {
-        *s = c * power;
-        power *= reach;
-    }
-    let mut rest = uncertainty;
-    for c in &p[low + 1..] {
-        rest += c.abs() * power;
-        power *= reach;
-    }
-    if scaled[0] <= rest {
-        return false;
-    }
-    Bernstein::from_power(&scaled[..=low]).coefficients().iter().all(|b| *b > rest)
+        Bernstein::from_power(&scaled[..=n])
+    };
+    let root = search.first(start, 0.0, limit, 0);
+    Isolation { root: root.map_or(FirstRoot::None, FirstRoot::At), touch: search.touch, splits: search.splits }
 }
 
 struct Search<'a> {
@@ -104,7 +88,7 @@ impl Search<'_> {
             return None;
         }
         if changes == 1 {
-            return Some(self.polish(lo, hi));
+            return Some(self.polish(lo, hi, lo + b.crossing() * (hi - lo)));
         }
         if depth >= MAX_DEPTH || b.largest() <= self.uncertainty {
             // Not to be told from zero on the whole interval: a touch, unless it comes out negative.
@@ -121,8 +105,8 @@ impl Search<'_> {
     }
 
     /// The single sign change in `[lo, hi]`: Newton's method kept inside a shrinking bracket.
-    fn polish(&self, mut lo: f64, mut hi: f64) -> f64 {
-        let mut x = 0.5 * (lo + hi);
+    fn polish(&self, mut lo: f64, mut hi: f64, start: f64) -> f64 {
+        let mut x = start;
         for _ in 0..100 {
             let (f, d) = eval_with_slope(self.p, x);
             if f == 0.0 {

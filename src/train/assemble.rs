@@ -1,6 +1,6 @@
 //! From a [`Spec`] to a [`Structure`]: everything a step needs, computed once.
 
-use nalgebra::{Cholesky, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::{ContactSpec, Flanks, Spec, schedule::Schedule};
 use crate::{
@@ -135,6 +135,64 @@ impl Contact {
     }
 }
 
+/// What the recurrence of linear modes reads, laid out for vector instructions.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Columns {
+    /// Diagonals of `−M⁻¹K` and `−M⁻¹C`.
+    pub by_q: Vec<f64>,
+    pub by_v: Vec<f64>,
+    /// Their entries off the diagonal: row, column, by q, by v.
+    pub couplings: Vec<(u32, u32, f64, f64)>,
+    /// The contacts, four at a time.
+    pub fours: Vec<FourColumns>,
+}
+
+/// Four contacts.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct FourColumns {
+    /// `n` rows of direction components.
+    pub directions: Vec<[f64; 4]>,
+    /// Errors: oscillator, cosine and sine parts.
+    pub waves: Vec<(usize, [f64; 4], [f64; 4])>,
+    /// `M⁻¹ g` of each.
+    pub pushes: [Vec<f64>; 4],
+}
+
+impl Columns {
+    fn new(k: &DMatrix<f64>, c: &DMatrix<f64>, contacts: &[Contact], oscillators: usize) -> Self {
+        let n = k.nrows();
+        let entries = |i: usize, j: usize| (i as u32, j as u32, -k[(i, j)], -c[(i, j)]);
+        Self {
+            by_q: (0..n).map(|i| -k[(i, i)]).collect(),
+            by_v: (0..n).map(|i| -c[(i, i)]).collect(),
+            couplings: (0..n)
+                .flat_map(|i| (0..n).filter(move |j| *j != i).map(move |j| entries(i, j)))
+                .filter(|(_, _, k, c)| *k != 0.0 || *c != 0.0)
+                .collect(),
+            fours: contacts.chunks(4).map(|four| FourColumns::new(four, n, oscillators)).collect(),
+        }
+    }
+}
+
+impl FourColumns {
+    fn new(four: &[Contact], n: usize, oscillators: usize) -> Self {
+        let part = |f: &dyn Fn(&Contact) -> f64| std::array::from_fn(|l| four.get(l).map_or(0.0, f));
+        let wave = |c: &Contact, o, of: fn(&Wave) -> f64| c.error.iter().filter(|w| w.index == o).map(of).sum();
+        Self {
+            directions: (0..n).map(|i| part(&|c| c.spec.direction[i])).collect(),
+            waves: (0..oscillators)
+                .filter(|o| four.iter().any(|c| c.error.iter().any(|w| w.index == *o)))
+                .map(|o| (o, part(&|c| wave(c, o, |w| w.cosine)), part(&|c| wave(c, o, |w| w.sine))))
+                .collect(),
+            pushes: std::array::from_fn(|l| {
+                let mut push = vec![0.0; n];
+                four.get(l).iter().flat_map(|c| &c.push).for_each(|(i, p)| push[*i as usize] = *p);
+                push
+            }),
+        }
+    }
+}
+
 /// An assembled train: state `x = (q, q̇, latched speeds)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Structure {
@@ -148,6 +206,7 @@ pub struct Structure {
     pub(super) load_waves: Vec<LoadWave>,
     /// Rows of `M⁻¹ K` and `M⁻¹ C` together: column, stiffness, damping.
     pub(super) rows: Vec<Vec<(u32, f64, f64)>>,
+    pub(super) columns: Columns,
     pub(super) contacts: Vec<Contact>,
     /// `√M_ii`, the weights that make freedoms of different kinds comparable.
     pub(super) weights: Vec<f64>,
@@ -240,6 +299,7 @@ impl Structure {
         let mut structure = Self {
             load: over_mass(&spec.load),
             rows,
+            columns: Columns::new(&k, &c, &contacts, oscillators.len()),
             n,
             dim,
             clock,

@@ -31,11 +31,16 @@ impl Expansion<'_> {
     /// Writes the guards of the mode and the bounds on what their series leave out.
     pub(super) fn guards(&self, owner: Option<Owner>, out: &mut Jet) {
         let deflect = self.tail(out);
+        let reach = out.reach;
         let Jet { guards, guard_series, remainder, rounding, work, .. } = out;
         guards.clear();
         remainder.clear();
         rounding.clear();
         guard_series.resize(3 * self.s.contacts.len() * ROW, 0.0);
+        let mut powers = [1.0; ROW];
+        for k in 1..ROW {
+            powers[k] = powers[k - 1] * reach;
+        }
         for (j, c) in self.s.contacts.iter().enumerate() {
             let state = contact_mode(self.request.mode, j);
             for &(watch, sign) in self.s.watched(c, state) {
@@ -58,6 +63,7 @@ impl Expansion<'_> {
                         (tail * deflect, self.deflection_size(c))
                     }
                 };
+                series.iter_mut().zip(&powers).for_each(|(s, p)| *s *= p);
                 self.write_zeros(j, watch, state, series);
                 remainder.push(tail);
                 rounding.push(4.0 * f64::EPSILON * size);
@@ -110,7 +116,7 @@ impl Expansion<'_> {
                     .iter()
                     .map(|(i, g)| (g * work[a + *i as usize]).abs() + (g * self.s.load[*i as usize]).abs())
                     .sum();
-                (tail / self.h * c.effective_mass(), c.effective_mass() * held)
+                (tail / deflect * c.effective_mass(), c.effective_mass() * held)
             }
             Law::Bilateral(l) | Law::KelvinVoigt(l, _) => {
                 let k = c.spec.stiffness.maximum();

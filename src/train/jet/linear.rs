@@ -4,18 +4,15 @@
 //! is itself a series. The closed contacts are merged into the matrices, and the recurrence runs on
 //! fixed-size columns that the compiler turns into vector instructions.
 
-use super::{DEFLECTION, Expansion, FORCE, Layout, ORDER, PENETRATION, ROW, STIFFNESS, product};
+use super::{CONTACT_ROWS, DEFLECTION, Expansion, FORCE, Layout, ORDER, PENETRATION, ROW, STIFFNESS, product};
 use crate::{
     gear::contact::Law,
     hybrid::Jet,
     train::{
-        assemble::{MAX_CONTACTS, Spring, dot},
+        assemble::{MAX_CONTACTS, Spring},
         contact_mode::{Watch, contact_mode, piece},
     },
 };
-
-/// Largest number of freedoms with a kernel of its own.
-pub(super) const LARGEST: usize = 24;
 
 /// `1/(k + 1)`.
 const STEP: [f64; ROW] = {
@@ -48,12 +45,21 @@ struct LinearPart {
     present: bool,
 }
 
-/// `q̈ = A_q q + A_v q̇ + constant + forcing`, columns of the matrices in rows of the arrays.
-struct Operator<const N: usize> {
-    by_q: [[f64; N]; N],
-    by_v: [[f64; N]; N],
-    constant: [f64; N],
+/// The laws of four contacts, as `F = stiffness · (δ − offset) + damping · δ̇`; zero where none is carried.
+#[derive(Clone, Copy, Default)]
+struct Four {
+    stiffness: [f64; 4],
+    damping: [f64; 4],
+    offset: [f64; 4],
+    closed: [bool; 4],
+    /// Any of them carries force.
+    carried: bool,
+    /// How many there are.
+    len: usize,
 }
+
+/// Fours of contacts a structure may have.
+const FOURS: usize = MAX_CONTACTS.div_ceil(4);
 
 impl Expansion<'_> {
     /// All coefficients of a linear mode; `false` if the mode is not linear or has too many freedoms.
@@ -117,99 +123,161 @@ impl Expansion<'_> {
         })
     }
 
-    /// Merges the constant-stiffness contacts that carry force into the mode's matrices and forcing.
-    fn operator<const N: usize>(&self, parts: &[LinearPart], work: &mut [f64]) -> Operator<N> {
-        let s = self.s;
-        let mut op = Operator { by_q: [[0.0; N]; N], by_v: [[0.0; N]; N], constant: [0.0; N] };
-        op.constant.copy_from_slice(&s.load);
-        for (i, row) in s.rows.iter().enumerate() {
-            for (j, k, c) in row {
-                op.by_q[*j as usize][i] = -k;
-                op.by_v[*j as usize][i] = -c;
-            }
-        }
-        let forcing = self.layout.forcing;
-        work[forcing..forcing + 2 * s.oscillators.len() * N].fill(0.0);
-        for w in &s.load_waves {
-            let at = forcing + 2 * w.index * N;
-            work[at..at + N].iter_mut().zip(&w.cosine).for_each(|(f, a)| *f += a);
-            work[at + N..at + 2 * N].iter_mut().zip(&w.sine).for_each(|(f, a)| *f += a);
-        }
-        for (c, part) in s.contacts.iter().zip(parts).filter(|(_, p)| p.carried && !p.varying) {
-            let rest = part.stiffness * (part.offset + c.spec.error_offset);
-            for (i, p) in &c.push {
-                let i = *i as usize;
-                for (j, g) in &c.direction {
-                    op.by_q[*j as usize][i] -= p * part.stiffness * g;
-                    op.by_v[*j as usize][i] -= p * part.damping * g;
-                }
-                op.constant[i] += p * rest;
-                for (e, de) in c.error.iter().zip(&c.error_rate) {
-                    let at = forcing + 2 * e.index * N + i;
-                    work[at] += p * (part.stiffness * e.cosine + part.damping * de.cosine);
-                    work[at + N] += p * (part.stiffness * e.sine + part.damping * de.sine);
-                }
-            }
-        }
-        op
-    }
-
     fn recurrence<const N: usize>(&self, parts: &[LinearPart], out: &mut Jet) {
-        let (s, layout, h) = (self.s, &self.layout, self.h);
+        let (s, h) = (self.s, self.h);
         let Jet { state, work, time, .. } = out;
         time.clear();
-        let op = self.operator::<N>(parts, work);
         let varying = parts.iter().any(|p| p.varying && p.carried);
-        let (mut q, mut v) = ([0.0; N], [0.0; N]);
-        q.copy_from_slice(&state[..N]);
-        v.copy_from_slice(&state[N..2 * N]);
-        let mut a = op.constant;
+        let mut fours = [Four::default(); FOURS];
+        let fours = &mut fours[..parts.len().div_ceil(4)];
+        for (j, p) in parts.iter().enumerate() {
+            let (four, l) = (&mut fours[j / 4], j % 4);
+            four.len = l + 1;
+            if p.carried && !p.varying {
+                (four.stiffness[l], four.damping[l], four.offset[l]) = (p.stiffness, p.damping, p.offset);
+                (four.closed[l], four.carried) = (true, true);
+            }
+        }
+        let column = |m: &[f64]| -> [f64; N] { std::array::from_fn(|i| m[i]) };
+        let (by_q, by_v) = (column(&s.columns.by_q), column(&s.columns.by_v));
+        let (mut q, mut v) = (column(&self.request.x[..N]), column(&self.request.x[N..2 * N]));
+        let mut a = column(&s.load);
         for k in 0..=ORDER {
             if k > 0 {
                 let row = &mut state[k * s.dim..k * s.dim + 2 * N];
                 row[..N].copy_from_slice(&q);
                 row[N..].copy_from_slice(&v);
-                if k == ORDER {
-                    break;
-                }
                 a = [0.0; N];
             }
-            for j in 0..N {
-                for i in 0..N {
-                    a[i] = fused(op.by_q[j][i], q[j], fused(op.by_v[j][i], v[j], a[i]));
+            self.contacts(fours, k, &q, &v, &mut a, work);
+            if k == ORDER {
+                break;
+            }
+            for i in 0..N {
+                a[i] = fused(by_q[i], q[i], fused(by_v[i], v[i], a[i]));
+            }
+            for &(i, j, by_q, by_v) in &s.columns.couplings {
+                a[i as usize] += by_q * q[j as usize] + by_v * v[j as usize];
+            }
+            for w in &s.load_waves {
+                let o = Layout::oscillator(w.index) + k;
+                let (c, s) = (work[o], work[o + ROW]);
+                if let (Some(cosine), Some(sine)) = (w.cosine.first_chunk::<N>(), w.sine.first_chunk::<N>()) {
+                    for i in 0..N {
+                        a[i] = fused(cosine[i], c, fused(sine[i], s, a[i]));
+                    }
                 }
+            }
+            if varying {
+                self.varying_forces(parts, k, &v, &mut a, work);
             }
             let step = h * STEP[k];
             for (i, o) in s.oscillators.iter().enumerate() {
                 let c = Layout::oscillator(i) + k;
-                let (cosine, sine) = (work[c], work[c + ROW]);
                 let f = step * o.omega;
-                (work[c + 1], work[c + 1 + ROW]) = (-f * sine, f * cosine);
-                let at = layout.forcing + 2 * i * N;
-                let (by_cosine, by_sine) = work[at..at + 2 * N].split_at(N);
-                for i in 0..N {
-                    a[i] = fused(by_cosine[i], cosine, fused(by_sine[i], sine, a[i]));
-                }
-            }
-            if varying {
-                self.varying_forces(parts, k, &q, &v, &mut a, work);
+                (work[c + 1], work[c + 1 + ROW]) = (-f * work[c + ROW], f * work[c]);
             }
             for i in 0..N {
-                (q[i], v[i]) = (step * v[i], step * a[i]);
+                q[i] = step * v[i];
+            }
+            for i in 0..N {
+                v[i] = step * a[i];
             }
         }
-        self.deflections(parts, state, work);
+        self.watched_forces(parts, work);
+    }
+
+    /// Deflections at order `k`, and the accelerations by the contact forces, four contacts at a time.
+    ///
+    /// The deflection is formed before it is multiplied by the stiffness: where the train has turned far, the
+    /// difference of two displacements is exact and the difference of two forces would not be.
+    #[inline(always)]
+    fn contacts<const N: usize>(
+        &self,
+        fours: &[Four],
+        k: usize,
+        q: &[f64; N],
+        v: &[f64; N],
+        a: &mut [f64; N],
+        work: &mut [f64],
+    ) {
+        const STRIDE: usize = CONTACT_ROWS * ROW;
+        let s = self.s;
+        for (chunk, (four, columns)) in fours.iter().zip(&s.columns.fours).enumerate() {
+            let Some(directions) = columns.directions.first_chunk::<N>() else { return };
+            let (mut d, mut r) = ([0.0; 4], [0.0; 4]);
+            for i in 0..N {
+                for l in 0..4 {
+                    d[l] = fused(directions[i][l], q[i], d[l]);
+                }
+                for l in 0..4 {
+                    r[l] = fused(directions[i][l], v[i], r[l]);
+                }
+            }
+            for (index, cosine, sine) in &columns.waves {
+                let (o, omega) = (Layout::oscillator(*index) + k, s.oscillators[*index].omega);
+                let (c, s) = (work[o], work[o + ROW]);
+                for l in 0..4 {
+                    d[l] -= fused(cosine[l], c, sine[l] * s);
+                }
+                for l in 0..4 {
+                    r[l] -= omega * fused(sine[l], c, -cosine[l] * s);
+                }
+            }
+            let first = self.layout.of(4 * chunk, DEFLECTION) + k;
+            for (d, at) in d.iter_mut().zip(work[first..].iter_mut().step_by(STRIDE).take(four.len)) {
+                if k == 0 {
+                    // Order zero was written before: it may be pinned.
+                    *d = *at;
+                } else {
+                    *at = *d;
+                }
+            }
+            if k < 2 && !self.request.still.is_empty() {
+                self.still(chunk, k, &mut d, &mut r, work);
+            }
+            if !four.carried {
+                continue;
+            }
+            let mut force = [0.0; 4];
+            let offset = if k == 0 { four.offset } else { [0.0; 4] };
+            for l in 0..4 {
+                force[l] = fused(four.stiffness[l], d[l] - offset[l], four.damping[l] * r[l]);
+            }
+            for l in 0..4 {
+                if four.closed[l]
+                    && let Some(push) = columns.pushes[l].first_chunk::<N>()
+                {
+                    for i in 0..N {
+                        a[i] = fused(-push[i], force[l], a[i]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Rates that are exactly zero.
+    fn still(&self, chunk: usize, k: usize, d: &mut [f64; 4], r: &mut [f64; 4], work: &mut [f64]) {
+        for (l, j) in
+            (4 * chunk..self.s.contacts.len().min(4 * chunk + 4)).enumerate().filter(|(_, j)| self.is_still(*j))
+        {
+            if k == 0 {
+                r[l] = 0.0;
+            } else {
+                d[l] = 0.0;
+                work[self.layout.of(j, DEFLECTION) + 1] = 0.0;
+            }
+        }
     }
 
     /// Adds the forces of contacts whose stiffness is a series, at order `k`.
-    fn varying_forces(&self, parts: &[LinearPart], k: usize, q: &[f64], v: &[f64], a: &mut [f64], work: &mut [f64]) {
+    fn varying_forces(&self, parts: &[LinearPart], k: usize, v: &[f64], a: &mut [f64], work: &mut [f64]) {
         for (j, part) in parts.iter().enumerate().filter(|(_, p)| p.varying && p.carried) {
             let c = &self.s.contacts[j];
             let (s, p) = (self.layout.of(j, STIFFNESS), self.layout.of(j, PENETRATION));
             self.stiffness_wave(j, k, work);
             let rate = self.rate(j, k, v, work);
-            work[p + k] =
-                if k == 0 { work[self.layout.of(j, DEFLECTION)] - part.offset } else { self.deflection(j, k, q, work) };
+            work[p + k] = work[self.layout.of(j, DEFLECTION) + k] - if k == 0 { part.offset } else { 0.0 };
             let force = product(work, s, p, k) + part.damping * rate;
             c.push.iter().for_each(|(i, p)| a[*i as usize] -= p * force);
         }
@@ -226,33 +294,11 @@ impl Expansion<'_> {
         }
     }
 
-    /// Deflection of contact `j` at order `k > 0`, from the displacements of that order.
-    fn deflection(&self, j: usize, k: usize, q: &[f64], work: &[f64]) -> f64 {
-        let c = &self.s.contacts[j];
-        c.error.iter().fold(dot(&c.direction, q), |d, w| {
-            let o = Layout::oscillator(w.index) + k;
-            d - w.cosine * work[o] - w.sine * work[o + ROW]
-        })
-    }
-
-    /// The deflections of all contacts, and the forces where a force is watched.
-    fn deflections(&self, parts: &[LinearPart], state: &[f64], work: &mut [f64]) {
-        let dim = self.s.dim;
-        for (j, part) in parts.iter().enumerate() {
-            let d = self.layout.of(j, DEFLECTION);
-            for k in 1..=ORDER {
-                work[d + k] = self.deflection(j, k, &state[k * dim..], work);
-            }
-            if self.is_still(j) {
-                work[d + 1] = 0.0;
-            }
-            let watched = part.present
-                && self
-                    .s
-                    .watched(&self.s.contacts[j], contact_mode(self.request.mode, j))
-                    .iter()
-                    .any(|(w, _)| *w == Watch::Force);
-            if watched {
+    /// The forces where a force is watched.
+    fn watched_forces(&self, parts: &[LinearPart], work: &mut [f64]) {
+        for (j, (part, c)) in parts.iter().zip(&self.s.contacts).enumerate().filter(|(_, (p, _))| p.present) {
+            let state = contact_mode(self.request.mode, j);
+            if self.s.watched(c, state).iter().any(|(w, _)| *w == Watch::Force) {
                 self.watched_force(j, part, work);
             }
         }

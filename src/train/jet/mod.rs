@@ -47,8 +47,6 @@ struct Layout {
     clock: usize,
     /// Accelerations of all orders, `n` each.
     accelerations: usize,
-    /// Forcing of a linear mode: for each oscillator, accelerations by its cosine and by its sine.
-    forcing: usize,
     /// Bound on what the truncated tail adds to each contact's rate.
     tails: usize,
     len: usize,
@@ -59,9 +57,8 @@ impl Layout {
         let contacts = 2 * s.oscillators.len() * ROW;
         let clock = contacts + s.contacts.len() * CONTACT_ROWS * ROW;
         let accelerations = clock + CLOCK_ROWS * ROW;
-        let forcing = accelerations + ROW * s.n;
-        let tails = forcing + 2 * s.oscillators.len() * s.n;
-        Self { contacts, clock, accelerations, forcing, tails, len: tails + s.contacts.len() }
+        let tails = accelerations + ROW * s.n;
+        Self { contacts, clock, accelerations, tails, len: tails + s.contacts.len() }
     }
 
     /// `cos ωt` of oscillator `i`; its sine follows, one row on.
@@ -102,7 +99,6 @@ impl JetField for Structure {
         let layout = Layout::new(self);
         out.order = ORDER;
         out.dim = self.dim;
-        out.stride = ROW;
         out.state.resize((ORDER + 1) * self.dim, 0.0);
         out.work.resize(layout.len, 0.0);
         let owner = self.owner(request);
