@@ -17,7 +17,7 @@ use crate::{
 };
 
 /// Intervals between the nodes on a step: enough to see every extreme, and to integrate the force to rounding.
-const INTERVALS: usize = 20;
+const INTERVALS: usize = 16;
 
 /// Measures every contact. Durations are sums of arc lengths, so short ones keep their relative accuracy.
 #[derive(Clone, Debug)]
@@ -251,13 +251,23 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
         if self.tracks[j].spell.is_none() {
             self.begin(j, before, record.at);
         }
+        if measured && self.impulses[j] != 0.0 {
+            // Impacts, and what they pass on through contacts at rest.
+            let (_, after) = system.deflection(j, record.at, &record.x_plus);
+            self.tracks[j].impulse.add(self.impulses[j]);
+            self.tracks[j].lost.add(0.5 * self.impulses[j] * (rate + after));
+        }
         let struck = record
             .fired
             .iter()
             .map(|id| system.watch(id))
             .find(|(k, watch)| *k == j && watch.side() != 0.0)
             .map(|(_, watch)| watch.side())
-            .filter(|side| system.is_rigid(j) && !before.is_closed() && side * rate > 0.0);
+            .filter(|side| {
+                // Closing already, or set closing by another impact of the same instant.
+                let strikes = side * rate > 0.0 || side * self.impulses[j] > 0.0;
+                system.is_rigid(j) && !before.is_closed() && strikes
+            });
         match struck {
             Some(side) => {
                 self.part(j, side, measured);
@@ -346,15 +356,13 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
             peak_penetration: 0.0,
             approach,
             release,
-            restitution: Some(release / approach),
+            restitution: (approach > 0.0).then(|| release / approach),
             impulse: side * self.impulses[j],
             energy_lost: lost,
         };
         track.ended = Some(episode);
         if measured {
             track.counts.contacts[usize::from(side < 0.0)] += 1;
-            track.impulse.add(self.impulses[j]);
-            track.lost.add(lost);
             if track.episodes.len() < self.keep {
                 track.episodes.push(episode);
             }

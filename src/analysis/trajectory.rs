@@ -79,7 +79,7 @@ impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
                 Some(Instant { cycle, phase })
             }
             Grid::Interval { interval } => {
-                if !(interval > 0.0) {
+                if interval.is_nan() || interval <= 0.0 {
                     return None;
                 }
                 let offset = Wide::product(interval, self.number as f64);

@@ -198,6 +198,26 @@ mod tests {
     }
 
     #[test]
+    fn seventeen_digits_give_the_double_back() {
+        let mut bits: u64 = 0x9e37_79b9_7f4a_7c15;
+        for _ in 0..20_000 {
+            bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let v = f64::from_bits(bits);
+            if v.is_finite() {
+                assert_eq!(Wide::from(v).decimal(17).parse::<f64>(), Ok(v));
+                // Forty digits against the standard library's exact ones (its ties go to even).
+                let theirs = format!("{v:.39e}");
+                let (digits, exponent) = theirs.split_once('e').unwrap_or_default();
+                let ours = Wide::from(v).decimal(40);
+                let (mine, place) = ours.split_once('e').unwrap_or((&ours, exponent));
+                if ours.contains('e') {
+                    assert!(digits.starts_with(mine) && place == exponent, "{ours} {theirs}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn rounding_carries_through_nines() {
         assert_eq!(Wide::from(0.999_999).decimal(3), "1");
         assert_eq!(Wide::from(129.5).decimal(3), "130");

@@ -1,0 +1,135 @@
+//! The ledger closes: every joule is in one column.
+
+use flank::{
+    analysis::{Balance, Ledger},
+    gear::{
+        Harmonic, Stiffness,
+        contact::{Law, Linear},
+    },
+    train::{ContactSpec, Structure},
+};
+
+use super::trains::{self, Case, run};
+
+/// Rounding of some thousand steps; exact flows leave nothing else.
+const CLOSED: f64 = 1e-12;
+
+fn balance(case: &Case) -> Balance {
+    let structure = Structure::new(case.spec.clone()).unwrap();
+    let mut ledger = Ledger::new(&structure);
+    run(&structure, case, &mut ledger);
+    let balance = ledger.balance();
+    println!("closure {:.1e}: {balance:?}", balance.closure());
+    assert!(balance.closure() <= CLOSED, "{balance:?}");
+    assert!(balance.projection.abs() <= 1e-12 * balance.throughput, "{balance:?}");
+    balance
+}
+
+#[test]
+fn closes_on_a_forced_pair_with_both_flanks() {
+    assert!(balance(&trains::single_sided()).damping > 0.0);
+    let b = balance(&trains::double_sided());
+    assert_eq!((b.error, b.parametric, b.contact, b.impact), (0.0, 0.0, 0.0, 0.0));
+    assert!(b.release.abs() < 1e-28);
+}
+
+#[test]
+fn closes_on_a_switched_stiffness_with_the_work_of_every_switch() {
+    let b = balance(&trains::rectangular());
+    assert!(b.switches != 0.0 && b.parametric == b.switches);
+}
+
+#[test]
+fn closes_on_a_harmonic_stiffness() {
+    let b = balance(&trains::parametric());
+    assert!(b.parametric != 0.0 && b.switches == 0.0);
+}
+
+#[test]
+fn closes_where_the_force_releases_a_deflected_contact() {
+    let b = balance(&trains::force_release());
+    assert!(b.release > 0.0 && b.contact > 0.0);
+}
+
+#[test]
+fn closes_in_the_root_clock_of_hertz_contacts() {
+    let b = balance(&trains::hertz_pair());
+    assert!(b.contact > 0.0 && b.release.abs() < 1e-20);
+}
+
+#[test]
+fn closes_on_rigid_impacts_and_on_chatter_against_a_moving_table() {
+    assert!(balance(&trains::rattle()).impact > 0.0);
+    let b = balance(&trains::chatter());
+    assert!(b.impact > 0.0 && b.error != 0.0);
+}
+
+#[test]
+fn closes_on_impacts_that_strike_together() {
+    let b = balance(&trains::three_at_once());
+    assert!(b.impact > 0.0 && b.error == 0.0);
+}
+
+#[test]
+fn closes_where_hysteresis_would_pull() {
+    // Pulled away faster than 1 + χ ṗ allows: the contact lets go while still penetrated.
+    let b = balance(&trains::pulled());
+    assert!(b.release > 1e-6, "{b:?}");
+}
+
+#[test]
+fn closes_on_a_stage_with_errors_in_six_meshes() {
+    let b = balance(&trains::planetary());
+    assert!(b.error != 0.0 && b.contact > 0.0);
+}
+
+#[test]
+fn a_switch_under_a_held_deflection_does_half_the_stiffness_step_times_its_square() {
+    // x = x₀ cos t from rest at x₀; k switches from 1 to 4 at t = 0.25.
+    let stiffness = Stiffness::Switched { times: vec![0.25], levels: [1.0, 4.0] };
+    let law = Law::Bilateral(Linear { damping: 0.0 });
+    let contact = ContactSpec { stiffness, law, ..trains::mesh(&[1.0]) };
+    let spec = trains::single(0.0, 0.0, None, vec![contact]);
+    let b = balance(&Case { spec, q: vec![0.3], v: vec![0.0], end: 1.0 });
+    let exact = 0.5 * 3.0 * (0.3 * 0.25f64.cos()).powi(2);
+    assert!((b.parametric - exact).abs() < 1e-16, "{} {exact}", b.parametric);
+}
+
+#[test]
+fn a_wall_moving_into_a_mass_does_the_work_of_its_impulse() {
+    // Mass at rest at 0 before a wall at 0.1 − 0.2 sin t: struck elastically.
+    let spec = trains::single(
+        0.0,
+        0.0,
+        None,
+        vec![ContactSpec { error: vec![Harmonic::sine(1.0, -0.2, 0.0)], ..trains::rigid(1.0, 1.0, 0.1) }],
+    );
+    let b = balance(&Case { spec, q: vec![0.0], v: vec![0.0], end: 0.6 });
+    // The wall arrives at sin t = ½ with speed 0.2 cos t; the mass leaves with twice that.
+    let speed = 0.2 * 0.75f64.sqrt();
+    assert!((b.end - 2.0 * speed * speed).abs() < 1e-15 && (b.error - b.end).abs() < 1e-15, "{b:?}");
+    assert!(b.impact.abs() < 1e-16, "{b:?}");
+}
+
+#[test]
+#[ignore = "timing only"]
+fn cost() {
+    for (name, case) in
+        [("pair", trains::double_sided()), ("hertz", trains::hertz_pair()), ("stage", trains::planetary())]
+    {
+        let structure = Structure::new(case.spec.clone()).unwrap();
+        let mut times = [f64::INFINITY; 3];
+        for _ in 0..40 {
+            let t = std::time::Instant::now();
+            let (_, n) = run(&structure, &case, &mut ());
+            times[0] = times[0].min(t.elapsed().as_secs_f64() / n.steps as f64 * 1e6);
+            let t = std::time::Instant::now();
+            run(&structure, &case, &mut Ledger::new(&structure));
+            times[1] = times[1].min(t.elapsed().as_secs_f64() / n.steps as f64 * 1e6);
+            let t = std::time::Instant::now();
+            run(&structure, &case, &mut flank::analysis::Contacts::new(&structure, None));
+            times[2] = times[2].min(t.elapsed().as_secs_f64() / n.steps as f64 * 1e6);
+        }
+        println!("{name}: us per step: bare {:.2} with ledger {:.2} with contacts {:.2}", times[0], times[1], times[2]);
+    }
+}
