@@ -293,11 +293,13 @@ impl Pieces {
             }
             self.chebyshev.coefficients(&values[..=n], &mut c);
             let range: f64 = c[1..=n].iter().map(|c| c.abs()).sum();
-            tolerance = SHARE * place.rtol * range.min(sensitivity.max(f64::MIN_POSITIVE)) + rounding;
+            // At an exact zero the leading coefficients decide, however small they are: nothing is given away.
+            let share = if pinned { 0.0 } else { SHARE * place.rtol };
+            tolerance = share * range.min(sensitivity.max(f64::MIN_POSITIVE)) + rounding;
             tail = c[n].abs() + c[n - 1].abs();
             // Trailing coefficients below the tolerance only add noise to the powers.
             let mut top = n;
-            while top > 1 && tail < tolerance && c[top].abs() < 0.1 * tolerance {
+            while top > 1 && tail + c[top].abs() <= tolerance {
                 tail += c[top].abs();
                 c[top] = 0.0;
                 top -= 1;
@@ -351,11 +353,13 @@ impl Pieces {
         if !still {
             return;
         }
+        self.error[i].0 += series[1].abs();
         series[1] = 0.0;
         let (square, cube) = (series[2], series[3]);
         let error = self.error[i].0 + self.error[i].1 + noise;
         // The lowest point of s θ² + c θ³ with s < 0 < c is −(4/27) |s|³/c².
         if square < 0.0 && cube > 0.0 && 4.0 / 27.0 * square.abs().powi(3) <= error * cube * cube {
+            self.error[i].0 += square.abs();
             series[2] = 0.0;
         }
     }

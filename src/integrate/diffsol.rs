@@ -41,13 +41,9 @@ impl Method {
         }
     }
 
-    /// Order the first step's error is of.
+    /// Order of the first step; backward differences have a start-up of order 3.
     fn first_order(self) -> f64 {
-        match self {
-            Self::Bdf => 1.0,
-            Self::Sdirk => 3.0,
-            Self::Explicit => 5.0,
-        }
+        if self == Self::Explicit { 5.0 } else { 3.0 }
     }
 }
 
@@ -95,8 +91,10 @@ fn when(system: &dyn HybridSystem, arc: &Arc<'_>, elapsed: f64) -> f64 {
 struct Start {
     /// Absolute tolerances, `[dim]`.
     absolute: Vec<f64>,
-    /// First step, s.
+    /// Step of a method of the asked order, s.
     step: f64,
+    /// Step of a method of order 1 over that one.
+    first_order: f64,
 }
 
 /// Share of a component's scale that is its floor.
@@ -147,9 +145,13 @@ impl Start {
         field.eval(arc.mode, arc.at, trial, &x1, &mut f1);
         f1.iter_mut().zip(&f).for_each(|(a, b)| *a -= b);
         let d2 = size(&f1) / trial;
-        let reach = tau * (0.01 / (d1 * tau).max(d2 * tau * tau)).powf(1.0 / (order + 1.0));
-        let step = reach.min(100.0 * trial).min(span);
-        Self { absolute, step: if step.is_finite() && step > 0.0 { step } else { 1e-6 * span } }
+        let harshness = (d1 * tau).max(d2 * tau * tau);
+        let step = |order: f64| {
+            let reach = tau * (0.01 / harshness).powf(1.0 / (order + 1.0));
+            let step = reach.min(100.0 * trial).min(span);
+            if step.is_finite() && step > 0.0 { step } else { 1e-6 * span }
+        };
+        Self { absolute, step: step(order), first_order: (step(1.0) / step(order)).min(1.0) }
     }
 }
 
@@ -205,16 +207,31 @@ impl Integrator for Diffsol {
         options.max_nonlinear_solver_failures = usize::MAX;
         options.max_error_test_failures = 1000;
         options.min_timestep = SMALLEST;
-        let mut run = Run { system, arc, span, unit, method: self.method, pieces: &mut self.pieces, rtol: self.rtol };
+        let pieces = &mut self.pieces;
+        let mut run = Run { system, arc, field, span, unit, method: self.method, pieces, rtol: self.rtol, from: 0.0 };
+        run.begin(end);
         let outcome = match self.method {
-            Method::Bdf => problem.bdf::<LS>().map(|s| run.drive(s, |s| s.order(), end, visit)),
-            Method::Sdirk => problem.esdirk34::<LS>().map(|s| run.drive(s, |_| 3, end, visit)),
-            Method::Explicit => problem.tsit45().map(|s| run.drive(s, |_| 4, end, visit)),
+            // Backward differences start at order 1, with positions and velocities that agree to the tolerance only: too
+            // coarse to tell on which side of a guard an arc begins, and for flights lower than the tolerance.
+            Method::Bdf => problem.esdirk34::<LS>().and_then(|first| {
+                let until = START_UP.max(100.0 * START_UP * start.first_order);
+                let under_way = run.drive(first, |_| 3, 1.0, until, end, visit);
+                if !matches!(under_way, Ok(true)) {
+                    return Ok(under_way);
+                }
+                problem.bdf::<LS>().map(|s| run.drive(s, |s| s.order(), start.first_order, f64::INFINITY, end, visit))
+            }),
+            Method::Sdirk => problem.esdirk34::<LS>().map(|s| run.drive(s, |_| 3, 1.0, f64::INFINITY, end, visit)),
+            Method::Explicit => problem.tsit45().map(|s| run.drive(s, |_| 4, 1.0, f64::INFINITY, end, visit)),
         };
-        outcome.map_err(|e| self.fault(system, arc, 0.0, &e))?
+        outcome.map_err(|e| self.fault(system, arc, 0.0, &e))?.map(|_| ())
     }
 }
 
+/// Span of the one-step start-up of backward differences, in its own first steps, and at least a hundred times as many
+/// steps of order 1. The error of such a step, a h²/2 with a the acceleration, is about the tolerance; a flight that lasts
+/// beyond the start-up is a thousand times higher.
+const START_UP: f64 = 10.0;
 /// Shortest step, in units of the first one.
 const SMALLEST: f64 = 1e-12;
 
@@ -222,55 +239,67 @@ const SMALLEST: f64 = 1e-12;
 struct Run<'a> {
     system: &'a dyn HybridSystem,
     arc: &'a Arc<'a>,
+    field: &'a dyn VectorField,
     span: f64,
     /// The solver's unit of time, s.
     unit: f64,
     method: Method,
     pieces: &'a mut Pieces,
     rtol: f64,
+    /// How far the arc has come, in units.
+    from: f64,
 }
 
-impl Run<'_> {
-    /// Steps `solver` to the arc's end. `degree` is that of its interpolant on the last step.
+impl<'a> Run<'a> {
+    fn place(&self) -> Place<'a> {
+        Place { system: self.system, arc: self.arc, rtol: self.rtol, from: self.from * self.unit, to: None }
+    }
+
+    fn begin(&mut self, end: &mut [f64]) {
+        end.copy_from_slice(self.arc.x);
+        self.pieces.begin(&self.place());
+    }
+
+    /// Steps `solver` on from the state in `end`, the first time by `step` units, until `limit` units are reached. `degree` is
+    /// that of its interpolant on the last step. `true`: the arc goes on.
+    #[allow(clippy::too_many_arguments)]
     fn drive<'p, E, S>(
         &mut self,
         mut solver: S,
         degree: impl Fn(&S) -> usize,
+        step: f64,
+        limit: f64,
         end: &mut [f64],
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
-    ) -> Result<(), IntegrateError>
+    ) -> Result<bool, IntegrateError>
     where
         E: OdeEquations<T = f64, V = V> + 'p,
         S: OdeSolverMethod<'p, E>,
     {
-        let (system, arc, unit) = (self.system, self.arc, self.unit);
-        let dim = arc.x.len();
-        let method = self.method.name();
-        let fault = |t: f64, e: &DiffsolError| IntegrateError::Solver {
-            method,
-            t: when(system, arc, t * unit),
-            reason: e.to_string(),
-        };
-        // The first step is one unit. Reaching for the state restarts the solver, which has not begun yet.
-        *solver.state_mut().h = 1.0;
-        solver.set_stop_time(self.span / unit).map_err(|e| fault(0.0, &e))?;
-        let mut inside = V::zeros(dim, NalgebraContext::default());
-        let mut from = 0.0;
-        let mut place = Place { system, arc, rtol: self.rtol, from: 0.0, to: None };
-        self.pieces.begin(&place);
-        end.copy_from_slice(arc.x);
-        loop {
+        let (system, arc, unit, method) = (self.system, self.arc, self.unit, self.method.name());
+        let t = |units: f64| when(system, arc, units * unit);
+        let fault = |from: f64, e: &DiffsolError| IntegrateError::Solver { method, t: t(from), reason: e.to_string() };
+        let state = solver.state_mut();
+        *state.h = step.min(self.span / unit - self.from);
+        if self.from > 0.0 {
+            *state.t = self.from;
+            state.y.batch_as_mut_slice(0).copy_from_slice(end);
+            let dy = state.dy.batch_as_mut_slice(0);
+            self.field.eval(arc.mode, arc.at, self.from * unit, end, dy);
+            dy.iter_mut().for_each(|d| *d *= unit);
+        }
+        solver.set_stop_time(self.span / unit).map_err(|e| fault(self.from, &e))?;
+        let mut inside = V::zeros(arc.x.len(), NalgebraContext::default());
+        while self.from < limit {
+            let from = self.from;
             let arrived = matches!(solver.step().map_err(|e| fault(from, &e))?, OdeSolverStopReason::TstopReached);
             let to = solver.state().t;
             let y = solver.state().y.batch_as_slice(0);
             if !to.is_finite() || y.iter().any(|v| !v.is_finite()) {
-                return Err(IntegrateError::NotFinite { t: when(system, arc, from * unit) });
+                return Err(IntegrateError::NotFinite { t: t(from) });
             }
             if to <= from {
-                return Err(IntegrateError::StepTooSmall {
-                    t: when(system, arc, from * unit),
-                    step: unit * (to - from),
-                });
+                return Err(IntegrateError::StepTooSmall { t: t(from), step: unit * (to - from) });
             }
             // `end` still holds the state at the step's start.
             let degree = degree(&solver).clamp(1, dense::STATE_DEGREE);
@@ -283,13 +312,13 @@ impl Run<'_> {
             }
             samples.extend_from_slice(y);
             end.copy_from_slice(y);
-            dense::to_powers(samples, dim);
-            place.from = from * unit;
-            place.to = (!arrived).then_some(to * unit);
+            dense::to_powers(samples, arc.x.len());
+            let place = Place { to: (!arrived).then_some(to * unit), ..self.place() };
             if !self.pieces.visit(&place, |step| visit(step).is_continue()) || arrived {
-                return Ok(());
+                return Ok(false);
             }
-            from = to;
+            self.from = to;
         }
+        Ok(true)
     }
 }

@@ -125,6 +125,12 @@ impl Structure {
         Ok(())
     }
 
+    /// Takes the rate of contact `j` out of the velocities.
+    fn stop(&self, j: usize, at: Instant, x: &mut [f64]) {
+        let (c, rate) = (&self.contacts[j], self.deflection(j, at, x).1);
+        c.push.iter().for_each(|(i, p)| x[self.n + *i as usize] -= p / c.mobility * rate);
+    }
+
     /// A resting rigid contact lets go: gap, rate and, at a crossing of the multiplier, acceleration are zero.
     fn release(&self, jump: &mut Jump, j: usize, at: Instant, x: &mut [f64]) {
         let state = contact_mode(jump.mode, j);
@@ -145,6 +151,7 @@ impl Structure {
         jump.pinned.insert(flank);
         jump.still.insert(flank);
         jump.projected = jump.projected.max(self.project(j, state.side() * c.gap(), at, x));
+        self.stop(j, at, x);
         jump.mode = with_contact(jump.mode, j, ContactMode::Separated);
     }
 
@@ -289,10 +296,7 @@ impl Structure {
         for s in strikers {
             let c = &self.contacts[s.contact];
             jump.projected = jump.projected.max(self.project(s.contact, s.side * c.gap(), at, x));
-            let rate = self.deflection(s.contact, at, x).1;
-            for (i, p) in &c.push {
-                x[self.n + *i as usize] -= p / c.mobility * rate;
-            }
+            self.stop(s.contact, at, x);
             let flank = guard_id(s.contact, if s.side > 0.0 { Watch::DriveFlank } else { Watch::BackFlank });
             jump.pinned.insert(flank);
             jump.still.insert(flank);
