@@ -6,8 +6,9 @@ use super::{
     episode::{Episode, Moment, Separation, Spell, flank},
     extreme::peak,
     quadrature::{Rule, theta_at},
-    report::{ContactReport, Statistics},
+    report::ContactReport,
     sum::Sum,
+    track::Track,
 };
 use crate::{
     engine::Observer,
@@ -46,38 +47,10 @@ struct Nodes {
     signed: Vec<f64>,
 }
 
-#[derive(Clone, Debug, Default)]
-struct Track {
-    spell: Option<Spell>,
-    ended: Option<Episode>,
-    separations: Vec<Separation>,
-    episodes: Vec<Episode>,
-    counts: Counts,
-    apart: Sum,
-    no_force: Sum,
-    impulse: Sum,
-    lost: Sum,
-    durations: Sum,
-    shortest: f64,
-    longest: f64,
-    whole: u64,
-    deflection: [f64; 2],
-    force: f64,
-}
-
-#[derive(Clone, Copy, Debug, Default)]
-struct Counts {
-    separations: u64,
-    contacts: [u64; 2],
-    sticks: u64,
-}
-
 impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
     /// Measures from `from` on (from the start, if none), so that a transient is left out.
     #[must_use]
     pub fn new(system: &'s S, from: Option<Instant>) -> Self {
-        let track =
-            Track { shortest: f64::INFINITY, deflection: [f64::NEG_INFINITY, f64::INFINITY], ..Track::default() };
         let (m, n) = (system.contact_count(), INTERVALS + 1);
         let nodes = Nodes {
             theta: vec![0.0; n],
@@ -97,7 +70,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
             x: vec![0.0; system.dim()],
             impulses: vec![0.0; m],
             time: Sum::default(),
-            tracks: vec![track; m],
+            tracks: vec![Track::new(); m],
         }
     }
 
@@ -135,37 +108,9 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
     /// The measures of contact `j` so far.
     #[must_use]
     pub fn report(&self, j: usize) -> ContactReport {
-        let t = &self.tracks[j];
         let time = self.time.value();
-        let share = |part: f64| if time > 0.0 { part / time } else { 0.0 };
         let cycles = self.clock.period().map(|p| time / p.value()).filter(|c| *c > 0.0);
-        let any = t.whole > 0;
-        let contacts = t.counts.contacts[0] + t.counts.contacts[1];
-        ContactReport {
-            name: self.system.contact_name(j).to_owned(),
-            time,
-            apart_time: t.apart.value(),
-            apart_fraction: share(t.apart.value()),
-            no_force_time: t.no_force.value(),
-            no_force_fraction: share(t.no_force.value()),
-            separations: t.counts.separations,
-            drive_contacts: t.counts.contacts[0],
-            back_contacts: t.counts.contacts[1],
-            sticks: t.counts.sticks,
-            separations_per_cycle: cycles.map(|c| t.counts.separations as f64 / c),
-            contacts_per_cycle: cycles.map(|c| contacts as f64 / c),
-            durations: Statistics {
-                count: t.whole,
-                min: any.then_some(t.shortest),
-                max: any.then_some(t.longest),
-                mean: any.then(|| t.durations.value() / t.whole as f64),
-            },
-            deflection_max: t.deflection[0],
-            deflection_min: t.deflection[1],
-            force_abs_max: t.force,
-            force_mean: share(t.impulse.value()),
-            energy_lost: t.lost.value(),
-        }
+        self.tracks[j].report(self.system.contact_name(j), time, cycles)
     }
 
     fn measures(&self, at: Instant) -> bool {
@@ -330,14 +275,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
     fn part(&mut self, j: usize, side: f64, measured: bool) {
         let track = &mut self.tracks[j];
         let Some(spell) = track.spell.take().filter(|s| s.whole && !s.closed && measured) else { return };
-        let separation = spell.separation(&self.clock, side);
-        track.whole += 1;
-        track.durations.add(separation.duration);
-        track.shortest = track.shortest.min(separation.duration);
-        track.longest = track.longest.max(separation.duration);
-        if track.separations.len() < self.keep {
-            track.separations.push(separation);
-        }
+        track.separated(spell.separation(&self.clock, side), self.keep);
     }
 
     /// A rigid impact: an episode of no duration.

@@ -11,6 +11,7 @@ mod ledger;
 mod quadrature;
 mod report;
 mod sum;
+mod track;
 mod trajectory;
 
 pub use contacts::Contacts;

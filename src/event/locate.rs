@@ -112,15 +112,10 @@ impl Locator {
                 fired.insert(guard.id);
             }
         }
-        // Slope and width in time.
-        let step_back = (theta - 1e-6).max(0.0);
-        let rate = (step.time(theta) - step.time(step_back)) / (theta - step_back);
-        let per_second = if rate > 0.0 { rate } else { f64::INFINITY };
-        let conditioning = Conditioning {
-            residual,
-            slope: slope / per_second,
-            time: if per_second.is_finite() { width * per_second } else { 0.0 },
-        };
+        // Slope and width in time; at the end of a contact a root clock stands still.
+        let rate = step.rate(theta).abs();
+        let conditioning =
+            Conditioning { residual, slope: if rate > 0.0 { slope / rate } else { 0.0 }, time: width * rate };
         Located { theta, fired, conditioning }
     }
 }

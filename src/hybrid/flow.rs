@@ -22,6 +22,8 @@ pub struct JetRequest<'a> {
     pub pinned: GuardSet,
     /// Guards whose rate is known to be exactly zero as well.
     pub still: GuardSet,
+    /// What [`JetField::carry`] kept from the step before; empty at the start of an arc.
+    pub carried: &'a [f64],
     /// Wanted span of the step, s: the field may return a shorter one.
     pub span: f64,
     /// Truncation wanted, relative to the size of each component.
@@ -36,6 +38,13 @@ pub trait JetField {
     /// Expands the solution through `request.x`: fills `out` with the coefficients of state, clock and
     /// guards in the step's own clock `θ`, and the largest `θ` up to which they hold to tolerance.
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet);
+
+    /// Keeps from the end of a step what the state alone holds with less precision, such as a penetration that
+    /// is a small difference of displacements. It never outlives the arc.
+    fn carry(&self, mode: Mode, step: &Jet, carried: &mut Vec<f64>) {
+        let _ = (mode, step);
+        carried.clear();
+    }
 }
 
 /// A vector field `ẋ = f(t, x)` with its Jacobian.
@@ -113,8 +122,9 @@ impl Jet {
     #[must_use]
     pub fn rate_at(&self, theta: f64) -> f64 {
         if self.time.is_empty() {
-            return self.span;
+            return self.span * self.reach;
         }
-        (1..=self.order).rev().fold(0.0, |s, k| s * theta + k as f64 * self.time[k])
+        let s = theta * self.reach;
+        self.reach * (1..=self.order).rev().fold(0.0, |r, k| r * s + k as f64 * self.time[k])
     }
 }

@@ -13,6 +13,7 @@ use crate::hybrid::{Flow, Guard, GuardSet, HybridSystem, Instant, Jet, JetReques
 pub struct Taylor {
     jet: Jet,
     x: Vec<f64>,
+    carried: Vec<f64>,
 }
 
 /// Truncation relative to the size of the rates: half a unit in the last place.
@@ -68,7 +69,8 @@ impl Integrator for Taylor {
     ) -> Result<(), IntegrateError> {
         let Flow::Jet(field, _) = system.flow() else { return Err(IntegrateError::NoJet) };
         let clock = system.clock();
-        let Self { jet, x } = self;
+        let Self { jet, x, carried } = self;
+        carried.clear();
         x.clear();
         x.extend_from_slice(arc.x);
         let (mut at, mut pinned, mut still) = (arc.at, arc.pinned, arc.still);
@@ -78,7 +80,7 @@ impl Integrator for Taylor {
                 end.copy_from_slice(x);
                 return Ok(());
             }
-            field.jet(&JetRequest { mode: arc.mode, at, x, pinned, still, span, tolerance: TOLERANCE }, jet);
+            field.jet(&JetRequest { mode: arc.mode, at, x, pinned, still, carried, span, tolerance: TOLERANCE }, jet);
             if !jet.reach.is_finite() {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }
@@ -92,6 +94,7 @@ impl Integrator for Taylor {
                 return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });
             }
             jet.state_at(1.0, x);
+            field.carry(arc.mode, jet, carried);
             if x.iter().any(|v| !v.is_finite()) {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }

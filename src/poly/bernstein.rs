@@ -58,10 +58,10 @@ impl Bernstein {
         for ((b, c), inverse) in b.iter_mut().zip(p).zip(&INVERSE_BINOMIALS[n]) {
             *b = c * inverse;
         }
+        let mut before = b;
         for j in 1..=n {
-            for i in (j..=n).rev() {
-                b[i] += b[i - 1];
-            }
+            before[..n].copy_from_slice(&b[..n]);
+            b[j..=n].iter_mut().zip(&before[j - 1..n]).for_each(|(b, p)| *b += p);
         }
         Self { n, b }
     }

@@ -114,9 +114,8 @@ impl Structure {
 
     /// Acceleration of freedom `i` under `forces`, m/s².
     fn acceleration(&self, i: usize, at: Instant, x: &[f64], forces: &[f64]) -> f64 {
-        let (q, v) = x.split_at(self.n);
-        let structure = |a: f64, (j, k, c): &(u32, f64, f64)| a - k * q[*j as usize] - c * v[*j as usize];
-        let mut a = self.rows[i].iter().fold(self.load[i], structure);
+        let mut a =
+            self.rows[i].iter().fold(self.load[i], |a, (j, k, c)| a - k * x[*j as usize] - c * x[self.n + *j as usize]);
         for w in &self.load_waves {
             let o = self.oscillators[w.index];
             let (sin, cos) = self.clock.angle(o.omega, o.order, at).sin_cos();

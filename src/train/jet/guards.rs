@@ -1,6 +1,6 @@
 //! The guards of a mode as polynomials in the step's clock.
 
-use super::{DEFLECTION, Expansion, FACTOR, FORCE, ROW, rooted::Owner};
+use super::{Expansion, FACTOR, FORCE, LANES, ROW, rooted::Owner};
 use crate::{
     gear::contact::{Law, Release},
     hybrid::{Crossing, Guard, Jet, Role},
@@ -37,9 +37,15 @@ impl Expansion<'_> {
         remainder.clear();
         rounding.clear();
         guard_series.resize(3 * self.s.contacts.len() * ROW, 0.0);
-        let mut powers = [1.0; ROW];
-        for k in 1..ROW {
-            powers[k] = powers[k - 1] * reach;
+        let mut powers = [1.0; ROW + 3];
+        powers[1] = reach;
+        powers[2] = reach * reach;
+        powers[3] = powers[2] * reach;
+        let fourth = powers[2] * powers[2];
+        for k in (4..ROW).step_by(4) {
+            for l in k..k + 4 {
+                powers[l] = powers[l - 4] * fourth;
+            }
         }
         for (j, c) in self.s.contacts.iter().enumerate() {
             let state = contact_mode(self.request.mode, j);
@@ -56,10 +62,13 @@ impl Expansion<'_> {
                         (tail * self.h, 0.0)
                     }
                     _ => {
-                        let d = self.layout.of(j, DEFLECTION);
                         let along = if watch == Watch::DriveFlank { -sign } else { sign };
-                        series.iter_mut().zip(&work[d..d + ROW]).for_each(|(s, d)| *s = along * d);
-                        series[0] += sign * c.gap();
+                        let deflections = work[self.layout.deflection(j, 0)..].iter().step_by(LANES);
+                        series.iter_mut().zip(deflections).for_each(|(s, d)| *s = along * d);
+                        series[0] = match state.side() {
+                            0.0 => series[0] + sign * c.gap(),
+                            side => side * work[self.layout.stretches + j],
+                        };
                         (tail * deflect, self.deflection_size(c))
                     }
                 };

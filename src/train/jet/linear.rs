@@ -4,7 +4,7 @@
 //! is itself a series. The closed contacts are merged into the matrices, and the recurrence runs on
 //! fixed-size columns that the compiler turns into vector instructions.
 
-use super::{CONTACT_ROWS, DEFLECTION, Expansion, FORCE, Layout, ORDER, PENETRATION, ROW, STIFFNESS, product};
+use super::{Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STIFFNESS, product};
 use crate::{
     gear::contact::Law,
     hybrid::Jet,
@@ -31,12 +31,11 @@ fn fused(a: f64, b: f64, c: f64) -> f64 {
     if cfg!(target_feature = "fma") { a.mul_add(b, c) } else { a * b + c }
 }
 
-/// The linear law of a contact in a mode: `F = k (δ − offset) + c δ̇`.
+/// The linear law of a contact in a mode: `F = k (δ − σ b) + c δ̇`.
 #[derive(Clone, Copy)]
 struct LinearPart {
     stiffness: f64,
     damping: f64,
-    offset: f64,
     /// The force acts (else it is only watched).
     carried: bool,
     /// The stiffness is a series in `STIFFNESS`; `stiffness` is then zero.
@@ -45,28 +44,27 @@ struct LinearPart {
     present: bool,
 }
 
-/// The laws of four contacts, as `F = stiffness · (δ − offset) + damping · δ̇`; zero where none is carried.
+/// The laws of four contacts, as `F = stiffness · (δ − σ b) + damping · δ̇`; zero where none is carried.
 #[derive(Clone, Copy, Default)]
 struct Four {
-    stiffness: [f64; 4],
-    damping: [f64; 4],
-    offset: [f64; 4],
-    closed: [bool; 4],
+    stiffness: [f64; LANES],
+    damping: [f64; LANES],
+    closed: [bool; LANES],
     /// Any of them carries force.
     carried: bool,
-    /// How many there are.
-    len: usize,
 }
 
+/// Oscillators the kernel keeps at hand.
+const MAX_OSCILLATORS: usize = 16;
+
 /// Fours of contacts a structure may have.
-const FOURS: usize = MAX_CONTACTS.div_ceil(4);
+const FOURS: usize = MAX_CONTACTS.div_ceil(LANES);
 
 impl Expansion<'_> {
     /// All coefficients of a linear mode; `false` if the mode is not linear or has too many freedoms.
     pub(super) fn linear(&self, out: &mut Jet) -> bool {
         let mut parts =
-            [LinearPart { stiffness: 0.0, damping: 0.0, offset: 0.0, carried: false, varying: false, present: false };
-                MAX_CONTACTS];
+            [LinearPart { stiffness: 0.0, damping: 0.0, carried: false, varying: false, present: false }; MAX_CONTACTS];
         let parts = &mut parts[..self.s.contacts.len()];
         for (j, part) in parts.iter_mut().enumerate() {
             match self.linear_part(j, &mut out.work) {
@@ -91,17 +89,12 @@ impl Expansion<'_> {
     fn linear_part(&self, j: usize, work: &mut [f64]) -> Option<LinearPart> {
         let c = &self.s.contacts[j];
         let mode = contact_mode(self.request.mode, j);
-        let open =
-            LinearPart { stiffness: 0.0, damping: 0.0, offset: 0.0, carried: false, varying: false, present: false };
+        let open = LinearPart { stiffness: 0.0, damping: 0.0, carried: false, varying: false, present: false };
         let part = match c.spec.law {
             Law::Bilateral(l) => LinearPart { damping: l.damping, carried: true, present: true, ..open },
-            Law::KelvinVoigt(l, _) if mode.side() != 0.0 => LinearPart {
-                damping: l.damping,
-                offset: mode.side() * c.gap(),
-                carried: mode.is_closed(),
-                present: true,
-                ..open
-            },
+            Law::KelvinVoigt(l, _) if mode.side() != 0.0 => {
+                LinearPart { damping: l.damping, carried: mode.is_closed(), present: true, ..open }
+            }
             Law::Power(_) | Law::Rigid(_) if mode.side() != 0.0 => return None,
             _ => return Some(open),
         };
@@ -127,14 +120,13 @@ impl Expansion<'_> {
         let (s, h) = (self.s, self.h);
         let Jet { state, work, time, .. } = out;
         time.clear();
-        let varying = parts.iter().any(|p| p.varying && p.carried);
+        let varying = parts.iter().any(|p| p.varying);
         let mut fours = [Four::default(); FOURS];
-        let fours = &mut fours[..parts.len().div_ceil(4)];
+        let fours = &mut fours[..parts.len().div_ceil(LANES)];
         for (j, p) in parts.iter().enumerate() {
-            let (four, l) = (&mut fours[j / 4], j % 4);
-            four.len = l + 1;
+            let (four, l) = (&mut fours[j / LANES], j % LANES);
             if p.carried && !p.varying {
-                (four.stiffness[l], four.damping[l], four.offset[l]) = (p.stiffness, p.damping, p.offset);
+                (four.stiffness[l], four.damping[l]) = (p.stiffness, p.damping);
                 (four.closed[l], four.carried) = (true, true);
             }
         }
@@ -142,14 +134,22 @@ impl Expansion<'_> {
         let (by_q, by_v) = (column(&s.columns.by_q), column(&s.columns.by_v));
         let (mut q, mut v) = (column(&self.request.x[..N]), column(&self.request.x[N..2 * N]));
         let mut a = column(&s.load);
+        let mut waves = [(0.0, 0.0); MAX_OSCILLATORS];
+        let waves = &mut waves[..s.oscillators.len()];
+        for (i, w) in waves.iter_mut().enumerate() {
+            *w = (work[Layout::oscillator(i)], work[Layout::oscillator(i) + ROW]);
+        }
+        let still = !self.request.still.is_empty();
+        let mut rows = state.chunks_exact_mut(s.dim);
         for k in 0..=ORDER {
-            if k > 0 {
-                let row = &mut state[k * s.dim..k * s.dim + 2 * N];
+            if let Some(row) = rows.next()
+                && k > 0
+            {
                 row[..N].copy_from_slice(&q);
-                row[N..].copy_from_slice(&v);
+                row[N..2 * N].copy_from_slice(&v);
                 a = [0.0; N];
             }
-            self.contacts(fours, k, &q, &v, &mut a, work);
+            self.contacts(fours, k, still, waves, &q, &v, &mut a, work);
             if k == ORDER {
                 break;
             }
@@ -160,8 +160,7 @@ impl Expansion<'_> {
                 a[i as usize] += by_q * q[j as usize] + by_v * v[j as usize];
             }
             for w in &s.load_waves {
-                let o = Layout::oscillator(w.index) + k;
-                let (c, s) = (work[o], work[o + ROW]);
+                let (c, s) = waves[w.index];
                 if let (Some(cosine), Some(sine)) = (w.cosine.first_chunk::<N>(), w.sine.first_chunk::<N>()) {
                     for i in 0..N {
                         a[i] = fused(cosine[i], c, fused(sine[i], s, a[i]));
@@ -172,10 +171,13 @@ impl Expansion<'_> {
                 self.varying_forces(parts, k, &v, &mut a, work);
             }
             let step = h * STEP[k];
-            for (i, o) in s.oscillators.iter().enumerate() {
-                let c = Layout::oscillator(i) + k;
+            for (i, (w, o)) in waves.iter_mut().zip(&s.oscillators).enumerate() {
                 let f = step * o.omega;
-                (work[c + 1], work[c + 1 + ROW]) = (-f * work[c + ROW], f * work[c]);
+                *w = (-f * w.1, f * w.0);
+                if varying {
+                    let at = Layout::oscillator(i) + k + 1;
+                    (work[at], work[at + ROW]) = *w;
+                }
             }
             for i in 0..N {
                 q[i] = step * v[i];
@@ -192,59 +194,59 @@ impl Expansion<'_> {
     /// The deflection is formed before it is multiplied by the stiffness: where the train has turned far, the
     /// difference of two displacements is exact and the difference of two forces would not be.
     #[inline(always)]
+    #[allow(clippy::too_many_arguments)] // the variables of the recurrence
     fn contacts<const N: usize>(
         &self,
         fours: &[Four],
         k: usize,
+        still: bool,
+        waves: &[(f64, f64)],
         q: &[f64; N],
         v: &[f64; N],
         a: &mut [f64; N],
         work: &mut [f64],
     ) {
-        const STRIDE: usize = CONTACT_ROWS * ROW;
         let s = self.s;
         for (chunk, (four, columns)) in fours.iter().zip(&s.columns.fours).enumerate() {
             let Some(directions) = columns.directions.first_chunk::<N>() else { return };
-            let (mut d, mut r) = ([0.0; 4], [0.0; 4]);
+            let (mut d, mut r) = ([0.0; LANES], [0.0; LANES]);
             for i in 0..N {
-                for l in 0..4 {
+                for l in 0..LANES {
                     d[l] = fused(directions[i][l], q[i], d[l]);
                 }
-                for l in 0..4 {
+                for l in 0..LANES {
                     r[l] = fused(directions[i][l], v[i], r[l]);
                 }
             }
             for (index, cosine, sine) in &columns.waves {
-                let (o, omega) = (Layout::oscillator(*index) + k, s.oscillators[*index].omega);
-                let (c, s) = (work[o], work[o + ROW]);
-                for l in 0..4 {
+                let omega = s.oscillators[*index].omega;
+                let (c, s) = waves[*index];
+                for l in 0..LANES {
                     d[l] -= fused(cosine[l], c, sine[l] * s);
                 }
-                for l in 0..4 {
+                for l in 0..LANES {
                     r[l] -= omega * fused(sine[l], c, -cosine[l] * s);
                 }
             }
-            let first = self.layout.of(4 * chunk, DEFLECTION) + k;
-            for (d, at) in d.iter_mut().zip(work[first..].iter_mut().step_by(STRIDE).take(four.len)) {
-                if k == 0 {
-                    // Order zero was written before: it may be pinned.
-                    *d = *at;
-                } else {
-                    *at = *d;
-                }
+            let at = self.layout.deflection(LANES * chunk, k);
+            if let Some(at) = work[at..].first_chunk_mut::<LANES>() {
+                // Order zero was written before: it may be pinned.
+                if k == 0 { d = *at } else { *at = d }
             }
-            if k < 2 && !self.request.still.is_empty() {
+            if still && k < 2 {
                 self.still(chunk, k, &mut d, &mut r, work);
             }
             if !four.carried {
                 continue;
             }
-            let mut force = [0.0; 4];
-            let offset = if k == 0 { four.offset } else { [0.0; 4] };
-            for l in 0..4 {
-                force[l] = fused(four.stiffness[l], d[l] - offset[l], four.damping[l] * r[l]);
+            let mut force = [0.0; LANES];
+            if let (0, Some(stretch)) = (k, work[self.layout.stretches + LANES * chunk..].first_chunk()) {
+                d = *stretch;
             }
-            for l in 0..4 {
+            for l in 0..LANES {
+                force[l] = fused(four.stiffness[l], d[l], four.damping[l] * r[l]);
+            }
+            for l in 0..LANES {
                 if four.closed[l]
                     && let Some(push) = columns.pushes[l].first_chunk::<N>()
                 {
@@ -257,15 +259,16 @@ impl Expansion<'_> {
     }
 
     /// Rates that are exactly zero.
-    fn still(&self, chunk: usize, k: usize, d: &mut [f64; 4], r: &mut [f64; 4], work: &mut [f64]) {
-        for (l, j) in
-            (4 * chunk..self.s.contacts.len().min(4 * chunk + 4)).enumerate().filter(|(_, j)| self.is_still(*j))
+    fn still(&self, chunk: usize, k: usize, d: &mut [f64; LANES], r: &mut [f64; LANES], work: &mut [f64]) {
+        for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES))
+            .enumerate()
+            .filter(|(_, j)| self.is_still(*j))
         {
             if k == 0 {
                 r[l] = 0.0;
             } else {
                 d[l] = 0.0;
-                work[self.layout.of(j, DEFLECTION) + 1] = 0.0;
+                work[self.layout.deflection(j, 1)] = 0.0;
             }
         }
     }
@@ -277,7 +280,7 @@ impl Expansion<'_> {
             let (s, p) = (self.layout.of(j, STIFFNESS), self.layout.of(j, PENETRATION));
             self.stiffness_wave(j, k, work);
             let rate = self.rate(j, k, v, work);
-            work[p + k] = work[self.layout.of(j, DEFLECTION) + k] - if k == 0 { part.offset } else { 0.0 };
+            work[p + k] = self.stretch(j, k, work);
             let force = product(work, s, p, k) + part.damping * rate;
             c.push.iter().for_each(|(i, p)| a[*i as usize] -= p * force);
         }
@@ -304,17 +307,13 @@ impl Expansion<'_> {
         }
     }
 
-    /// `F = k (δ − offset) + c δ̇` as a series, with `(δ̇)_k = (k+1) δ_{k+1}/h`.
+    /// `F = k (δ − σ b) + c δ̇` as a series, with `(δ̇)_k = (k+1) δ_{k+1}/h`.
     fn watched_force(&self, j: usize, part: &LinearPart, work: &mut [f64]) {
-        let (d, f, s, p) = (
-            self.layout.of(j, DEFLECTION),
-            self.layout.of(j, FORCE),
-            self.layout.of(j, STIFFNESS),
-            self.layout.of(j, PENETRATION),
-        );
+        let (f, s, p) = (self.layout.of(j, FORCE), self.layout.of(j, STIFFNESS), self.layout.of(j, PENETRATION));
+        let d = |k: usize| self.layout.deflection(j, k);
         for k in 0..=ORDER {
-            let rate = if k < ORDER { work[d + k + 1] * (k + 1) as f64 / self.h } else { 0.0 };
-            let stretch = work[d + k] - if k == 0 { part.offset } else { 0.0 };
+            let rate = if k < ORDER { work[d(k + 1)] * (k + 1) as f64 / self.h } else { 0.0 };
+            let stretch = self.stretch(j, k, work);
             let spring = if part.varying {
                 self.stiffness_wave(j, k, work);
                 work[p + k] = stretch;

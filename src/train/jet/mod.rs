@@ -19,34 +19,41 @@ mod rooted;
 
 use super::{
     assemble::{Structure, dot},
-    contact_mode::{Watch, guard_id},
+    contact_mode::{Watch, contact_mode, guard_id},
 };
-use crate::hybrid::{Jet, JetField, JetRequest};
+use crate::hybrid::{Jet, JetField, JetRequest, Mode};
 
 /// Highest power of a step.
 pub(super) const ORDER: usize = 24;
 /// Room for one series.
 const ROW: usize = ORDER + 1;
-/// Series of one contact: deflection, rate, the law's force, the force carried, penetration, its power,
+/// Series of one contact: rate, the law's force, the force carried, penetration, its power,
 /// stiffness, hysteresis factor `1 + χ ṗ`.
-const CONTACT_ROWS: usize = 8;
-const DEFLECTION: usize = 0;
-const RATE: usize = 1;
-const FORCE: usize = 2;
-const PENETRATION: usize = 3;
-const POWER: usize = 4;
-const STIFFNESS: usize = 5;
-const FACTOR: usize = 6;
-const CARRIED: usize = 7;
+const CONTACT_ROWS: usize = 7;
+const RATE: usize = 0;
+const FORCE: usize = 1;
+const PENETRATION: usize = 2;
+const POWER: usize = 3;
+const STIFFNESS: usize = 4;
+const FACTOR: usize = 5;
+const CARRIED: usize = 6;
+/// Deflections are kept four contacts side by side.
+const LANES: usize = 4;
 /// Room for the clock: w, then y, y², … y^(q−1), then p², p³, p⁴.
 const CLOCK_ROWS: usize = 1 + 16 + 4;
+
+/// A stretch below this fraction of the gap loses four bits or more when it is formed as a difference.
+const SMALL_STRETCH: f64 = 1.0 / 16.0;
 
 /// Where the series lie in the working space.
 struct Layout {
     contacts: usize,
+    deflections: usize,
     clock: usize,
     /// Accelerations of all orders, `n` each.
     accelerations: usize,
+    /// `δ − σ b` of each contact at order zero, σ b its flank.
+    stretches: usize,
     /// Bound on what the truncated tail adds to each contact's rate.
     tails: usize,
     len: usize,
@@ -57,8 +64,11 @@ impl Layout {
         let contacts = 2 * s.oscillators.len() * ROW;
         let clock = contacts + s.contacts.len() * CONTACT_ROWS * ROW;
         let accelerations = clock + CLOCK_ROWS * ROW;
-        let tails = accelerations + ROW * s.n;
-        Self { contacts, clock, accelerations, tails, len: tails + s.contacts.len() }
+        let deflections = accelerations + ROW * s.n;
+        let lanes = s.contacts.len().next_multiple_of(LANES);
+        let stretches = deflections + ROW * lanes;
+        let tails = stretches + lanes;
+        Self { contacts, deflections, clock, accelerations, stretches, tails, len: tails + s.contacts.len() }
     }
 
     /// `cos ωt` of oscillator `i`; its sine follows, one row on.
@@ -68,6 +78,11 @@ impl Layout {
 
     fn of(&self, j: usize, which: usize) -> usize {
         self.contacts + (j * CONTACT_ROWS + which) * ROW
+    }
+
+    /// Deflection of contact `j` at order `k`.
+    fn deflection(&self, j: usize, k: usize) -> usize {
+        self.deflections + (j / LANES * ROW + k) * LANES + j % LANES
     }
 
     /// `y^power`; in the place of `y⁰` lies the clock's weight w.
@@ -125,6 +140,20 @@ impl JetField for Structure {
         }
         e.guards(owner, out);
     }
+
+    /// The stretch `δ − σ b` of closed contacts. A penetration is a small difference of displacements: taken
+    /// afresh at every step, its rounding error times the contact force would be energy from nowhere. Where it is
+    /// not small nothing is kept (NaN): the state is then as good, and cannot drift apart from it.
+    fn carry(&self, mode: Mode, step: &Jet, carried: &mut Vec<f64>) {
+        let layout = Layout::new(self);
+        carried.clear();
+        carried.extend((0..self.contacts.len()).map(|j| {
+            let grown = (1..=ORDER).rev().fold(0.0, |sum, k| (sum + step.work[layout.deflection(j, k)]) * step.reach);
+            let stretch = step.work[layout.stretches + j] + grown;
+            let small = contact_mode(mode, j).side() != 0.0 && stretch.abs() < SMALL_STRETCH * self.contacts[j].gap();
+            if small { stretch } else { f64::NAN }
+        }));
+    }
 }
 
 impl Expansion<'_> {
@@ -143,7 +172,7 @@ impl Expansion<'_> {
             work[Layout::oscillator(i) + ROW] = sine;
         });
         for (j, c) in s.contacts.iter().enumerate() {
-            work[layout.of(j, DEFLECTION)] = if self.pinned(j, Watch::DriveFlank) {
+            work[layout.deflection(j, 0)] = if self.pinned(j, Watch::DriveFlank) {
                 c.gap()
             } else if self.pinned(j, Watch::BackFlank) {
                 -c.gap()
@@ -153,6 +182,11 @@ impl Expansion<'_> {
                     e + w.cosine * work[o] + w.sine * work[o + ROW]
                 });
                 dot(&c.direction, self.request.x) - e
+            };
+            let side = contact_mode(self.request.mode, j).side();
+            work[layout.stretches + j] = match self.request.carried.get(j) {
+                Some(stretch) if !stretch.is_nan() => *stretch,
+                _ => work[layout.deflection(j, 0)] - side * c.gap(),
             };
         }
     }
@@ -177,5 +211,10 @@ impl Expansion<'_> {
             let o = Layout::oscillator(w.index);
             r - w.cosine * work[o + k] - w.sine * work[o + ROW + k]
         })
+    }
+
+    /// `δ − σ b` of contact `j` at order `k`.
+    fn stretch(&self, j: usize, k: usize, work: &[f64]) -> f64 {
+        if k == 0 { work[self.layout.stretches + j] } else { work[self.layout.deflection(j, k)] }
     }
 }

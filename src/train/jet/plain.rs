@@ -1,6 +1,6 @@
 //! The recurrence in plain time, `w = 1`: everything but closed power laws.
 
-use super::{DEFLECTION, Expansion, FACTOR, FORCE, Layout, ORDER, PENETRATION, RATE, ROW, STIFFNESS, product};
+use super::{Expansion, FACTOR, FORCE, Layout, ORDER, PENETRATION, RATE, ROW, STIFFNESS, product};
 use crate::{
     gear::contact::Law,
     hybrid::Jet,
@@ -16,10 +16,10 @@ use crate::{
 enum Part {
     /// No force, nothing to watch but the deflection.
     Open,
-    /// `F = k (δ − offset) + c δ̇` with k constant.
-    Linear { stiffness: f64, damping: f64, offset: f64, carried: bool },
+    /// `F = k (δ − σ b) + c δ̇` with k constant.
+    Linear { stiffness: f64, damping: f64, carried: bool },
     /// The same with k a series.
-    Varying { damping: f64, offset: f64, carried: bool },
+    Varying { damping: f64, carried: bool },
     /// An open power law inside the flank's zone: its factor `1 + χ ṗ` is watched.
     Factor { chi: f64 },
 }
@@ -52,11 +52,11 @@ impl Expansion<'_> {
             let (low, high) = state.split_at_mut((k + 1) * dim);
             let (q, v) = low[k * dim..k * dim + 2 * n].split_at(n);
             for (j, part) in parts.iter().enumerate() {
-                let (d, r) = (layout.of(j, DEFLECTION), layout.of(j, RATE));
+                let r = layout.of(j, RATE);
                 let rate = self.rate(j, k, v, work);
                 work[r + k] = rate;
                 if k > 0 {
-                    work[d + k] = h * STEP[k - 1] * work[r + k - 1];
+                    work[layout.deflection(j, k)] = h * STEP[k - 1] * work[r + k - 1];
                 }
                 self.part_force(j, part, k, rate, work);
             }
@@ -92,18 +92,18 @@ impl Expansion<'_> {
     fn part(&self, j: usize, work: &mut [f64]) -> Part {
         let c = &self.s.contacts[j];
         let mode = contact_mode(self.request.mode, j);
-        let (damping, offset, carried) = match c.spec.law {
-            Law::Bilateral(l) => (l.damping, 0.0, true),
-            Law::KelvinVoigt(l, _) if mode.side() != 0.0 => (l.damping, mode.side() * c.gap(), mode.is_closed()),
+        let (damping, carried) = match c.spec.law {
+            Law::Bilateral(l) => (l.damping, true),
+            Law::KelvinVoigt(l, _) if mode.side() != 0.0 => (l.damping, mode.is_closed()),
             Law::Power(l) if mode.side() != 0.0 => {
                 return Part::Factor { chi: c.latch.map_or(0.0, |i| mode.side() * l.hysteresis / self.request.x[i]) };
             }
             _ => return Part::Open,
         };
-        let constant = |stiffness| Part::Linear { stiffness, damping, offset, carried };
+        let constant = |stiffness| Part::Linear { stiffness, damping, carried };
         match &c.spring {
             Spring::Constant(k) => constant(*k),
-            Spring::Waves(..) => Part::Varying { damping, offset, carried },
+            Spring::Waves(..) => Part::Varying { damping, carried },
             Spring::Scheduled(schedule) => {
                 let (value, slope) = schedule.law(piece(self.request.mode, j));
                 if slope == 0.0 {
@@ -113,7 +113,7 @@ impl Expansion<'_> {
                 work[s..s + ROW].fill(0.0);
                 work[s] = value + slope * schedule.piece(&self.s.clock, self.request.at).1;
                 work[s + 1] = slope * self.h;
-                Part::Varying { damping, offset, carried }
+                Part::Varying { damping, carried }
             }
         }
     }
@@ -121,16 +121,12 @@ impl Expansion<'_> {
     /// The force (or the factor) of a contact at order `k`.
     fn part_force(&self, j: usize, part: &Part, k: usize, rate: f64, work: &mut [f64]) {
         let layout = &self.layout;
-        let stretch = |work: &[f64], offset: f64| {
-            let d = work[layout.of(j, DEFLECTION) + k];
-            if k == 0 { d - offset } else { d }
-        };
         match *part {
             Part::Open => {}
-            Part::Linear { stiffness, damping, offset, .. } => {
-                work[layout.of(j, FORCE) + k] = stiffness * stretch(work, offset) + damping * rate;
+            Part::Linear { stiffness, damping, .. } => {
+                work[layout.of(j, FORCE) + k] = stiffness * self.stretch(j, k, work) + damping * rate;
             }
-            Part::Varying { damping, offset, .. } => {
+            Part::Varying { damping, .. } => {
                 let (s, p) = (layout.of(j, STIFFNESS), layout.of(j, PENETRATION));
                 if let Spring::Waves(mean, waves) = &self.s.contacts[j].spring {
                     let start = if k == 0 { *mean } else { 0.0 };
@@ -139,7 +135,7 @@ impl Expansion<'_> {
                         sum + w.cosine * work[o] + w.sine * work[o + ROW]
                     });
                 }
-                work[p + k] = stretch(work, offset);
+                work[p + k] = self.stretch(j, k, work);
                 work[layout.of(j, FORCE) + k] = product(work, s, p, k) + damping * rate;
             }
             Part::Factor { chi } => {

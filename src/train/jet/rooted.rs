@@ -1,8 +1,6 @@
 //! The recurrence in a root clock: some power law is closed.
 
-use super::{
-    CARRIED, DEFLECTION, Expansion, FACTOR, FORCE, Layout, ORDER, PENETRATION, POWER, RATE, ROW, STIFFNESS, product,
-};
+use super::{CARRIED, Expansion, FACTOR, FORCE, Layout, ORDER, PENETRATION, POWER, RATE, ROW, STIFFNESS, product};
 use crate::{
     gear::contact::{Law, PowerLaw},
     hybrid::{Jet, JetRequest},
@@ -71,17 +69,17 @@ impl Expansion<'_> {
         time.clear();
         time.resize(ORDER + 1, 0.0);
         let mode = contact_mode(self.request.mode, owner.contact);
-        let p = s.penetration(owner.contact, mode, self.request).0;
+        let p = (mode.side() * work[layout.stretches + owner.contact]).max(0.0);
         work[layout.y(1)] = p.powf(1.0 / f64::from(owner.law.exponent.q));
         let held = Sticking::new(s, self.request.mode);
         for k in 0..=ORDER {
             let (low, high) = state.split_at_mut((k + 1) * dim);
             let (q, v) = low[k * dim..k * dim + 2 * n].split_at(n);
             for j in 0..s.contacts.len() {
-                let (d, r) = (layout.of(j, DEFLECTION), layout.of(j, RATE));
+                let r = layout.of(j, RATE);
                 work[r + k] = self.rate(j, k, v, work);
                 if k > 0 {
-                    work[d + k] = h / k as f64 * product(work, layout.clock, r, k - 1);
+                    work[layout.deflection(j, k)] = h / k as f64 * product(work, layout.clock, r, k - 1);
                 }
             }
             self.clock_series(owner, k, work);
@@ -144,11 +142,10 @@ impl Expansion<'_> {
         let side = state.side();
         let rate = work[layout.of(j, RATE) + k];
         let force = match c.spec.law {
-            Law::Bilateral(l) => self.spring(j, k, 0.0, work) + l.damping * rate,
-            Law::KelvinVoigt(l, _) if side != 0.0 => self.spring(j, k, side * c.gap(), work) + l.damping * rate,
+            Law::Bilateral(l) => self.spring(j, k, work) + l.damping * rate,
+            Law::KelvinVoigt(l, _) if side != 0.0 => self.spring(j, k, work) + l.damping * rate,
             Law::Power(l) if side != 0.0 => {
-                let d = work[layout.of(j, DEFLECTION) + k];
-                work[layout.of(j, PENETRATION) + k] = side * d - if k == 0 { c.gap() } else { 0.0 };
+                work[layout.of(j, PENETRATION) + k] = side * self.stretch(j, k, work);
                 let chi = c.latch.map_or(0.0, |i| l.hysteresis / self.request.x[i]);
                 work[layout.of(j, FACTOR) + k] = chi * side * rate + f64::from(u8::from(k == 0));
                 if state.is_closed() {
@@ -165,11 +162,11 @@ impl Expansion<'_> {
         work[layout.of(j, CARRIED) + k] = if carries { force } else { 0.0 };
     }
 
-    /// `k(t) (δ − offset)` at order `k`.
-    fn spring(&self, j: usize, k: usize, offset: f64, work: &mut [f64]) -> f64 {
+    /// `k(t) (δ − σ b)` at order `k`.
+    fn spring(&self, j: usize, k: usize, work: &mut [f64]) -> f64 {
         let layout = &self.layout;
-        let (d, s, p) = (layout.of(j, DEFLECTION), layout.of(j, STIFFNESS), layout.of(j, PENETRATION));
-        let stretch = if k == 0 { work[d] - offset } else { work[d + k] };
+        let (s, p) = (layout.of(j, STIFFNESS), layout.of(j, PENETRATION));
+        let stretch = self.stretch(j, k, work);
         let stiffness = match &self.s.contacts[j].spring {
             Spring::Constant(value) => return value * stretch,
             Spring::Scheduled(schedule) => {

@@ -1,0 +1,86 @@
+//! What is kept of one contact.
+
+use super::{
+    episode::{Episode, Separation, Spell},
+    report::{ContactReport, Statistics},
+    sum::Sum,
+};
+
+#[derive(Clone, Debug, Default)]
+pub(super) struct Track {
+    /// The spell it is in.
+    pub spell: Option<Spell>,
+    /// The episode that ended at the latest record.
+    pub ended: Option<Episode>,
+    pub separations: Vec<Separation>,
+    pub episodes: Vec<Episode>,
+    pub counts: Counts,
+    pub apart: Sum,
+    pub no_force: Sum,
+    pub impulse: Sum,
+    pub lost: Sum,
+    /// Largest and smallest deflection.
+    pub deflection: [f64; 2],
+    /// Largest |force|.
+    pub force: f64,
+    whole: u64,
+    durations: Sum,
+    shortest: f64,
+    longest: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Counts {
+    pub separations: u64,
+    /// On the drive flank, on the back flank.
+    pub contacts: [u64; 2],
+    pub sticks: u64,
+}
+
+impl Track {
+    pub fn new() -> Self {
+        Self { shortest: f64::INFINITY, deflection: [f64::NEG_INFINITY, f64::INFINITY], ..Self::default() }
+    }
+
+    /// A whole separation ended.
+    pub fn separated(&mut self, separation: Separation, keep: usize) {
+        self.whole += 1;
+        self.durations.add(separation.duration);
+        self.shortest = self.shortest.min(separation.duration);
+        self.longest = self.longest.max(separation.duration);
+        if self.separations.len() < keep {
+            self.separations.push(separation);
+        }
+    }
+
+    pub fn report(&self, name: &str, time: f64, cycles: Option<f64>) -> ContactReport {
+        let share = |part: &Sum| if time > 0.0 { part.value() / time } else { 0.0 };
+        let any = self.whole > 0;
+        let Counts { separations, contacts, sticks } = self.counts;
+        ContactReport {
+            name: name.to_owned(),
+            time,
+            apart_time: self.apart.value(),
+            apart_fraction: share(&self.apart),
+            no_force_time: self.no_force.value(),
+            no_force_fraction: share(&self.no_force),
+            separations,
+            drive_contacts: contacts[0],
+            back_contacts: contacts[1],
+            sticks,
+            separations_per_cycle: cycles.map(|c| separations as f64 / c),
+            contacts_per_cycle: cycles.map(|c| (contacts[0] + contacts[1]) as f64 / c),
+            durations: Statistics {
+                count: self.whole,
+                min: any.then_some(self.shortest),
+                max: any.then_some(self.longest),
+                mean: any.then(|| self.durations.value() / self.whole as f64),
+            },
+            deflection_max: self.deflection[0],
+            deflection_min: self.deflection[1],
+            force_abs_max: self.force,
+            force_mean: share(&self.impulse),
+            energy_lost: self.lost.value(),
+        }
+    }
+}
