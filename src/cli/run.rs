@@ -1,9 +1,9 @@
 //! `flank run`.
 
-use std::path::PathBuf;
+use std::{ops::ControlFlow, path::PathBuf};
 
 use flank::{
-    analysis::{Contacts, EventLog, Ledger, Trajectory},
+    analysis::{Contacts, EventLog, Grid, Ledger, Trajectory},
     engine::Outcome,
 };
 
@@ -47,16 +47,12 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let run = &session.built.run;
     let most = run.event_budget.min(arguments.events.unwrap_or(u64::MAX));
     let (mut engine, why) = session.engine(most)?;
-    let mut warnings: Vec<String> = session.built.warnings.iter().map(ToString::to_string).collect();
+    let warnings: Vec<String> = session.built.warnings.iter().map(ToString::to_string).collect();
 
     let folder = arguments.out.as_deref().map(|path| Folder::open(path, arguments.force)).transpose()?;
     let mut events = EventFile::new(folder.as_ref().map(Folder::events).transpose()?);
     let sampled = arguments.trajectory || run.samples_per_cycle > 0;
-    let grid = trajectory::grid(&session);
-    if sampled && grid.is_none() {
-        warnings.push("no trajectory: the run has no cycles; give it a period".to_owned());
-    }
-    let file = folder.as_ref().filter(|_| sampled && grid.is_some()).map(Folder::trajectory).transpose()?;
+    let file = folder.as_ref().filter(|_| sampled).map(Folder::trajectory).transpose()?;
     let mut samples = file.map(|file| TrajectoryFile::new(&session, file));
 
     let structure = &session.structure;
@@ -65,10 +61,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let mut log = EventLog::new(structure, measures, |row| events.write(&row));
     let mut ledger = Ledger::new(structure);
     // A grid that is never due stands for no trajectory.
-    let grid = grid.filter(|_| samples.is_some()).unwrap_or(flank::analysis::Grid::Interval { interval: 0.0 });
+    let grid = if samples.is_some() { trajectory::grid(&session) } else { Grid::Interval { interval: 0.0 } };
     let mut trajectory = Trajectory::new(structure, grid, from, |sample| match &mut samples {
         Some(file) => file.write(sample),
-        None => std::ops::ControlFlow::Continue(()),
+        None => ControlFlow::Continue(()),
     });
     let mut progress = Progress::new(*structure.clock(), session.instants, run.period, arguments.quiet);
     catch_interrupt();

@@ -18,15 +18,20 @@ use super::session::Session;
 /// Samples a cycle where the scene names none.
 const PER_CYCLE: u64 = 64;
 
-/// Where samples lie; `None` for a run without cycles.
-pub fn grid(session: &Session) -> Option<Grid> {
+/// Samples of a run without cycles.
+const PER_RUN: f64 = 1000.0;
+
+/// Where samples lie.
+pub fn grid(session: &Session) -> Grid {
     let run = &session.built.run;
     let per_cycle = if run.samples_per_cycle > 0 { run.samples_per_cycle } else { PER_CYCLE };
     if session.structure.clock().period().is_some() {
         // OK to convert: a scene allows 2²⁰ at most.
-        return Some(Grid::Phases { per_cycle: per_cycle as u32 });
+        return Grid::Phases { per_cycle: per_cycle as u32 };
     }
-    run.period.map(|period| Grid::Interval { interval: period / per_cycle as f64 })
+    let [from, _, to] = session.instants;
+    let span = session.structure.clock().between(from, to);
+    Grid::Interval { interval: run.period.map_or(span / PER_RUN, |period| period / per_cycle as f64) }
 }
 
 /// Writes samples: time, cycle, phase, coordinates, velocities, and deflection and force of each contact.
