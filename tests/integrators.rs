@@ -1,5 +1,7 @@
 //! One suite for every integrator: events, dense steps, convergence, stiffness.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // helpers of tests are tests too
+
 use std::ops::ControlFlow;
 
 use flank::{
@@ -40,10 +42,11 @@ impl<'s> Watch<'s> {
     /// Leaves of each chatter only its end: how many of its last, tiny impacts are resolved is rounding.
     fn without_chatter(&mut self) {
         let times = self.times();
+        let moment = 1.6e-4 * self.system.clock().period().map_or(1.0, |t| t.value());
         let mut i = 0;
         self.events.retain(|_| {
             i += 1;
-            i == times.len() || times[i] - times[i - 1] > 1e-3
+            i == times.len() || times[i] - times[i - 1] > moment
         });
     }
 
@@ -60,10 +63,13 @@ impl Observer for Watch<'_> {
         step.state(0.0, &mut x);
         if let Some((at, y)) = &self.last {
             let gap = clock.between(*at, step.start());
-            let late = clock.time(step.start()).value().abs() + step.time(step.reach());
+            let late = clock.time(step.start()).value().abs() + step.time(1.0);
             assert!(gap.abs() <= 4.0 * f64::EPSILON * late, "steps join in time: {gap:e}");
+            let mut across = vec![0.0; x.len()];
+            step.state(1.0, &mut across);
+            let scale: f64 = x.iter().chain(&across).fold(0.0, |m, v| v.abs().max(m));
             for (a, b) in x.iter().zip(y) {
-                assert!((a - b).abs() <= 1e-13 * (a.abs() + b.abs() + 1e-3), "steps join in state: {a} {b}");
+                assert!((a - b).abs() <= 1e-13 * (a.abs() + b.abs() + scale), "steps join in state: {a} {b}");
             }
         }
         let mut before = 0.0;
@@ -211,10 +217,10 @@ impl HybridSystem for Ball {
     fn guard(&self, _: Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
         x[0]
     }
-    fn jump(&self, mode: Mode, fired: GuardSet, _: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+    fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         let projected = x[0].abs();
         (x[0], x[1]) = (0.0, -self.restitution * x[1]);
-        Ok(Jump { mode, pinned: fired, projected, ..Jump::default() })
+        Ok(Jump { mode: from.mode, pinned: fired, projected, ..Jump::default() })
     }
     fn next_switch(&self, _: Instant) -> Option<Instant> {
         None
@@ -225,8 +231,8 @@ impl HybridSystem for Ball {
     fn restitution(&self, _: GuardId) -> Option<f64> {
         Some(self.restitution)
     }
-    fn settle(&self, mode: Mode, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        self.jump(mode, fired, at, x)
+    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+        self.jump(from, fired, at, x)
     }
 }
 
@@ -249,6 +255,21 @@ fn a_users_own_ball_bounces_in_time() {
             assert!(watch.worst <= 1.0, "{choice}: guard polynomial {}", watch.worst);
             assert_eq!(watch.events.len(), 12);
         }
+    }
+}
+
+#[test]
+fn the_length_of_the_run_does_not_matter() {
+    let ball = Ball::new(0.8);
+    let exact = ball.impacts(1.0, 0.5, 12);
+    for choice in solvers() {
+        let mut watch = Watch::new(&ball);
+        let options = Options { max_events: 12, ..Options::default() };
+        let mut engine = Engine::new(&ball, with(choice, 1e-8, &ball), options, Ball::state(1.0, 0.5));
+        assert_eq!(engine.run(ball.clock.instant(1e6), &mut watch), Ok(Outcome::EventBudgetSpent));
+        let off = error(&watch.times(), &exact[..watch.events.len()]);
+        println!("{choice}, a million seconds allowed: {off:.1e} s, {} steps", engine.counters().steps);
+        assert!(watch.events.len() >= 11 && off <= allowed(choice, 1e-8, 2.0), "{choice}: {off:e}");
     }
 }
 
@@ -407,6 +428,7 @@ mod gears {
     }
 
     /// An overdamped contact under a slow load: decay at 10⁵ 1/s, motion at 10 1/s.
+    #[cfg(feature = "diffsol")]
     fn overdamped() -> Structure {
         let law = Law::KelvinVoigt(Linear { damping: 1e5 }, Release::Deflection);
         let walled = Walled {
@@ -459,24 +481,16 @@ mod gears {
 
 #[test]
 fn event_times_converge_with_the_tolerance() {
-    let ball = Ball::new(0.8);
-    let exact = ball.impacts(1.0, 0.5, 6);
+    // Forced, with contacts: nothing is a polynomial. (The ball's free flight nearly is: its errors are bounded above.)
+    let s = Structure::new(gear().assemble().unwrap()).unwrap();
+    let from = start(&s, &[0.2], &[0.5]);
+    let (taylor, ..) = run(&s, with(Choice::Taylor, 0.0, &s), from.clone(), 30.0);
     for choice in solvers() {
-        let at = |rtol| {
-            let (watch, ..) = run(&ball, with(choice, rtol, &ball), Ball::state(1.0, 0.5), exact[5] + 1e-3);
-            error(&watch.times(), &exact)
-        };
-        // A forced oscillation against Taylor, where nothing is a polynomial.
-        let s = Structure::new(gear().assemble().unwrap()).unwrap();
-        let from = start(&s, &[0.2], &[0.5]);
-        let (taylor, ..) = run(&s, with(Choice::Taylor, 0.0, &s), from.clone(), 30.0);
-        let pair = |rtol| error(&run(&s, with(choice, rtol, &s), from.clone(), 30.0).0.times(), &taylor.times());
-        for (name, off) in [("ball", &at as &dyn Fn(f64) -> f64), ("pair", &pair)] {
-            let (rough, fine) = (off(1e-4), off(1e-10));
-            let order = (rough.max(1e-13) / fine.max(1e-13)).log10() / 6.0;
-            println!("{name} {choice}: {rough:.1e} at 1e-4, {fine:.1e} at 1e-10: error ~ rtol^{order:.2}");
-            assert!(fine <= 1e-11 || order >= 0.6, "{name} {choice}: rtol^{order:.2}");
-        }
+        let off = |rtol| error(&run(&s, with(choice, rtol, &s), from.clone(), 30.0).0.times(), &taylor.times());
+        let (rough, fine) = (off(1e-4), off(1e-10));
+        let order = (rough / fine).log10() / 6.0;
+        println!("{choice}: {rough:.1e} at 1e-4, {fine:.1e} at 1e-10: error ~ rtol^{order:.2}");
+        assert!(order >= 0.7, "{choice}: rtol^{order:.2}");
     }
 }
 
@@ -514,9 +528,9 @@ impl HybridSystem for Dip {
     fn guard(&self, mode: Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
         if mode.0 == 0 { x[0] } else { -x[0] }
     }
-    fn jump(&self, mode: Mode, fired: GuardSet, _: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+    fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         x[0] = 0.0;
-        Ok(Jump { mode: Mode(1 - mode.0), pinned: fired, ..Jump::default() })
+        Ok(Jump { mode: Mode(1 - from.mode.0), pinned: fired, ..Jump::default() })
     }
     fn next_switch(&self, _: Instant) -> Option<Instant> {
         None
@@ -527,8 +541,8 @@ impl HybridSystem for Dip {
     fn restitution(&self, _: GuardId) -> Option<f64> {
         None
     }
-    fn settle(&self, mode: Mode, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        self.jump(mode, fired, at, x)
+    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+        self.jump(from, fired, at, x)
     }
     fn rates(&self, _: Mode) -> Option<Rates> {
         None
@@ -589,8 +603,8 @@ impl HybridSystem for Blowup {
     fn guard(&self, _: Mode, _: GuardId, _: Instant, _: &[f64]) -> f64 {
         1.0
     }
-    fn jump(&self, mode: Mode, _: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
-        Ok(Jump { mode, ..Jump::default() })
+    fn jump(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
+        Ok(Jump { mode: from.mode, ..Jump::default() })
     }
     fn next_switch(&self, _: Instant) -> Option<Instant> {
         None
@@ -601,8 +615,8 @@ impl HybridSystem for Blowup {
     fn restitution(&self, _: GuardId) -> Option<f64> {
         None
     }
-    fn settle(&self, mode: Mode, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        self.jump(mode, fired, at, x)
+    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+        self.jump(from, fired, at, x)
     }
 }
 
@@ -637,7 +651,7 @@ fn slivers_of_arcs_and_late_times_are_as_good_as_any() {
             let mut visits = 0;
             let done = integrator.integrate_arc(&s, &arc, &mut end, &mut |step| {
                 visits += 1;
-                assert!(step.time(step.reach()) <= span * (1.0 + 1e-12));
+                assert!(step.time(1.0) <= span * (1.0 + 1e-12));
                 ControlFlow::Continue(())
             });
             assert_eq!(done, Ok(()), "{choice} {span:e}");

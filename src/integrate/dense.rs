@@ -127,8 +127,8 @@ impl DenseStep for Pieces {
     fn start(&self) -> Instant {
         self.start
     }
-    fn reach(&self) -> f64 {
-        1.0
+    fn rate(&self, _theta: f64) -> f64 {
+        self.span
     }
     fn time(&self, theta: f64) -> f64 {
         theta * self.span
@@ -304,7 +304,7 @@ impl Pieces {
                 c[top] = 0.0;
                 top -= 1;
             }
-            self.to_series(i, &c[..=top]);
+            self.write_series(i, &c[..=top]);
             for (j, theta) in CHECKS.into_iter().enumerate() {
                 let gap = crate::poly::eval(self.guard(i), theta) - self.value(place, i, theta, ROW + j);
                 tail = tail.max(2.0 * gap.abs());
@@ -335,7 +335,7 @@ impl Pieces {
         place.system.guard(place.arc.mode, self.guards[i].id, at, x)
     }
 
-    fn to_series(&mut self, i: usize, c: &[f64]) {
+    fn write_series(&mut self, i: usize, c: &[f64]) {
         let series = &mut self.series[i * ROW..(i + 1) * ROW];
         series.fill(0.0);
         for (c, powers) in c.iter().zip(&self.chebyshev.powers).rev() {

@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 
 use diffsol::{
     DiffsolError, NalgebraContext, NalgebraLU, NalgebraMat, NalgebraVec, OdeBuilder, OdeEquations, OdeSolverMethod,
-    OdeSolverStopReason, Vector,
+    OdeSolverStopReason, Vector, error::OdeSolverError,
 };
 
 use super::{
@@ -51,8 +51,11 @@ impl Method {
 ///
 /// Each component is held to `rtol` times its size, and to a tenth of `rtol` times its scale on the arc where it
 /// passes through zero. The scale is the largest of `|x|`, `τ|ẋ|` and `τ²|ẍ|/2` at the arc's start, with τ the
-/// fastest time the system names, the forcing's 1/ω or the arc's span, whichever is least; or as given by
-/// [`with_absolute`](Self::with_absolute).
+/// fastest time the system names (or else the shortest in which a component changes by its own size), the
+/// forcing's 1/ω or the arc's span, whichever is least; or as given by [`with_absolute`](Self::with_absolute).
+///
+/// After every start of an arc, backward differences are preceded by a few ESDIRK steps: their own first steps
+/// are of order 1.
 #[derive(Debug)]
 pub struct Diffsol {
     method: Method,
@@ -77,10 +80,20 @@ impl Diffsol {
         self.absolute = Some(absolute);
         self
     }
+}
 
-    fn fault(&self, system: &dyn HybridSystem, arc: &Arc<'_>, elapsed: f64, reason: &DiffsolError) -> IntegrateError {
-        IntegrateError::Solver { method: self.method.name(), t: when(system, arc, elapsed), reason: reason.to_string() }
-    }
+/// What a solver says, with our time instead of its own.
+fn fault(method: Method, t: f64, unit: f64, error: &DiffsolError) -> IntegrateError {
+    let reason = match error {
+        DiffsolError::OdeSolverError(OdeSolverError::StepSizeTooSmall { .. }) => {
+            return IntegrateError::StepTooSmall { t, step: SMALLEST * unit };
+        }
+        DiffsolError::OdeSolverError(OdeSolverError::TooManyErrorTestFailures { num_failures, .. }) => {
+            format!("{num_failures} steps in a row miss the tolerance")
+        }
+        other => other.to_string(),
+    };
+    IntegrateError::Solver { method: method.name(), t, reason }
 }
 
 fn when(system: &dyn HybridSystem, arc: &Arc<'_>, elapsed: f64) -> f64 {
@@ -99,8 +112,8 @@ struct Start {
 
 /// Share of a component's scale that is its floor.
 const FLOOR: f64 = 0.1;
-/// A component without a scale of its own is held to this part of the largest one's.
-const NO_SCALE: f64 = 1e-8;
+/// A component without a scale of its own is held to this part of the largest one's, or to its rounding.
+const NO_SCALE: f64 = 1e-9;
 
 impl Start {
     /// Scales from the state and two derivatives; the first step as in Hairer, Nørsett & Wanner (1993), II.4, with
@@ -117,11 +130,18 @@ impl Start {
         let dim = arc.x.len();
         let (mut f, mut f1, mut x1) = (vec![0.0; dim], vec![0.0; dim], vec![0.0; dim]);
         field.eval(arc.mode, arc.at, 0.0, arc.x, &mut f);
-        let rate = system.rates(arc.mode).map_or(0.0, |r| r.damped.max(r.oscillating));
-        let tau = [rate, system.clock().omega()].iter().filter(|w| **w > 0.0).fold(span, |t, w| t.min(1.0 / w));
+        field.jac_mul(arc.mode, arc.at, 0.0, arc.x, &f, &mut f1);
+        let own = system.rates(arc.mode).map_or_else(
+            || {
+                // How fast the components change in proportion: too short a time costs steps, too long a one digits.
+                let parts = arc.x.iter().zip(f.iter().zip(&f1)).filter(|(x, _)| **x != 0.0);
+                parts.fold(0.0, |w: f64, (x, (f, f1))| w.max((f / x).abs()).max((f1 / x).abs().sqrt()))
+            },
+            |r| r.damped.max(r.oscillating),
+        );
+        let tau = [own, system.clock().omega()].iter().filter(|w| **w > 0.0).fold(span, |t, w| t.min(1.0 / w));
         let absolute = given.map_or_else(
             || {
-                field.jac_mul(arc.mode, arc.at, 0.0, arc.x, &f, &mut f1);
                 let mut scale: Vec<f64> = arc.x.iter().map(|x| x.abs()).collect();
                 for (s, (f, f1)) in scale.iter_mut().zip(f.iter().zip(&f1)) {
                     *s = s.max(tau * f.abs()).max(0.5 * tau * tau * f1.abs());
@@ -130,8 +150,8 @@ impl Start {
                 field.eval(arc.mode, arc.at, 0.5 * tau, arc.x, &mut f1);
                 scale.iter_mut().zip(&f1).for_each(|(s, f)| *s = s.max(tau * f.abs()));
                 let largest = scale.iter().copied().fold(0.0, f64::max);
-                let least = if largest > 0.0 { NO_SCALE * largest } else { 1.0 };
-                scale.iter().map(|s| FLOOR * rtol * s.max(least)).collect()
+                let least = if largest > 0.0 { (NO_SCALE * rtol).max(f64::EPSILON) * largest } else { rtol };
+                scale.iter().map(|s| (FLOOR * rtol * s).max(least)).collect()
             },
             <[f64]>::to_vec,
         );
@@ -201,7 +221,7 @@ impl Integrator for Diffsol {
             )
             .init(|_p, _t, x| x.copy_from_slice(arc.x), arc.x.len())
             .build()
-            .map_err(|e| self.fault(system, arc, 0.0, &e))?;
+            .map_err(|e| fault(self.method, when(system, arc, 0.0), unit, &e))?;
         let options = &mut problem.ode_options;
         // Counted over a solver's life by diffsol, and no sign of trouble.
         options.max_nonlinear_solver_failures = usize::MAX;
@@ -224,7 +244,7 @@ impl Integrator for Diffsol {
             Method::Sdirk => problem.esdirk34::<LS>().map(|s| run.drive(s, |_| 3, 1.0, f64::INFINITY, end, visit)),
             Method::Explicit => problem.tsit45().map(|s| run.drive(s, |_| 4, 1.0, f64::INFINITY, end, visit)),
         };
-        outcome.map_err(|e| self.fault(system, arc, 0.0, &e))?.map(|_| ())
+        outcome.map_err(|e| fault(self.method, when(system, arc, 0.0), unit, &e))?.map(|_| ())
     }
 }
 
@@ -276,9 +296,9 @@ impl<'a> Run<'a> {
         E: OdeEquations<T = f64, V = V> + 'p,
         S: OdeSolverMethod<'p, E>,
     {
-        let (system, arc, unit, method) = (self.system, self.arc, self.unit, self.method.name());
+        let (system, arc, unit, method) = (self.system, self.arc, self.unit, self.method);
         let t = |units: f64| when(system, arc, units * unit);
-        let fault = |from: f64, e: &DiffsolError| IntegrateError::Solver { method, t: t(from), reason: e.to_string() };
+        let fault = |from: f64, e: &DiffsolError| fault(method, t(from), unit, e);
         let state = solver.state_mut();
         *state.h = step.min(self.span / unit - self.from);
         if self.from > 0.0 {

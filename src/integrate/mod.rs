@@ -24,11 +24,8 @@ pub trait DenseStep {
     fn start(&self) -> Instant;
     /// Elapsed time `t(θ) − t(0)`, s; monotone up to the first event.
     fn time(&self, theta: f64) -> f64;
-    /// Rate of the clock `dt/dθ`, s. A step on a clock of its own overrides this.
-    fn rate(&self, theta: f64) -> f64 {
-        let _ = theta;
-        self.plain_span().unwrap_or(f64::NAN)
-    }
+    /// Rate of the clock `dt/dθ`, s.
+    fn rate(&self, theta: f64) -> f64;
     /// State at `θ` into `x` `[dim]`.
     fn state(&self, theta: f64, x: &mut [f64]);
     /// The guards of the mode.

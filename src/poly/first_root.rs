@@ -85,6 +85,10 @@ impl Search<'_> {
         }
         let changes = b.sign_changes();
         if changes == 0 {
+            // Zero at the end of an interval and positive up to it: a touch that fell on the split.
+            if b.b[b.n].abs() <= self.uncertainty && start > 0.0 {
+                self.touch.get_or_insert(hi);
+            }
             return None;
         }
         if changes == 1 {

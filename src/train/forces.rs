@@ -122,9 +122,8 @@ impl Structure {
                 rates.oscillating = rates.oscillating.max(omega);
             }
         };
-        for (i, row) in self.rows.iter().enumerate() {
-            let (_, k, c) = row.iter().find(|(j, ..)| *j as usize == i).copied().unwrap_or_default();
-            meet(k, c);
+        for (by_q, by_v) in self.columns.by_q.iter().zip(&self.columns.by_v) {
+            meet(-by_q, -by_v);
         }
         for (j, c) in self.contacts.iter().enumerate() {
             let linear = match c.spec.law {
