@@ -52,8 +52,9 @@ impl<'a> Deflated<'a> {
     }
 }
 
-/// A root clock this much slower than its mean over the step stands still, to the accuracy of a touch.
-const STANDSTILL: f64 = 1e-5;
+/// A root clock this much slower than its mean over the step stands still, to the accuracy of a touch: the root of
+/// the relative error of a guard, 1e-12 at worst, and some.
+const STANDSTILL: f64 = 1e-3;
 
 /// Whether the step's clock stands still at `theta`, against its mean rate up to `end`.
 fn stands_still(step: &dyn DenseStep, theta: f64, end: f64) -> bool {
@@ -90,7 +91,7 @@ impl Locator {
             }
         }
         // In a root clock a contact that ends together with the clock's owner touches zero where time stands still.
-        // That is its end, not a graze. The touch is located to the root of the rounding error, 1e-8.
+        // That is its end, not a graze.
         let end = first.map_or(1.0, |(theta, _)| theta);
         let touch = touch.filter(|(t, _)| *t < end && !stands_still(step, *t, end));
         (first.map(|(theta, lead)| self.batch(step, theta, lead)), touch)
