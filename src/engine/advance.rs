@@ -27,11 +27,13 @@ pub struct Options {
     pub max_events: u64,
     /// A chatter is summed when the rebound speed has fallen to this fraction of the fastest in the sequence, `(0, 1)`.
     pub chatter_fraction: f64,
+    /// It is summed as well when the rebound speed has fallen below this, in the guards' units per second; 0 for never.
+    pub chatter_speed: f64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { max_events: u64::MAX, chatter_fraction: 1e-10 }
+        Self { max_events: u64::MAX, chatter_fraction: 1e-10, chatter_speed: 0.0 }
     }
 }
 
@@ -348,9 +350,7 @@ impl Core<'_> {
                     self.leave(step, 0.0);
                     return Some(End::Observer);
                 }
-                if let Some((ending, accumulation)) =
-                    self.chatter.ends(self.system, step, fired, self.options.chatter_fraction)
-                {
+                if let Some((ending, accumulation)) = self.chatter.ends(self.system, step, fired, &self.options) {
                     self.leave(step, 0.0);
                     return Some(End::Settle(ending, accumulation));
                 }

@@ -10,6 +10,7 @@
 //! (both orders of ε from the flight equation: the k-th flight is `(2u_k/A_k)(1 + 2ε_k/3)`, with
 //! `u_{k+1} = e u_k (1 − 2ε_k/3)` and `A_{k+1} = A_k (1 − 2ε_k)`).
 
+use super::Options;
 use crate::{
     event::Accumulation,
     hybrid::{GuardId, GuardSet, HybridSystem},
@@ -43,13 +44,13 @@ impl Chatter {
 
     /// Called on the first step after the impacts `fired`: which of them end here, and when.
     ///
-    /// A sequence ends when the rebound speed has fallen below `fraction` of its fastest one and ε is small.
+    /// A sequence ends when the rebound speed has fallen far enough and ε is small.
     pub fn ends(
         &mut self,
         system: &dyn HybridSystem,
         step: &dyn DenseStep,
         fired: GuardSet,
-        fraction: f64,
+        options: &Options,
     ) -> Option<(GuardSet, Accumulation)> {
         let h = step.plain_span()?;
         let mut ending = GuardSet::EMPTY;
@@ -63,7 +64,8 @@ impl Chatter {
             let (u, a, j) = (p[1] / h, -2.0 * p[2] / (h * h), 6.0 * p[3] / (h * h * h));
             let sequence = self.record(guard.id, u);
             let epsilon = j * u / (a * a);
-            let small = u <= fraction * sequence.fastest && sequence.impacts >= IN_A_ROW;
+            let slow = u <= options.chatter_fraction * sequence.fastest || u <= options.chatter_speed;
+            let small = slow && sequence.impacts >= IN_A_ROW;
             if small && a > 0.0 && epsilon.abs() <= SMALL * (1.0 - e) {
                 ending.insert(guard.id);
                 let remaining = 2.0 * u / (a * (1.0 - e)) * (1.0 + 2.0 * epsilon / (3.0 * (1.0 - e)));

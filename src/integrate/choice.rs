@@ -119,10 +119,11 @@ pub struct PerMode {
 }
 
 impl PerMode {
-    fn is_stiff(system: &dyn HybridSystem, arc: &Arc<'_>) -> bool {
-        let Some(rates) = system.rates(arc.mode) else { return false };
-        let clock = system.clock();
-        let time = clock.period().map_or_else(|| clock.between(arc.at, arc.bound), |t| t.value());
+    /// Whether `mode` counts as stiff; `arc` is the time, s, that stands for a forcing period where there is none.
+    #[must_use]
+    pub fn is_stiff(system: &dyn HybridSystem, mode: Mode, arc: f64) -> bool {
+        let Some(rates) = system.rates(mode) else { return false };
+        let time = system.clock().period().map_or(arc, |t| t.value());
         rates.damped * time > STIFF_STEPS * PER_STEP && rates.oscillating < SLOWER * rates.damped
     }
 }
@@ -143,7 +144,8 @@ impl Integrator for PerMode {
         end: &mut [f64],
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError> {
-        let stiff = *self.picks.entry(arc.mode).or_insert_with(|| Self::is_stiff(system, arc));
+        let time = system.clock().between(arc.at, arc.bound);
+        let stiff = *self.picks.entry(arc.mode).or_insert_with(|| Self::is_stiff(system, arc.mode, time));
         let chosen = if stiff { &mut self.stiff } else { &mut self.usual };
         chosen.integrate_arc(system, arc, end, visit)
     }

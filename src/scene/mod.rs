@@ -59,7 +59,7 @@ use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
 
 pub use fault::{Fault, SceneError, Warning};
-pub use run::{Duration, Frame, Method, Run};
+pub use run::{Duration, Frame, Run};
 
 use crate::train::Spec;
 

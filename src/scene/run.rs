@@ -6,7 +6,11 @@ use super::{
     node::Node,
     shape::{Object, Shape, Units, choice, positive, within},
 };
-use crate::train::Spec;
+use crate::{
+    hybrid::{Clock, Instant},
+    integrate::Choice,
+    train::Spec,
+};
 
 /// How long a run lasts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,28 +21,12 @@ pub enum Duration {
     Until(f64),
 }
 
-/// Integrator of the smooth motion between events.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Method {
-    /// The best one for the train's laws.
-    #[default]
-    Auto,
-    /// Taylor series.
-    Taylor,
-    /// Backward differentiation formulas.
-    Bdf,
-    /// Singly diagonally implicit Runge–Kutta.
-    Sdirk,
-    /// Explicit Runge–Kutta.
-    Erk,
-}
-
-const METHODS: [(&str, Method); 5] = [
-    ("auto", Method::Auto),
-    ("taylor", Method::Taylor),
-    ("bdf", Method::Bdf),
-    ("sdirk", Method::Sdirk),
-    ("erk", Method::Erk),
+const METHODS: [(&str, Choice); 5] = [
+    ("auto", Choice::Auto),
+    ("taylor", Choice::Taylor),
+    ("bdf", Choice::Bdf),
+    ("sdirk", Choice::Sdirk),
+    ("explicit", Choice::Explicit),
 ];
 
 /// Frame in which trajectories are written.
@@ -65,7 +53,7 @@ pub struct Run {
     /// Most events before the run is stopped.
     pub event_budget: u64,
     /// Integrator.
-    pub method: Method,
+    pub method: Choice,
     /// Its tolerance, relative to the scale of the motion.
     pub tolerance: f64,
     /// Approach speed below which a chatter sequence may be summed, m/s; `None` leaves it to the engine.
@@ -90,6 +78,27 @@ impl Run {
             Duration::Cycles(n) => (self.start_cycle + n) as f64 * self.period.unwrap_or(f64::NAN),
             Duration::Until(end) => end,
         }
+    }
+
+    /// Where the run starts, where its measures start and where it ends, on the clock of its train.
+    ///
+    /// Whole cycles of the clock stay whole, however many they are.
+    #[must_use]
+    pub fn instants(&self, clock: &Clock) -> [Instant; 3] {
+        let forcing = clock.period().map(crate::hybrid::Wide::value);
+        // A period written in a scene and that of the clock, 2π/ω, differ by rounding.
+        let whole = self.period.zip(forcing).is_some_and(|(own, clock)| (own - clock).abs() <= 1.0e-14 * clock);
+        let at = |cycles: u64| match self.period {
+            // OK to convert: scenes count up to 10¹² cycles.
+            Some(_) if whole => clock.at(cycles as i64, 0.0),
+            Some(period) => clock.instant(cycles as f64 * period),
+            None => clock.instant(0.0),
+        };
+        let end = match self.duration {
+            Duration::Cycles(n) => at(self.start_cycle + n),
+            Duration::Until(t) => clock.instant(t),
+        };
+        [at(self.start_cycle), at(self.start_cycle + self.transient_cycles), end]
     }
 }
 
@@ -169,7 +178,7 @@ pub(super) fn read(node: &Node, spec: &Spec) -> Run {
         start_cycle,
         transient_cycles,
         event_budget: node.at("event_budget").whole(),
-        method: method.map_or(Method::Auto, |(_, method)| *method),
+        method: method.map_or(Choice::Auto, |(_, method)| *method),
         tolerance: integrator.at("tolerance").number(),
         chatter_speed: node.at_unit("chatter_speed", "m_per_s").written().map(|speed| speed.number()),
         samples_per_cycle: output.at("samples_per_cycle").whole(),

@@ -24,7 +24,9 @@ pub fn contact_mode(mode: Mode, j: usize) -> ContactMode {
     from_bits(mode.0 >> (BITS * j) & 7)
 }
 
-pub(super) fn with_contact(mode: Mode, j: usize, state: ContactMode) -> Mode {
+/// `mode` with contact `j` in `state`.
+#[must_use]
+pub fn with_contact(mode: Mode, j: usize, state: ContactMode) -> Mode {
     Mode(mode.0 & !(7 << (BITS * j)) | (state as u128) << (BITS * j))
 }
 

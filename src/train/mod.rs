@@ -25,7 +25,7 @@ mod wall;
 pub use assemble::{AssembleError, Contact, MAX_CONTACTS, Structure};
 pub use automaton::{Start, StartError};
 pub use body::{Body, Damping, Support};
-pub use contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, piece};
+pub use contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, piece, with_contact};
 pub use error::TrainError;
 pub use linear::{Equilibrium, bonded_modes, bonded_stiffness, equilibrium};
 pub use mesh::{Mesh, mesh_damping};

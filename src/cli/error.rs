@@ -1,0 +1,61 @@
+//! What can go wrong, and the exit code it has.
+
+use std::{fmt, path::Path, process::ExitCode};
+
+use flank::{
+    engine::EngineError,
+    integrate::IntegrateError,
+    scene::SceneError,
+    train::{AssembleError, StartError},
+};
+use miette::Diagnostic;
+
+/// An error of the command line.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+pub enum CliError {
+    /// The scene cannot be used.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The train cannot be assembled.
+    #[error(transparent)]
+    Train(#[from] AssembleError),
+    /// The run cannot start where the scene says.
+    #[error(transparent)]
+    Start(#[from] StartError),
+    /// The scene asks for an integrator that cannot be had.
+    #[error(transparent)]
+    #[diagnostic(help("set run.integrator.method to \"auto\", or use a build that has it"))]
+    Integrator(IntegrateError),
+    /// The output folder is in use.
+    #[error("{0} is not empty")]
+    #[diagnostic(help("name another folder, or write --force to replace the files of an earlier run"))]
+    Occupied(String),
+    /// The run failed.
+    #[error("the run failed {0}")]
+    Run(EngineError),
+    /// A file cannot be written.
+    #[error("{0}: {1}")]
+    File(String, std::io::Error),
+}
+
+impl CliError {
+    /// A file that cannot be written.
+    pub fn file(place: impl fmt::Display, error: std::io::Error) -> Self {
+        Self::File(place.to_string(), error)
+    }
+
+    /// The same, for a path.
+    pub fn path(path: &Path, error: std::io::Error) -> Self {
+        Self::file(path.display(), error)
+    }
+
+    /// Writes the error to standard error and gives the exit code.
+    pub fn report(self) -> ExitCode {
+        let code = match self {
+            Self::Run(_) | Self::File(..) => 1,
+            _ => 2,
+        };
+        eprintln!("{:?}", miette::Report::new(self));
+        ExitCode::from(code)
+    }
+}

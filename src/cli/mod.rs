@@ -1,0 +1,82 @@
+//! Commands, one file each. They print and write files; the library does neither.
+
+mod check;
+mod error;
+mod folder;
+mod geometry;
+mod progress;
+mod report;
+mod run;
+mod scene;
+mod schema;
+mod session;
+mod summary;
+mod table;
+mod trajectory;
+mod watch;
+
+use std::{io::Write, process::ExitCode};
+
+use clap::{Parser, Subcommand};
+
+pub use error::CliError;
+
+/// Gear vibro-impact with exact events.
+#[derive(Debug, Parser)]
+#[command(name = "flank", version, propagate_version = true)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a scene: events, measures, energy ledger
+    Run(run::Arguments),
+    /// Show what a scene builds: freedoms, contacts, natural frequencies, integrators, warnings
+    Check(check::Arguments),
+    /// Print the JSON Schema of scenes
+    Schema,
+    /// Look at scenes
+    #[command(subcommand)]
+    Scene(scene::Command),
+}
+
+/// How a command ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Done {
+    /// As asked.
+    Completely,
+    /// Stopped before its end.
+    Partly,
+}
+
+impl Done {
+    /// The exit code.
+    pub fn code(self) -> ExitCode {
+        match self {
+            Self::Completely => ExitCode::SUCCESS,
+            Self::Partly => ExitCode::from(1),
+        }
+    }
+}
+
+/// Executes what the arguments ask for.
+pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
+    match arguments.command {
+        Command::Run(arguments) => return run::execute(&arguments),
+        Command::Check(arguments) => check::execute(&arguments)?,
+        Command::Schema => schema::execute()?,
+        Command::Scene(command) => scene::execute(&command)?,
+    }
+    Ok(Done::Completely)
+}
+
+/// Writes text to standard output. A reader that has gone away, as `head` does, is no error.
+fn print(text: &str) -> Result<(), CliError> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(CliError::file("standard output", error)),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,110 @@
+//! `flank run`.
+
+use std::{ops::ControlFlow, path::PathBuf};
+
+use flank::{
+    analysis::{Contacts, EventLog, Grid, Ledger, Trajectory},
+    engine::Outcome,
+};
+
+use super::{
+    CliError, Done,
+    folder::Folder,
+    print,
+    progress::{Progress, catch_interrupt},
+    report,
+    session::Session,
+    summary::{Ending, Integrator, Provenance, Summary, Train},
+    trajectory::{self, TrajectoryFile},
+    watch::EventFile,
+};
+
+/// Arguments of `flank run`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Scene file; the reference scene if left out
+    scene: Option<PathBuf>,
+    /// Write events.jsonl and summary.json into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write trajectory.csv too (a scene with output.samples_per_cycle > 0 always does)
+    #[arg(long, requires = "out")]
+    trajectory: bool,
+    /// Stop after this many events
+    #[arg(long, value_name = "N")]
+    events: Option<u64>,
+    /// Write into a folder that is not empty
+    #[arg(long, requires = "out")]
+    force: bool,
+    /// Print nothing
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Runs a scene.
+pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let session = Session::open(arguments.scene.as_deref())?;
+    let run = &session.built.run;
+    let most = run.event_budget.min(arguments.events.unwrap_or(u64::MAX));
+    let (mut engine, why) = session.engine(most)?;
+    let warnings: Vec<String> = session.built.warnings.iter().map(ToString::to_string).collect();
+
+    let folder = arguments.out.as_deref().map(|path| Folder::open(path, arguments.force)).transpose()?;
+    let mut events = EventFile::new(folder.as_ref().map(Folder::events).transpose()?);
+    let sampled = arguments.trajectory || run.samples_per_cycle > 0;
+    let file = folder.as_ref().filter(|_| sampled).map(Folder::trajectory).transpose()?;
+    let mut samples = file.map(|file| TrajectoryFile::new(&session, file));
+
+    let structure = &session.structure;
+    let [from, measured, end] = session.instants;
+    let measures = Contacts::new(structure, Some(measured)).keep(0);
+    let mut log = EventLog::new(structure, measures, |row| events.write(&row));
+    let mut ledger = Ledger::new(structure);
+    // A grid that is never due stands for no trajectory.
+    let grid = if samples.is_some() { trajectory::grid(&session) } else { Grid::Interval { interval: 0.0 } };
+    let mut trajectory = Trajectory::new(structure, grid, from, |sample| match &mut samples {
+        Some(file) => file.write(sample),
+        None => ControlFlow::Continue(()),
+    });
+    let mut progress = Progress::new(*structure.clock(), session.instants, run.period, arguments.quiet);
+    catch_interrupt();
+    let result = engine.run(end, &mut ((&mut log, &mut ledger), (&mut trajectory, &mut progress)));
+    progress.finish();
+    let state = engine.state();
+    if let Ok(Outcome::ReachedEnd) = result {
+        // A break here is a file that cannot be written: it is reported with the file.
+        let _ = trajectory.finish(state);
+    }
+    let summary = Summary {
+        flank: env!("CARGO_PKG_VERSION"),
+        scene: Provenance::of(&session),
+        train: Train::of(&session),
+        integrator: Integrator {
+            asked: run.method.name(),
+            tolerance: run.tolerance,
+            why,
+            modes: engine.integrator().chosen().into_iter().map(|(m, name)| (session.mode_in_words(m), name)).collect(),
+        },
+        outcome: Ending::of(&session, &result, state),
+        measured_time: log.contacts().time(),
+        contacts: (0..structure.contacts().len()).map(|j| log.contacts().report(j)).collect(),
+        energy: ledger.balance(),
+        work: engine.counters().into(),
+        warnings,
+    };
+    let place = |name: &'static str| move |error| CliError::file(name, error);
+    let written = events.finish().map_err(place("events.jsonl"));
+    let sampled = samples.map_or(Ok(()), TrajectoryFile::finish).map_err(place("trajectory.csv"));
+    folder.map_or(Ok(()), |folder| folder.summary(&summary))?;
+    written.and(sampled)?;
+    if !arguments.quiet {
+        print(&report::text(&session, &summary).unwrap_or_default())?;
+    }
+    let asked = arguments.events.is_some_and(|n| n <= run.event_budget);
+    match result {
+        Ok(Outcome::ReachedEnd) => Ok(Done::Completely),
+        Ok(Outcome::EventBudgetSpent) if asked => Ok(Done::Completely),
+        Ok(_) => Ok(Done::Partly),
+        Err(error) => Err(CliError::Run(error)),
+    }
+}
