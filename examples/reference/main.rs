@@ -25,7 +25,7 @@ fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let done = match words[..] {
-        ["--scene", case, scene] => convert(case, scene, |case| translate::scene(case)),
+        ["--scene", case, scene] => convert(case, scene, translate::scene),
         [case, output] => convert(case, output, answer),
         _ => Err("usage: reference [--scene] CASE.json OUT.json".into()),
     };
