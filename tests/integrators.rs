@@ -217,10 +217,10 @@ impl HybridSystem for Ball {
     fn guard(&self, _: Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
         x[0]
     }
-    fn jump(&self, mode: Mode, fired: GuardSet, _: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+    fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         let projected = x[0].abs();
         (x[0], x[1]) = (0.0, -self.restitution * x[1]);
-        Ok(Jump { mode, pinned: fired, projected, ..Jump::default() })
+        Ok(Jump { mode: from.mode, pinned: fired, projected, ..Jump::default() })
     }
     fn next_switch(&self, _: Instant) -> Option<Instant> {
         None
@@ -231,8 +231,8 @@ impl HybridSystem for Ball {
     fn restitution(&self, _: GuardId) -> Option<f64> {
         Some(self.restitution)
     }
-    fn settle(&self, mode: Mode, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        self.jump(mode, fired, at, x)
+    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+        self.jump(from, fired, at, x)
     }
 }
 
@@ -528,9 +528,9 @@ impl HybridSystem for Dip {
     fn guard(&self, mode: Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
         if mode.0 == 0 { x[0] } else { -x[0] }
     }
-    fn jump(&self, mode: Mode, fired: GuardSet, _: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+    fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         x[0] = 0.0;
-        Ok(Jump { mode: Mode(1 - mode.0), pinned: fired, ..Jump::default() })
+        Ok(Jump { mode: Mode(1 - from.mode.0), pinned: fired, ..Jump::default() })
     }
     fn next_switch(&self, _: Instant) -> Option<Instant> {
         None
@@ -541,8 +541,8 @@ impl HybridSystem for Dip {
     fn restitution(&self, _: GuardId) -> Option<f64> {
         None
     }
-    fn settle(&self, mode: Mode, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        self.jump(mode, fired, at, x)
+    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+        self.jump(from, fired, at, x)
     }
     fn rates(&self, _: Mode) -> Option<Rates> {
         None
@@ -603,8 +603,8 @@ impl HybridSystem for Blowup {
     fn guard(&self, _: Mode, _: GuardId, _: Instant, _: &[f64]) -> f64 {
         1.0
     }
-    fn jump(&self, mode: Mode, _: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
-        Ok(Jump { mode, ..Jump::default() })
+    fn jump(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
+        Ok(Jump { mode: from.mode, ..Jump::default() })
     }
     fn next_switch(&self, _: Instant) -> Option<Instant> {
         None
@@ -615,8 +615,8 @@ impl HybridSystem for Blowup {
     fn restitution(&self, _: GuardId) -> Option<f64> {
         None
     }
-    fn settle(&self, mode: Mode, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        self.jump(mode, fired, at, x)
+    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+        self.jump(from, fired, at, x)
     }
 }
 

@@ -223,8 +223,11 @@ impl<'s> Engine<'s> {
             state.at = core.left_at;
             std::mem::swap(&mut state.x, &mut core.left_x);
         }
-        state.jump.pinned = GuardSet::EMPTY;
-        state.jump.still = GuardSet::EMPTY;
+        // At the same instant the zeros of the last jump still stand.
+        if !matches!(ended, End::Event(located) if located.theta == 0.0) {
+            state.jump.pinned = GuardSet::EMPTY;
+            state.jump.still = GuardSet::EMPTY;
+        }
         Ok(ended)
     }
 
@@ -247,7 +250,7 @@ impl<'s> Engine<'s> {
                 modes: core.cascade.clone(),
             });
         }
-        state.jump = core.system.jump(state.jump.mode, located.fired, state.at, &mut state.x).map_err(model)?;
+        state.jump = core.system.jump(&state.jump, located.fired, state.at, &mut state.x).map_err(model)?;
         open.projected = open.projected.max(state.jump.projected);
         open.jumps += 1;
         Ok(())
@@ -281,7 +284,7 @@ impl<'s> Engine<'s> {
         core.open.jumps = 1;
         state.jump = core
             .system
-            .settle(state.jump.mode, fired, state.at, &mut state.x)
+            .settle(&state.jump, fired, state.at, &mut state.x)
             .map_err(|source| EngineError::Model { t: core.system.clock().time(at).value(), source })?;
         core.counters.accumulations += 1;
         core.chatter.clear();

@@ -52,6 +52,15 @@ impl<'a> Deflated<'a> {
     }
 }
 
+/// A root clock this much slower than its mean over the step stands still, to the accuracy of a touch: the root of
+/// the relative error of a guard, 1e-12 at worst, and some.
+const STANDSTILL: f64 = 1e-3;
+
+/// Whether the step's clock stands still at `theta`, against its mean rate up to `end`.
+fn stands_still(step: &dyn DenseStep, theta: f64, end: f64) -> bool {
+    step.plain_span().is_none() && step.rate(theta) * end <= STANDSTILL * step.time(end)
+}
+
 impl Locator {
     /// The first event on the step, and the first touch before it, if any.
     ///
@@ -81,8 +90,11 @@ impl Locator {
                 touch = Some((theta, guard.id));
             }
         }
-        let Some((theta, lead)) = first else { return (None, touch) };
-        (Some(self.batch(step, theta, lead)), touch.filter(|(t, _)| *t < theta))
+        // In a root clock a contact that ends together with the clock's owner touches zero where time stands still.
+        // That is its end, not a graze.
+        let end = first.map_or(1.0, |(theta, _)| theta);
+        let touch = touch.filter(|(t, _)| *t < end && !stands_still(step, *t, end));
+        (first.map(|(theta, lead)| self.batch(step, theta, lead)), touch)
     }
 
     /// All guards that fire at `theta` together with guard `lead`.
@@ -95,6 +107,7 @@ impl Locator {
         } else {
             (series.error / deflated_slope.abs()).min((series.error / deflated_slope.abs()).sqrt())
         };
+        let standstill = stands_still(step, theta, theta);
         let mut fired = GuardSet::EMPTY;
         for (i, guard) in step.guards().iter().enumerate() {
             let series = Deflated::new(step, i);
@@ -106,7 +119,9 @@ impl Locator {
                     && (series.order > 0 || series.p[0] < 0.0)
             } else {
                 let (value, slope) = poly::eval_with_slope(series.p, theta);
-                slope < 0.0 && value <= series.error + slope.abs() * width
+                let falls = slope < 0.0 && value <= series.error + slope.abs() * width;
+                // Where a root clock stands still slopes mean nothing, and nothing but an end can be at zero.
+                falls || standstill && value.abs() <= series.error
             };
             if fires {
                 fired.insert(guard.id);

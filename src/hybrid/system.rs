@@ -58,11 +58,13 @@ pub trait HybridSystem {
     fn guards(&self, mode: Mode, out: &mut Vec<Guard>);
     /// The value of a guard, positive inside the mode.
     fn guard(&self, mode: Mode, id: GuardId, at: Instant, x: &[f64]) -> f64;
-    /// Resets the state and gives the successor mode. `fired` is the whole batch of one instant.
+    /// Resets the state and gives the successor mode. `fired` is the whole batch. `from` holds the mode and,
+    /// where this is not the first jump at the instant, the zeros the earlier ones left: those of contacts that
+    /// do not fire again still stand.
     ///
     /// # Errors
     /// [`ModelError`] if the automaton has no such edge or the impacts cannot be solved.
-    fn jump(&self, mode: Mode, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError>;
+    fn jump(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError>;
     /// The next known switching time strictly after `at`, if any.
     fn next_switch(&self, at: Instant) -> Option<Instant>;
     /// The mode right after the known switching time at `at`.
@@ -73,7 +75,7 @@ pub trait HybridSystem {
     ///
     /// # Errors
     /// As [`jump`](Self::jump).
-    fn settle(&self, mode: Mode, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError>;
+    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError>;
     /// The own rates of `mode`, if the system knows them: they tell stiff modes from others.
     fn rates(&self, mode: Mode) -> Option<Rates> {
         let _ = mode;

@@ -176,6 +176,29 @@ impl Structure {
     }
 }
 
+/// The force guards of all contacts.
+const FORCES: u128 = {
+    let (mut set, mut j) = (0, 0);
+    while j < MAX_CONTACTS {
+        set |= 1 << (3 * j + Watch::Force as usize);
+        j += 1;
+    }
+    set
+};
+
+impl Structure {
+    /// What still stands of `from` at the same instant: the zeros of the contacts that do not fire again.
+    fn standing(from: &Jump, fired: GuardSet) -> Jump {
+        let again = fired.iter().fold(0, |set, id| set | 7 << (3 * guard_of(id).0));
+        Jump {
+            mode: from.mode,
+            pinned: GuardSet(from.pinned.0 & !again),
+            still: GuardSet(from.still.0 & !again),
+            projected: 0.0,
+        }
+    }
+}
+
 impl HybridSystem for Structure {
     fn dim(&self) -> usize {
         self.dim
@@ -217,8 +240,8 @@ impl HybridSystem for Structure {
         }
     }
 
-    fn jump(&self, mode: Mode, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        let mut jump = Jump { mode, ..Jump::default() };
+    fn jump(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+        let mut jump = Self::standing(from, fired);
         let mut strikers = [Striker { contact: 0, side: 0.0, restitution: 0.0 }; MAX_CONTACTS];
         let mut struck = 0;
         for id in fired.iter() {
@@ -238,6 +261,9 @@ impl HybridSystem for Structure {
             }
         }
         if struck > 0 {
+            // Impulses change rates and multipliers; positions stay.
+            jump.still = GuardSet::EMPTY;
+            jump.pinned = GuardSet(jump.pinned.0 & !FORCES);
             self.rebound(&mut jump, &strikers[..struck], at, x)?;
         }
         Ok(jump)
@@ -275,8 +301,8 @@ impl HybridSystem for Structure {
         }
     }
 
-    fn settle(&self, mode: Mode, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        let mut jump = Jump { mode, ..Jump::default() };
+    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+        let mut jump = Self::standing(from, fired);
         let mut strikers = [Striker { contact: 0, side: 0.0, restitution: 0.0 }; MAX_CONTACTS];
         let mut struck = 0;
         for id in fired.iter() {

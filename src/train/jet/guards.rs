@@ -10,6 +10,10 @@ use crate::{
     },
 };
 
+/// Rounding of a guard's value relative to the terms it is summed from: the sum itself, and what the state has
+/// gathered since the last event, a few units in the last place for each of some ten steps.
+const ROUNDING: f64 = 32.0 * f64::EPSILON;
+
 impl Structure {
     /// What is watched on a contact in `state`, with the sign that makes it positive inside.
     pub(in crate::train) fn watched(&self, c: &Contact, state: ContactMode) -> &'static [(Watch, f64)] {
@@ -59,6 +63,11 @@ impl Expansion<'_> {
                     _ if owner.is_some_and(|o| o.contact == j) => {
                         let y = self.layout.y(1);
                         series.copy_from_slice(&work[y..y + ROW]);
+                        // Afresh from the state, a penetration within its rounding is none.
+                        let stretch = work[self.layout.stretches + j].abs();
+                        if self.request.carried.is_empty() && stretch <= ROUNDING * self.deflection_size(c) {
+                            series[0] = 0.0;
+                        }
                         (tail * self.h, 0.0)
                     }
                     _ => {
@@ -75,7 +84,7 @@ impl Expansion<'_> {
                 series.iter_mut().zip(&powers).for_each(|(s, p)| *s *= p);
                 self.write_zeros(j, watch, state, series);
                 remainder.push(tail);
-                rounding.push(4.0 * f64::EPSILON * size);
+                rounding.push(ROUNDING * size);
                 guards.push(Guard { id, crossing: Crossing::Falling, role: Role::Jump });
             }
         }

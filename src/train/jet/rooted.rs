@@ -19,7 +19,8 @@ pub(super) struct Owner {
 }
 
 impl Structure {
-    /// Who owns the clock: among closed power-law contacts the one that could reach its boundary first.
+    /// Who owns the clock: among closed power-law contacts the one that could reach its boundary first. None if
+    /// all of them are just leaving.
     pub(super) fn owner(&self, request: &JetRequest<'_>) -> Option<Owner> {
         let mut nearest: Option<(f64, Owner)> = None;
         for (j, c) in self.contacts.iter().enumerate() {
@@ -29,6 +30,10 @@ impl Structure {
                 continue;
             }
             let (p, rate) = self.penetration(j, state, request);
+            if p <= 0.0 && rate < 0.0 {
+                // It leaves at this very instant; its clock would run backwards.
+                continue;
+            }
             let time = if p <= 0.0 { 0.0 } else { p / rate.abs() };
             if nearest.is_none_or(|(t, _)| time < t) {
                 nearest = Some((time, Owner { contact: j, law }));
