@@ -1,0 +1,225 @@
+//! The command line, from outside: exit codes, what is printed, what is written.
+#![cfg(feature = "cli")]
+
+use std::{fs, path::Path};
+
+use assert_cmd::Command;
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A ball that falls on a floor; `run` is its run section.
+fn ball(run: &str) -> String {
+    let train = r#"{ "kind": "wall", "mass_kg": 1, "load_n": -9.81, "wall": { "side": "below", "position_m": 0 },
+        "law": { "kind": "rigid", "restitution": 0.8 } }"#;
+    format!(r#"{{ "flank": 1, "train": {train}, "initial": {{ "q": [1] }}, "run": {run} }}"#)
+}
+
+fn flank(folder: &TempDir, words: &[&str]) -> assert_cmd::assert::Assert {
+    Command::cargo_bin("flank").unwrap().current_dir(folder).args(words).assert()
+}
+
+fn with_scene(text: &str) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("scene.json"), text).unwrap();
+    folder
+}
+
+fn summary(folder: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(folder.join("summary.json")).unwrap()).unwrap()
+}
+
+fn rows(folder: &Path) -> Vec<Value> {
+    let text = fs::read_to_string(folder.join("events.jsonl")).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+#[test]
+fn a_run_writes_events_and_measures() {
+    let folder = with_scene(&ball(r#"{ "t_end_s": 5 }"#));
+    let done = flank(&folder, &["run", "scene.json", "--out", "out"]).code(0);
+    let out = folder.path().join("out");
+    let (summary, rows) = (summary(&out), rows(&out));
+    assert_eq!(summary["outcome"]["kind"], "reached-end");
+    assert_eq!(summary["outcome"]["mode"], "drive");
+    assert_eq!(summary["work"]["events"], rows.len());
+    assert_eq!(rows[0]["contacts"][0]["kind"], "impact");
+    assert!(rows[0]["t"].as_str().unwrap().starts_with("0.451523640985730"));
+    assert_eq!(summary["scene"]["sha256"].as_str().unwrap().len(), 64);
+    assert!(!out.join("trajectory.csv").exists());
+    assert!(text(&done.get_output().stdout).contains("reached end"));
+}
+
+#[test]
+fn a_pipe_sees_no_progress_bar() {
+    let folder = with_scene(&ball(r#"{ "t_end_s": 5 }"#));
+    let done = flank(&folder, &["run", "scene.json"]).code(0);
+    assert_eq!(text(&done.get_output().stderr), "");
+    assert!(!text(&done.get_output().stdout).contains('\u{1b}'));
+    let quiet = flank(&folder, &["run", "scene.json", "--quiet"]).code(0);
+    assert!(quiet.get_output().stdout.is_empty());
+}
+
+#[test]
+fn the_same_scene_gives_the_same_bytes() {
+    let folder = with_scene(&ball(r#"{ "t_end_s": 5, "output": { "samples_per_cycle": 8 }, "period_s": 0.1 }"#));
+    let first = flank(&folder, &["run", "scene.json", "--out", "a"]).code(0);
+    let second = flank(&folder, &["run", "scene.json", "--out", "b"]).code(0);
+    assert_eq!(first.get_output().stdout, second.get_output().stdout);
+    for name in ["events.jsonl", "summary.json", "trajectory.csv"] {
+        let read = |out: &str| fs::read(folder.path().join(out).join(name)).unwrap();
+        assert_eq!(read("a"), read("b"), "{name}");
+    }
+}
+
+#[test]
+fn a_trajectory_has_its_columns_and_samples() {
+    let folder = with_scene(&ball(r#"{ "cycles": 4, "period_s": 0.25, "output": { "samples_per_cycle": 8 } }"#));
+    flank(&folder, &["run", "scene.json", "--out", "out"]).code(0);
+    let text = fs::read_to_string(folder.path().join("out/trajectory.csv")).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines[0], "t,cycle,phase,x,x_rate,wall deflection,wall force");
+    assert_eq!(lines.len(), 1 + 33, "both ends");
+    assert!(lines[1].starts_with("0,0,0,1,0,-1,"));
+}
+
+#[test]
+fn a_fixed_frame_turns_the_central_bodies() {
+    let scene = |frame: &str| {
+        format!(
+            r#"{{ "flank": 1, "train": {{ "kind": "planetary", "preset": "reference-heavy", "speed_rpm": 500 }},
+            "initial": "static",
+            "run": {{ "cycles": 2, "output": {{ "samples_per_cycle": 4, "frame": "{frame}" }} }} }}"#
+        )
+    };
+    let table = |frame: &str| -> Vec<Vec<f64>> {
+        let folder = with_scene(&scene(frame));
+        flank(&folder, &["run", "scene.json", "--out", "out", "-q"]).code(0);
+        let text = fs::read_to_string(folder.path().join("out/trajectory.csv")).unwrap();
+        text.lines().skip(1).map(|line| line.split(',').map(|field| field.parse().unwrap()).collect()).collect()
+    };
+    let (turning, fixed) = (table("rotating"), table("fixed"));
+    assert_eq!(turning.len(), fixed.len());
+    // Columns: time, cycle, phase, then x_s, y_s, u_s. Carrier speed 500 rpm · 34/130.
+    let speed = 500.0 / 60.0 * std::f64::consts::TAU * 34.0 / 130.0;
+    for (a, b) in turning.iter().zip(&fixed) {
+        let (sin, cos) = (speed * a[0]).sin_cos();
+        let size = a[3].hypot(a[4]).max(1e-12);
+        assert!((b[3] - (a[3] * cos - a[4] * sin)).abs() < 1e-9 * size);
+        assert!((b[4] - (a[3] * sin + a[4] * cos)).abs() < 1e-9 * size);
+        assert_eq!(a[5], b[5], "rotations are the same in both frames");
+    }
+}
+
+#[test]
+fn a_spent_event_budget_leaves_valid_files() {
+    let folder = with_scene(&ball(r#"{ "t_end_s": 5, "event_budget": 7 }"#));
+    let done = flank(&folder, &["run", "scene.json", "--out", "out"]).code(1);
+    let out = folder.path().join("out");
+    assert_eq!(summary(&out)["outcome"]["kind"], "event-budget-spent");
+    assert_eq!(summary(&out)["work"]["events"], 7);
+    assert!(rows(&out).len() >= 6);
+    assert!(text(&done.get_output().stdout).contains("event budget spent"));
+    // The user's own limit is no failure.
+    flank(&folder, &["run", "scene.json", "--events", "3", "--out", "few"]).code(0);
+    assert_eq!(summary(&folder.path().join("few"))["work"]["events"], 3);
+}
+
+#[test]
+fn a_failed_run_leaves_valid_files_and_says_why() {
+    // A spring that pushes away: the motion grows beyond what a double holds.
+    let scene = r#"{ "flank": 1, "train": { "kind": "matrices", "mass_kg": [1], "stiffness_n_per_m": [-1e4] },
+        "initial": { "q": [1] }, "run": { "t_end_s": 1000 } }"#;
+    let folder = with_scene(scene);
+    let done = flank(&folder, &["run", "scene.json", "--out", "out"]).code(1);
+    let summary = summary(&folder.path().join("out"));
+    assert_eq!(summary["outcome"]["kind"], "failed");
+    assert!(summary["outcome"]["reason"].as_str().unwrap().contains("finite"));
+    assert!(text(&done.get_output().stderr).contains("finite"));
+}
+
+#[test]
+fn a_bad_scene_is_refused_before_anything_is_written() {
+    let folder = with_scene(&ball(r#"{ "t_end_s": 5, "dt": 1e-3 }"#));
+    for words in
+        [&["run", "scene.json", "--out", "out"][..], &["check", "scene.json"], &["scene", "show", "scene.json"]]
+    {
+        let done = flank(&folder, words).code(2);
+        assert!(text(&done.get_output().stderr).contains("/run/dt"), "{words:?}");
+    }
+    assert!(!folder.path().join("out").exists());
+    flank(&folder, &["run", "nothing.json"]).code(2);
+    flank(&folder, &["walk"]).code(2);
+    flank(&folder, &["run", "--trajectory"]).code(2);
+}
+
+#[test]
+fn a_folder_in_use_is_refused() {
+    let folder = with_scene(&ball(r#"{ "t_end_s": 1 }"#));
+    let words = ["run", "scene.json", "--out", "out"];
+    flank(&folder, &words).code(0);
+    let before = fs::read(folder.path().join("out/summary.json")).unwrap();
+    let done = flank(&folder, &words).code(2);
+    assert!(text(&done.get_output().stderr).contains("--force"));
+    assert_eq!(fs::read(folder.path().join("out/summary.json")).unwrap(), before);
+    flank(&folder, &[&words[..], &["--force"]].concat()).code(0);
+}
+
+#[test]
+fn check_tells_what_a_scene_builds() {
+    let folder = with_scene(&ball(r#"{ "t_end_s": 5 }"#));
+    let done = flank(&folder, &["check", "scene.json"]).code(0);
+    let told = text(&done.get_output().stdout);
+    for word in ["freedoms: x", "rigid", "Natural frequencies", "Integrator", "No warnings"] {
+        assert!(told.contains(word), "{word} in:\n{told}");
+    }
+    let done = flank(&folder, &["check"]).code(0);
+    let told = text(&done.get_output().stdout);
+    for word in ["reference-light", "ring-planet 3", "Mesh phases", "warning: "] {
+        assert!(told.contains(word), "{word} in:\n{told}");
+    }
+}
+
+#[test]
+fn schema_and_scenes_are_json() {
+    let folder = with_scene(&ball(r#"{ "t_end_s": 5 }"#));
+    let json = |words: &[&str]| -> Value {
+        serde_json::from_slice(&flank(&folder, words).code(0).get_output().stdout).unwrap()
+    };
+    assert_eq!(json(&["schema"])["title"], "Flank scene");
+    assert_eq!(json(&["scene", "show", "scene.json"])["run"]["event_budget"], 10_000_000);
+    assert_eq!(json(&["scene", "show"])["name"], "reference-light");
+}
+
+/// Ctrl-C ends a long run cleanly.
+#[cfg(unix)]
+#[test]
+fn an_interrupt_leaves_valid_files() {
+    let folder = with_scene(
+        r#"{ "flank": 1, "train": { "kind": "gear-pair-dimensionless", "damping_ratio": 0.05, "mean_load": 0.1,
+            "damping_in_gap": true, "transmission_error": [{ "amplitude": 0.2, "frequency": 0.6 }] },
+            "initial": { "q": [1.1], "v": [0] }, "run": { "cycles": 1000000000 } }"#,
+    );
+    let program = assert_cmd::cargo::cargo_bin("flank");
+    let mut child = std::process::Command::new(program)
+        .current_dir(&folder)
+        .args(["run", "scene.json", "--out", "out", "-q"])
+        .spawn()
+        .unwrap();
+    let events = folder.path().join("out/events.jsonl");
+    while fs::metadata(&events).map_or(0, |data| data.len()) < 10_000 {
+        assert_eq!(child.try_wait().unwrap(), None, "the run ended by itself");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let id = child.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(1));
+    let out = folder.path().join("out");
+    let summary = summary(&out);
+    assert_eq!(summary["outcome"]["kind"], "interrupted");
+    assert!(summary["outcome"]["cycle"].as_i64().unwrap() > 0);
+    assert!(rows(&out).len() > 10);
+}
