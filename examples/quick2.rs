@@ -20,7 +20,23 @@ fn main() {
     let discard = if rpm <= 100.0 { 5 } else { 80 };
     let cycles = 20;
     struct G<'a>(&'a Structure);
-    impl Observer for G<'_> { fn event(&mut self, r: &flank::event::EventRecord) -> std::ops::ControlFlow<()> { let t = self.0.clock().time(r.at).value(); if std::env::var("GZ").is_ok() { println!("{} t={t:.17e} fired={:?} from={} to={} jumps={} cond={:?}", if r.graze {"GRAZE"} else {"event"}, r.fired.iter().map(|g| g.0).collect::<Vec<_>>(), r.from.0, r.to.0, r.jumps, r.conditioning); } std::ops::ControlFlow::Continue(()) } }
+    impl Observer for G<'_> {
+        fn event(&mut self, r: &flank::event::EventRecord) -> std::ops::ControlFlow<()> {
+            let t = self.0.clock().time(r.at).value();
+            if std::env::var("GZ").is_ok() {
+                println!(
+                    "{} t={t:.17e} fired={:?} from={} to={} jumps={} cond={:?}",
+                    if r.graze { "GRAZE" } else { "event" },
+                    r.fired.iter().map(|g| g.0).collect::<Vec<_>>(),
+                    r.from.0,
+                    r.to.0,
+                    r.jumps,
+                    r.conditioning
+                );
+            }
+            std::ops::ControlFlow::Continue(())
+        }
+    }
     let mut contacts = Contacts::new(&s, Some(s.clock().at(discard, 0.0)));
     let t0 = std::time::Instant::now();
     let mut e = Engine::new(&s, Box::new(Taylor::default()), Options::default(), State { at, x: st.x, jump: st.jump });

@@ -2,6 +2,8 @@
 //!
 //! The table is that of `docs/DESIGN.md`, "Who may import whom".
 
+#![allow(clippy::unwrap_used)]
+
 use std::{
     collections::BTreeMap,
     fs,
