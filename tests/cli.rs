@@ -1,5 +1,6 @@
 //! The command line, from outside: exit codes, what is printed, what is written.
 #![cfg(feature = "cli")]
+#![allow(clippy::unwrap_used, reason = "a test stops at what it did not expect")]
 
 use std::{fs, path::Path};
 

@@ -4,6 +4,7 @@
 //! sequence is too close to its accumulation point to be resolved. The sensitivity of an event is its shift per unit
 //! change of the initial state. No computation in doubles can be nearer than a few units in the last place of its
 //! numbers, times the sensitivity; so the tolerance is `1e-12 + ulp(t) + 5e-15 · sensitivity`.
+#![allow(clippy::unwrap_used, reason = "a test stops at what it did not expect")]
 
 use std::{collections::BTreeMap, ops::ControlFlow};
 

@@ -5,23 +5,50 @@ use super::MAX_DEGREE;
 /// Degree of the cheap first test.
 const LOW: usize = 6;
 
+/// Bernstein coefficients of `1, x, …, x⁶` in degree 6, padded to eight lanes by repeating the last.
+static LOW_BASIS: [[f64; 8]; LOW + 1] = {
+    let mut basis = [[0.0; 8]; LOW + 1];
+    let mut k = 0;
+    while k <= LOW {
+        let mut i = k;
+        while i < 8 {
+            // C(i, k)/C(n, k), the last lane as the one before it.
+            let at = if i > LOW { LOW } else { i };
+            let (mut ratio, mut l) = (1.0, 0);
+            while l < k {
+                ratio *= (at - l) as f64 / (LOW - l) as f64;
+                l += 1;
+            }
+            basis[k][i] = ratio;
+            i += 1;
+        }
+        k += 1;
+    }
+    basis
+};
+
 /// The quick "no": the Bernstein coefficients of the low-degree part exceed all the rest can take away.
 pub(super) fn certainly_positive(p: &[f64], uncertainty: f64) -> bool {
     let (low, high) = p.split_at(p.len().min(LOW + 1));
-    let rest = high.iter().fold(uncertainty, |s, c| s + c.abs());
+    let mut sums = [0.0; 4];
+    let fours = high.chunks_exact(4);
+    let rest: f64 = fours.remainder().iter().fold(uncertainty, |s, c| s + c.abs());
+    for four in fours {
+        for l in 0..4 {
+            sums[l] += four[l].abs();
+        }
+    }
+    let rest = rest + (sums[0] + sums[1]) + (sums[2] + sums[3]);
     if low[0] <= rest {
         return false;
     }
-    let mut b = [0.0; LOW + 1];
-    for ((b, c), inverse) in b.iter_mut().zip(low).zip(&INVERSE_BINOMIALS[LOW]) {
-        *b = c * inverse;
-    }
-    for j in 1..=LOW {
-        for i in (j..=LOW).rev() {
-            b[i] += b[i - 1];
+    let mut b = [-rest; 8];
+    for (c, basis) in low.iter().zip(&LOW_BASIS) {
+        for l in 0..8 {
+            b[l] += c * basis[l];
         }
     }
-    b.iter().all(|b| *b > rest)
+    b.iter().all(|b| *b > 0.0)
 }
 
 /// A polynomial of degree `n` by its Bernstein coefficients `b_0 … b_n` on some interval.

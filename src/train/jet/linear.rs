@@ -116,6 +116,7 @@ impl Expansion<'_> {
         })
     }
 
+    #[inline(never)]
     fn recurrence<const N: usize>(&self, parts: &[LinearPart], out: &mut Jet) {
         let (s, h) = (self.s, self.h);
         let Jet { state, work, time, .. } = out;
@@ -214,24 +215,31 @@ impl Expansion<'_> {
                 for l in 0..LANES {
                     d[l] = fused(directions[i][l], q[i], d[l]);
                 }
-                for l in 0..LANES {
-                    r[l] = fused(directions[i][l], v[i], r[l]);
-                }
             }
             for (index, cosine, sine) in &columns.waves {
-                let omega = s.oscillators[*index].omega;
                 let (c, s) = waves[*index];
                 for l in 0..LANES {
                     d[l] -= fused(cosine[l], c, sine[l] * s);
-                }
-                for l in 0..LANES {
-                    r[l] -= omega * fused(sine[l], c, -cosine[l] * s);
                 }
             }
             let at = self.layout.deflection(LANES * chunk, k);
             if let Some(at) = work[at..].first_chunk_mut::<LANES>() {
                 // Order zero was written before: it may be pinned.
                 if k == 0 { d = *at } else { *at = d }
+            }
+            if four.carried {
+                for i in 0..N {
+                    for l in 0..LANES {
+                        r[l] = fused(directions[i][l], v[i], r[l]);
+                    }
+                }
+                for (index, cosine, sine) in &columns.waves {
+                    let omega = s.oscillators[*index].omega;
+                    let (c, s) = waves[*index];
+                    for l in 0..LANES {
+                        r[l] -= omega * fused(sine[l], c, -cosine[l] * s);
+                    }
+                }
             }
             if still && k < 2 {
                 self.still(chunk, k, &mut d, &mut r, work);
