@@ -88,8 +88,8 @@ impl Schedule {
         match self {
             Self::Listed { times, .. } => {
                 let i = times.partition_point(|t| !after(*t, at));
-                for j in i.saturating_sub(1)..(i + 2).min(times.len()) {
-                    visit((j as u32 + 1) & 1, times[j]);
+                for (j, time) in times.iter().enumerate().take(i + 2).skip(i.saturating_sub(1)) {
+                    visit((j as u32 + 1) & 1, *time);
                 }
             }
             Self::Locked { values, .. } | Self::Own { values, .. } => {

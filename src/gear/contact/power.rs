@@ -18,7 +18,7 @@ impl Ratio {
     pub fn from_f64(n: f64) -> Option<Self> {
         (1..=Self::MAX_DENOMINATOR).find_map(|q| {
             let p = (n * f64::from(q)).round();
-            ((p / f64::from(q) - n).abs() <= 4.0 * f64::EPSILON * n && p >= 1.0 && p < 64.0)
+            ((p / f64::from(q) - n).abs() <= 4.0 * f64::EPSILON * n && (1.0..64.0).contains(&p))
                 .then_some(Self { p: p as u32, q })
         })
     }
