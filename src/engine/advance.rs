@@ -80,6 +80,8 @@ struct Core<'s> {
     /// The record of the current instant, open until no further guard fires at it.
     open: EventRecord,
     is_open: bool,
+    /// What fired at the last closed instant and is still to be counted as impacts.
+    uncounted: GuardSet,
     /// Modes visited at the current instant.
     cascade: Vec<Mode>,
     /// Where the current arc was left.
@@ -93,6 +95,7 @@ enum End {
     Event(Located),
     Settle(GuardSet, Accumulation),
     Observer,
+    Budget,
 }
 
 /// What a visit needs to know about the arc.
@@ -132,11 +135,15 @@ impl<'s> Engine<'s> {
             // A start on a guard is a decision worth a record.
             is_open: !state.jump.pinned.is_empty(),
             open,
+            uncounted: GuardSet::EMPTY,
             cascade: Vec::with_capacity(MAX_CASCADE),
             left_at: state.at,
             left_x: vec![0.0; dim],
         };
-        Self { integrator, next_switch: system.next_switch(state.at), end: vec![0.0; dim], core, state }
+        // A state handed over at a switching time that its mode has not passed yet passes it first.
+        let is_due = system.switched(state.jump.mode, state.at) != state.jump.mode;
+        let next_switch = if is_due { Some(state.at) } else { system.next_switch(state.at) };
+        Self { integrator, next_switch, end: vec![0.0; dim], core, state }
     }
 
     /// Where the run stands.
@@ -168,8 +175,13 @@ impl<'s> Engine<'s> {
                 return Ok(Outcome::EventBudgetSpent);
             }
             let switch = self.next_switch.filter(|s| clock.between(*s, end) > 0.0);
+            if switch.is_some_and(|s| clock.between(self.state.at, s) <= 0.0) {
+                self.switch();
+                continue;
+            }
             match self.arc(switch.unwrap_or(end), switch.is_some(), observer)? {
                 End::Observer => return Ok(Outcome::StoppedByObserver),
+                End::Budget => return Ok(Outcome::EventBudgetSpent),
                 End::Event(located) => self.jump(located)?,
                 End::Settle(fired, accumulation) => {
                     if self.settle(fired, accumulation, observer)?.is_break() {
@@ -214,6 +226,7 @@ impl<'s> Engine<'s> {
                 }
             })
             .map_err(|source| EngineError::Integrate { mode: place.mode, source })?;
+        let start = state.at;
         if let End::Bound = ended {
             state.at = bound;
             std::mem::swap(&mut state.x, end);
@@ -221,8 +234,11 @@ impl<'s> Engine<'s> {
             state.at = core.left_at;
             std::mem::swap(&mut state.x, &mut core.left_x);
         }
-        state.jump.pinned = GuardSet::EMPTY;
-        state.jump.still = GuardSet::EMPTY;
+        // A run that stops at the instant it stood at keeps its exact zeros, and can go on as if it had not stopped.
+        if state.at != start {
+            state.jump.pinned = GuardSet::EMPTY;
+            state.jump.still = GuardSet::EMPTY;
+        }
         Ok(ended)
     }
 
@@ -313,6 +329,7 @@ impl Core<'_> {
             return ControlFlow::Continue(());
         }
         let open = &mut self.open;
+        self.uncounted = open.fired;
         open.to = state.jump.mode;
         open.x_plus.clear();
         open.x_plus.extend_from_slice(&state.x);
@@ -341,19 +358,23 @@ impl Core<'_> {
                 self.leave(step, 0.0);
                 return Some(End::Event(located));
             }
-            let fired = self.open.fired;
             if self.is_open {
                 let flow = self.close(state, observer);
                 if flow.is_break() {
                     self.leave(step, 0.0);
                     return Some(End::Observer);
                 }
-                if let Some((ending, accumulation)) =
-                    self.chatter.ends(self.system, step, fired, self.options.chatter_fraction)
-                {
+                if self.counters.events >= self.options.max_events {
                     self.leave(step, 0.0);
-                    return Some(End::Settle(ending, accumulation));
+                    return Some(End::Budget);
                 }
+            }
+            let fired = std::mem::take(&mut self.uncounted);
+            if let Some((ending, accumulation)) =
+                self.chatter.ends(self.system, step, fired, self.options.chatter_fraction)
+            {
+                self.leave(step, 0.0);
+                return Some(End::Settle(ending, accumulation));
             }
         }
         if let Some((theta, guard)) = touch
