@@ -96,6 +96,8 @@ enum End {
     Settle(GuardSet, Accumulation),
     Observer,
     Budget,
+    /// Nothing more fires at the instant the run ends at.
+    Closed,
 }
 
 /// What a visit needs to know about the arc.
@@ -104,6 +106,8 @@ struct Place {
     mode: Mode,
     /// The bound is a known switching time: it goes before a state event at the same instant.
     switching: bool,
+    /// The run has ended: only what still fires at its last instant is wanted.
+    closing: bool,
     bound: Instant,
 }
 
@@ -170,16 +174,17 @@ impl<'s> Engine<'s> {
     /// [`EngineError`]; the state is then where the last arc started.
     pub fn run(&mut self, end: Instant, observer: &mut dyn Observer) -> Result<Outcome, EngineError> {
         let clock = *self.core.system.clock();
+        let span = clock.between(self.state.at, end);
         while clock.between(self.state.at, end) > 0.0 {
             if self.core.counters.events >= self.core.options.max_events {
                 return Ok(Outcome::EventBudgetSpent);
             }
-            let switch = self.next_switch.filter(|s| clock.between(*s, end) > 0.0);
+            let switch = self.next_switch.filter(|s| clock.between(*s, end) >= 0.0);
             if switch.is_some_and(|s| clock.between(self.state.at, s) <= 0.0) {
                 self.switch();
                 continue;
             }
-            match self.arc(switch.unwrap_or(end), switch.is_some(), observer)? {
+            match self.arc(switch.unwrap_or(end), switch.is_some(), false, observer)? {
                 End::Observer => return Ok(Outcome::StoppedByObserver),
                 End::Budget => return Ok(Outcome::EventBudgetSpent),
                 End::Event(located) => self.jump(located)?,
@@ -189,10 +194,17 @@ impl<'s> Engine<'s> {
                     }
                 }
                 End::Bound if switch.is_some() => self.switch(),
-                End::Bound => {}
+                End::Bound | End::Closed => {}
             }
         }
-        // An event exactly at the end is still open: it belongs to this run.
+        // An instant exactly at the end is still open. It belongs to this run, and so does what follows from it at once.
+        while self.core.is_open && span > 0.0 {
+            match self.arc(clock.advance(self.state.at, span), false, true, observer)? {
+                End::Event(located) => self.jump(located)?,
+                End::Observer => return Ok(Outcome::StoppedByObserver),
+                _ => return Ok(Outcome::ReachedEnd),
+            }
+        }
         if self.core.close(&self.state, observer).is_break() {
             return Ok(Outcome::StoppedByObserver);
         }
@@ -200,10 +212,16 @@ impl<'s> Engine<'s> {
     }
 
     /// One smooth arc up to `bound`; leaves the state where it ended, in the mode it ran in.
-    fn arc(&mut self, bound: Instant, switching: bool, observer: &mut dyn Observer) -> Result<End, EngineError> {
+    fn arc(
+        &mut self,
+        bound: Instant,
+        switching: bool,
+        closing: bool,
+        observer: &mut dyn Observer,
+    ) -> Result<End, EngineError> {
         let Self { integrator, state, end, core, .. } = self;
         core.counters.arcs += 1;
-        let place = Place { mode: state.jump.mode, switching, bound };
+        let place = Place { mode: state.jump.mode, switching, closing, bound };
         let arc = Arc {
             mode: place.mode,
             at: state.at,
@@ -363,6 +381,10 @@ impl Core<'_> {
                 if flow.is_break() {
                     self.leave(step, 0.0);
                     return Some(End::Observer);
+                }
+                if place.closing {
+                    self.leave(step, 0.0);
+                    return Some(End::Closed);
                 }
                 if self.counters.events >= self.options.max_events {
                     self.leave(step, 0.0);

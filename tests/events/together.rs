@@ -121,6 +121,16 @@ fn l13_an_impact_passed_on_along_a_row_is_one_record() {
 }
 
 #[test]
+fn l13_a_run_that_ends_at_an_impact_has_all_that_follows_from_it() {
+    let s = masses(&[1.0; 3], &[0.0; 3], &[vec![1.0, -1.0, 0.0], vec![0.0, 1.0, -1.0]], rigid(1.0));
+    let first = run(&s, &[-1.0, 0.0, 0.0], &[1.0, 0.0, 0.0], 1.0);
+    assert_eq!((first.times(), first.events()[0].jumps), (vec![1.0], 2));
+    assert_eq!(first.state.x, [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+    let second = crate::support::run_from(&s, first.state, s.clock().instant(2.0));
+    assert_eq!((second.events().len(), &second.state.x[2..3]), (0, &[1.0][..]));
+}
+
+#[test]
 fn l13_a_stiffness_drop_lets_go_at_the_same_instant() {
     let s = walled(&Walled::new(
         1.0,
