@@ -82,6 +82,8 @@ struct Core<'s> {
     /// The record of the current instant, open until no further guard fires at it.
     open: EventRecord,
     is_open: bool,
+    /// What fired at the last closed instant and is still to be counted as impacts.
+    uncounted: GuardSet,
     /// Modes visited at the current instant.
     cascade: Vec<Mode>,
     /// Where the current arc was left.
@@ -95,6 +97,9 @@ enum End {
     Event(Located),
     Settle(GuardSet, Accumulation),
     Observer,
+    Budget,
+    /// Nothing more fires at the instant the run ends at.
+    Closed,
 }
 
 /// What a visit needs to know about the arc.
@@ -103,6 +108,8 @@ struct Place {
     mode: Mode,
     /// The bound is a known switching time: it goes before a state event at the same instant.
     switching: bool,
+    /// The run has ended: only what still fires at its last instant is wanted.
+    closing: bool,
     bound: Instant,
 }
 
@@ -134,11 +141,15 @@ impl<'s> Engine<'s> {
             // A start on a guard is a decision worth a record.
             is_open: !state.jump.pinned.is_empty(),
             open,
+            uncounted: GuardSet::EMPTY,
             cascade: Vec::with_capacity(MAX_CASCADE),
             left_at: state.at,
             left_x: vec![0.0; dim],
         };
-        Self { integrator, next_switch: system.next_switch(state.at), end: vec![0.0; dim], core, state }
+        // A state handed over at a switching time that its mode has not passed yet passes it first.
+        let is_due = system.switched(state.jump.mode, state.at) != state.jump.mode;
+        let next_switch = if is_due { Some(state.at) } else { system.next_switch(state.at) };
+        Self { integrator, next_switch, end: vec![0.0; dim], core, state }
     }
 
     /// Where the run stands.
@@ -165,13 +176,19 @@ impl<'s> Engine<'s> {
     /// [`EngineError`]; the state is then where the last arc started.
     pub fn run(&mut self, end: Instant, observer: &mut dyn Observer) -> Result<Outcome, EngineError> {
         let clock = *self.core.system.clock();
+        let span = clock.between(self.state.at, end);
         while clock.between(self.state.at, end) > 0.0 {
             if self.core.counters.events >= self.core.options.max_events {
                 return Ok(Outcome::EventBudgetSpent);
             }
-            let switch = self.next_switch.filter(|s| clock.between(*s, end) > 0.0);
-            match self.arc(switch.unwrap_or(end), switch.is_some(), observer)? {
+            let switch = self.next_switch.filter(|s| clock.between(*s, end) >= 0.0);
+            if switch.is_some_and(|s| clock.between(self.state.at, s) <= 0.0) {
+                self.switch();
+                continue;
+            }
+            match self.arc(switch.unwrap_or(end), switch.is_some(), false, observer)? {
                 End::Observer => return Ok(Outcome::StoppedByObserver),
+                End::Budget => return Ok(Outcome::EventBudgetSpent),
                 End::Event(located) => self.jump(located)?,
                 End::Settle(fired, accumulation) => {
                     if self.settle(fired, accumulation, observer)?.is_break() {
@@ -179,10 +196,17 @@ impl<'s> Engine<'s> {
                     }
                 }
                 End::Bound if switch.is_some() => self.switch(),
-                End::Bound => {}
+                End::Bound | End::Closed => {}
             }
         }
-        // An event exactly at the end is still open: it belongs to this run.
+        // An instant exactly at the end is still open. It belongs to this run, and so does what follows from it at once.
+        while self.core.is_open && span > 0.0 {
+            match self.arc(clock.advance(self.state.at, span), false, true, observer)? {
+                End::Event(located) => self.jump(located)?,
+                End::Observer => return Ok(Outcome::StoppedByObserver),
+                _ => return Ok(Outcome::ReachedEnd),
+            }
+        }
         if self.core.close(&self.state, observer).is_break() {
             return Ok(Outcome::StoppedByObserver);
         }
@@ -190,10 +214,16 @@ impl<'s> Engine<'s> {
     }
 
     /// One smooth arc up to `bound`; leaves the state where it ended, in the mode it ran in.
-    fn arc(&mut self, bound: Instant, switching: bool, observer: &mut dyn Observer) -> Result<End, EngineError> {
+    fn arc(
+        &mut self,
+        bound: Instant,
+        switching: bool,
+        closing: bool,
+        observer: &mut dyn Observer,
+    ) -> Result<End, EngineError> {
         let Self { integrator, state, end, core, .. } = self;
         core.counters.arcs += 1;
-        let place = Place { mode: state.jump.mode, switching, bound };
+        let place = Place { mode: state.jump.mode, switching, closing, bound };
         let arc = Arc {
             mode: place.mode,
             at: state.at,
@@ -216,6 +246,7 @@ impl<'s> Engine<'s> {
                 }
             })
             .map_err(|source| EngineError::Integrate { mode: place.mode, source })?;
+        let start = state.at;
         if let End::Bound = ended {
             state.at = bound;
             std::mem::swap(&mut state.x, end);
@@ -223,8 +254,8 @@ impl<'s> Engine<'s> {
             state.at = core.left_at;
             std::mem::swap(&mut state.x, &mut core.left_x);
         }
-        // At the same instant the zeros of the last jump still stand.
-        if !matches!(ended, End::Event(located) if located.theta == 0.0) {
+        // Where no time has passed the exact zeros still stand: through a cascade, and for a run that goes on later.
+        if state.at != start {
             state.jump.pinned = GuardSet::EMPTY;
             state.jump.still = GuardSet::EMPTY;
         }
@@ -318,6 +349,7 @@ impl Core<'_> {
             return ControlFlow::Continue(());
         }
         let open = &mut self.open;
+        self.uncounted = open.fired;
         open.to = state.jump.mode;
         open.x_plus.clear();
         open.x_plus.extend_from_slice(&state.x);
@@ -346,17 +378,25 @@ impl Core<'_> {
                 self.leave(step, 0.0);
                 return Some(End::Event(located));
             }
-            let fired = self.open.fired;
             if self.is_open {
                 let flow = self.close(state, observer);
                 if flow.is_break() {
                     self.leave(step, 0.0);
                     return Some(End::Observer);
                 }
-                if let Some((ending, accumulation)) = self.chatter.ends(self.system, step, fired, &self.options) {
+                if place.closing {
                     self.leave(step, 0.0);
-                    return Some(End::Settle(ending, accumulation));
+                    return Some(End::Closed);
                 }
+                if self.counters.events >= self.options.max_events {
+                    self.leave(step, 0.0);
+                    return Some(End::Budget);
+                }
+            }
+            let fired = std::mem::take(&mut self.uncounted);
+            if let Some((ending, accumulation)) = self.chatter.ends(self.system, step, fired, &self.options) {
+                self.leave(step, 0.0);
+                return Some(End::Settle(ending, accumulation));
             }
         }
         if let Some((theta, guard)) = touch

@@ -25,6 +25,11 @@ pub struct Locator {
     pub splits: u64,
 }
 
+/// `p″(x)`.
+fn curvature(p: &[f64], x: f64) -> f64 {
+    p.iter().enumerate().skip(2).rev().fold(0.0, |s, (k, c)| s * x + (k * (k - 1)) as f64 * c)
+}
+
 /// One guard's series, with exact zeros at the start divided out: `p(θ) = θ^m p̃(θ)`.
 struct Deflated<'a> {
     p: &'a [f64],
@@ -102,10 +107,12 @@ impl Locator {
         let series = Deflated::new(step, lead);
         let (residual, slope) = poly::eval_with_slope(step.guard(lead), theta);
         let (_, deflated_slope) = poly::eval_with_slope(series.p, theta);
+        // To first order the error over the slope; where the slope vanishes, the curvature takes over.
         let width = if theta == 0.0 {
             0.0
         } else {
-            (series.error / deflated_slope.abs()).min((series.error / deflated_slope.abs()).sqrt())
+            let curvature = curvature(series.p, theta).abs();
+            (series.error / deflated_slope.abs()).min((2.0 * series.error / curvature).sqrt()).min(1.0)
         };
         let standstill = stands_still(step, theta, theta);
         let mut fired = GuardSet::EMPTY;

@@ -107,6 +107,15 @@ impl Jet {
         }
     }
 
+    /// Whether all coefficients of the state and of the guards are finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        // A finite number times zero is zero; NaN and the infinities are not.
+        let state = &self.state[..(self.order + 1) * self.dim];
+        let guards = &self.guard_series[..(self.order + 1) * self.guards.len()];
+        state.iter().chain(guards).fold(0.0, |s, c| s + c * 0.0) == 0.0
+    }
+
     /// Elapsed time at `θ`, s.
     #[must_use]
     pub fn time_at(&self, theta: f64) -> f64 {

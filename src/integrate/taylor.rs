@@ -81,7 +81,7 @@ impl Integrator for Taylor {
                 return Ok(());
             }
             field.jet(&JetRequest { mode: arc.mode, at, x, pinned, still, carried, span, tolerance: TOLERANCE }, jet);
-            if !jet.reach.is_finite() {
+            if !jet.reach.is_finite() || !jet.is_finite() {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }
             let elapsed = jet.time_at(1.0);

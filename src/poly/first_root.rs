@@ -54,7 +54,7 @@ pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
         n -= 1;
     }
     let p = &p[..=n];
-    let mut search = Search { p, uncertainty: uncertainty + dropped, touch: None, splits: 0 };
+    let mut search = Search { p, limit, uncertainty: uncertainty + dropped, shallow: None, touch: None, splits: 0 };
     let start = if limit == 1.0 {
         Bernstein::from_power(p)
     } else {
@@ -66,40 +66,90 @@ pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
         }
         Bernstein::from_power(&scaled[..=n])
     };
-    let root = search.first(start, 0.0, limit, 0);
+    // What went below zero and never came back has crossed, however little.
+    let root = search.first(start, 0.0, limit, 0).or(search.shallow);
+    if let (Some(t), Some(x)) = (search.touch, root)
+        && t < x
+        && super::eval(p, 0.5 * (t + x)) <= search.uncertainty
+    {
+        // It stays within the uncertainty up to the crossing: one crossing of high order.
+        search.touch = None;
+    }
     Isolation { root: root.map_or(FirstRoot::None, FirstRoot::At), touch: search.touch, splits: search.splits }
 }
 
 struct Search<'a> {
     p: &'a [f64],
+    limit: f64,
     uncertainty: f64,
+    /// Where it last fell through zero, as long as it has not gone below the uncertainty since, nor come back.
+    shallow: Option<f64>,
     touch: Option<f64>,
     splits: u32,
 }
 
 impl Search<'_> {
     fn first(&mut self, mut b: Bernstein, lo: f64, hi: f64, depth: u32) -> Option<f64> {
+        if self.shallow.is_some() {
+            return self.follow(b, lo, hi, depth);
+        }
         let start = b.first_sign();
         if start < 0.0 {
             return Some(lo);
         }
         let changes = b.sign_changes();
         if changes == 0 {
-            // Zero at the end of an interval and positive up to it: a touch that fell on the split.
-            if b.b[b.n].abs() <= self.uncertainty && start > 0.0 {
+            // Zero at the end of an interval and positive up to it: a touch that fell on the split. At the end of the
+            // search it is one only if the slope vanishes too; else it is about to cross.
+            let ends = b.b[b.n].abs() <= self.uncertainty;
+            let is_flat = hi < self.limit || b.n > 0 && b.b[b.n - 1].abs() <= self.uncertainty;
+            if ends && is_flat && start > 0.0 {
                 self.touch.get_or_insert(hi);
             }
             return None;
         }
         if changes == 1 {
-            return Some(self.polish(lo, hi, lo + b.crossing() * (hi - lo)));
+            let is_deep = b.coefficients().iter().any(|c| *c < -self.uncertainty);
+            if b.b[b.n] < -self.uncertainty || !is_deep {
+                let root = self.polish(lo, hi, lo + b.crossing() * (hi - lo));
+                return self.fallen(root, &b);
+            }
         }
         if depth >= MAX_DEPTH || b.largest() <= self.uncertainty {
             // Not to be told from zero on the whole interval: a touch, unless it comes out negative.
             if b.b[b.n] < 0.0 {
-                return Some(0.5 * (lo + hi));
+                return self.fallen(0.5 * (lo + hi), &b);
             }
             self.touch.get_or_insert(0.5 * (lo + hi));
+            return None;
+        }
+        self.splits += 1;
+        let mid = 0.5 * (lo + hi);
+        let right = b.split();
+        self.first(b, lo, mid, depth + 1).or_else(|| self.first(right, mid, hi, depth + 1))
+    }
+
+    /// It fell through zero at `root` and ends the interval below: a crossing if it is deeper than the uncertainty.
+    fn fallen(&mut self, root: f64, b: &Bernstein) -> Option<f64> {
+        if b.b[b.n] < -self.uncertainty {
+            return Some(root);
+        }
+        self.shallow = Some(root);
+        None
+    }
+
+    /// After a shallow fall: the crossing it was if the polynomial gets deeper than the uncertainty before it is
+    /// back above zero, else a touch.
+    fn follow(&mut self, mut b: Bernstein, lo: f64, hi: f64, depth: u32) -> Option<f64> {
+        let end = b.b[b.n];
+        let is_deep = b.coefficients().iter().any(|c| *c < -self.uncertainty);
+        if end < -self.uncertainty && b.sign_changes() == 0 {
+            return self.shallow;
+        }
+        if !is_deep && (end <= 0.0 || b.sign_changes() <= 1) || depth >= MAX_DEPTH {
+            if end > 0.0 {
+                self.touch = self.touch.or(self.shallow.take());
+            }
             return None;
         }
         self.splits += 1;

@@ -137,20 +137,14 @@ impl Structure {
         let flank = guard_id(j, if state.side() > 0.0 { Watch::DriveFlank } else { Watch::BackFlank });
         let (mut forces, mut a) = ([0.0; MAX_CONTACTS], vec![0.0; self.n]);
         self.dynamics(jump.mode, at, x, &mut forces, &mut a);
-        let c = &self.contacts[j];
         // The multiplier against the accelerations it is a difference of.
-        let size: f64 = c
-            .direction
-            .iter()
-            .map(|(i, g)| (g * a[*i as usize]).abs() + (g * self.load[*i as usize]).abs())
-            .sum::<f64>()
-            + self.error(j, at).2.abs();
-        if (forces[j] * c.mobility).abs() <= 1e3 * f64::EPSILON * size {
+        let size = self.acceleration_size(j, jump.mode, x, |k| forces[k]);
+        if (forces[j] * self.contacts[j].mobility).abs() <= 1e3 * f64::EPSILON * size {
             jump.pinned.insert(guard_id(j, Watch::Force));
         }
         jump.pinned.insert(flank);
         jump.still.insert(flank);
-        jump.projected = jump.projected.max(self.project(j, state.side() * c.gap(), at, x));
+        jump.projected = jump.projected.max(self.project(j, state.side() * self.contacts[j].gap(), at, x));
         self.stop(j, at, x);
         jump.mode = with_contact(jump.mode, j, ContactMode::Separated);
     }
@@ -172,7 +166,24 @@ impl Structure {
                 jump.still.insert(flank);
             }
         }
+        self.tear_off(jump, strikers, at, x);
         Ok(())
+    }
+
+    /// Contacts at rest that an impact elsewhere has sent off their flanks are separated, with a rate.
+    fn tear_off(&self, jump: &mut Jump, strikers: &[Striker], at: Instant, x: &mut [f64]) {
+        for (j, c) in self.contacts.iter().enumerate() {
+            let state = contact_mode(jump.mode, j);
+            let at_rest = matches!(c.spec.law, Law::Rigid(_)) && state.is_closed();
+            if !at_rest || strikers.iter().any(|s| s.contact == j) {
+                continue;
+            }
+            if self.closing_speed(j, state.side(), at, x) < -self.speed_rounding(j, at, x) {
+                jump.projected = jump.projected.max(self.project(j, state.side() * c.gap(), at, x));
+                jump.pinned.insert(guard_id(j, if state.side() > 0.0 { Watch::DriveFlank } else { Watch::BackFlank }));
+                jump.mode = with_contact(jump.mode, j, ContactMode::Separated);
+            }
+        }
     }
 }
 

@@ -109,6 +109,33 @@ impl Structure {
         }
     }
 
+    /// Size of the terms whose sum is the acceleration of contact `j`, m/s²: its rounding error is a few units of
+    /// this. `force` gives the force of any contact that carries one, N.
+    pub(super) fn acceleration_size(&self, j: usize, mode: Mode, x: &[f64], force: impl Fn(usize) -> f64) -> f64 {
+        let (q, v) = (&x[..self.n], &x[self.n..2 * self.n]);
+        let free: f64 = self.contacts[j]
+            .direction
+            .iter()
+            .map(|(i, g)| {
+                let i = *i as usize;
+                let waves: f64 = self.load_waves.iter().map(|w| w.cosine[i].abs() + w.sine[i].abs()).sum();
+                let structure: f64 =
+                    self.rows[i].iter().map(|(c, k, d)| (k * q[*c as usize]).abs() + (d * v[*c as usize]).abs()).sum();
+                g.abs() * (self.load[i].abs() + waves + structure)
+            })
+            .sum();
+        let carries =
+            |k: &usize| contact_mode(mode, *k).is_closed() || matches!(self.contacts[*k].spec.law, Law::Bilateral(_));
+        let contacts: f64 =
+            (0..self.contacts.len()).filter(carries).map(|k| (self.coupling(j, k) * force(k)).abs()).sum();
+        let flank: f64 = self.contacts[j]
+            .error
+            .iter()
+            .map(|w| self.oscillators[w.index].omega.powi(2) * (w.cosine.abs() + w.sine.abs()))
+            .sum();
+        free + contacts + flank
+    }
+
     /// Own rates of the elements of a mode, each alone on the mass it feels: freedoms on their supports, closed linear
     /// contacts on their effective masses. (A power law sets its own time scale and is never stiff by itself.)
     pub(super) fn own_rates(&self, mode: Mode) -> Rates {

@@ -128,12 +128,8 @@ impl Expansion<'_> {
                 (chi * tail, 1.0 + chi * self.rate_size(c))
             }
             Law::Rigid(_) => {
-                let a = self.layout.accelerations;
-                let held: f64 = c
-                    .direction
-                    .iter()
-                    .map(|(i, g)| (g * work[a + *i as usize]).abs() + (g * self.s.load[*i as usize]).abs())
-                    .sum();
+                let force = |k| work[self.layout.of(k, FORCE)];
+                let held = self.s.acceleration_size(j, self.request.mode, self.request.x, force);
                 (tail / deflect * c.effective_mass(), c.effective_mass() * held)
             }
             Law::Bilateral(l) | Law::KelvinVoigt(l, _) => {

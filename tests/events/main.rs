@@ -1,0 +1,12 @@
+//! The event semantics, line by line: the numbers are those of `docs/EVENTS.md`.
+#![allow(clippy::unwrap_used)] // helpers of tests are not recognised as tests
+
+mod crossing;
+mod endings;
+mod isolation;
+mod release;
+mod rest;
+mod schedule;
+mod start;
+mod support;
+mod together;

@@ -1,0 +1,156 @@
+//! What happens at one instant: lines 11 to 14.
+
+use flank::{
+    engine::EngineError,
+    gear::{
+        Stiffness,
+        contact::{Law, Linear, Release},
+    },
+    hybrid::ContactMode::{Drive, DriveDetached},
+    train::{Structure, Walled, Walls, contact_mode},
+};
+
+use crate::support::{Course, attempt, masses, rigid, run, walled};
+
+fn unit(n: usize, i: usize) -> Vec<f64> {
+    (0..n).map(|k| f64::from(u8::from(k == i))).collect()
+}
+
+fn compliant() -> Law {
+    Law::KelvinVoigt(Linear { damping: 0.1 }, Release::Deflection)
+}
+
+/// `n` equal masses, each pushed against its own flank.
+fn copies(n: usize, law: Law) -> Structure {
+    let directions: Vec<_> = (0..n).map(|i| unit(n, i)).collect();
+    masses(&vec![1.0; n], &vec![0.3; n], &directions, law)
+}
+
+#[test]
+fn l11_equal_contacts_that_meet_together_are_one_record() {
+    for law in [compliant(), rigid(0.7)] {
+        let one = run(&copies(1, law), &[-1.0], &[0.2], 12.0);
+        for n in [2, 3, 5, 8] {
+            let many = run(&copies(n, law), &vec![-1.0; n], &vec![0.2; n], 12.0);
+            assert_eq!(many.times(), one.times());
+            for (a, b) in many.events().iter().zip(one.events()) {
+                assert_eq!(a.fired.0.count_ones(), n as u32);
+                assert!(a.x_plus[..n].iter().all(|x| *x == b.x_plus[0]));
+            }
+        }
+    }
+}
+
+#[test]
+fn l11_contacts_one_unit_in_the_last_place_apart_all_fire() {
+    for law in [compliant(), rigid(0.7)] {
+        let plain = run(&copies(3, law), &[-1.0; 3], &[0.2; 3], 12.0);
+        let q = [-1.0, -1.0 - f64::EPSILON, -1.0 + 0.5 * f64::EPSILON];
+        let apart = run(&copies(3, law), &q, &[0.2; 3], 12.0);
+        assert_eq!(apart.counters.fired, plain.counters.fired);
+        assert!(apart.counters.events >= plain.counters.events);
+        // A unit in the last place of the start, carried through seven flights.
+        let off = apart.state.x.iter().zip(&plain.state.x).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        assert!(off <= 1e3 * f64::EPSILON, "{off:e}");
+    }
+}
+
+/// A hub and three planets with springs to the hub's stops.
+fn star(order: [usize; 3], law: Law) -> Structure {
+    let directions: Vec<_> = order
+        .iter()
+        .map(|p| (0..4).map(|k| [-1.0, 1.0][usize::from(k == 0)] * f64::from(u8::from(k == 0 || k == p + 1))).collect())
+        .collect();
+    masses(&[2.0, 1.0, 1.0, 1.0], &[0.5, -0.1, -0.1, -0.1], &directions, law)
+}
+
+#[test]
+fn l12_the_order_of_contacts_and_planets_does_not_matter() {
+    for (law, end) in [(compliant(), 9.0), (rigid(0.6), 2.6)] {
+        for q in [[0.2, 0.2, 0.2], [0.2, 0.2, 0.35]] {
+            let plain = run(&star([0, 1, 2], law), &[0.0, q[0], q[1], q[2]], &[0.0; 4], end);
+            assert!(plain.events().len() >= 2);
+            // Other numbers for the contacts.
+            for order in [[2, 0, 1], [1, 0, 2], [2, 1, 0]] {
+                let other = run(&star(order, law), &[0.0, q[0], q[1], q[2]], &[0.0; 4], end);
+                assert_eq!(other.events().len(), plain.events().len(), "{order:?}");
+                for (a, b) in other.events().iter().zip(plain.events()) {
+                    for (j, p) in order.iter().enumerate() {
+                        assert_eq!(contact_mode(a.to, j), contact_mode(b.to, *p));
+                    }
+                    assert_eq!(a.fired.0.count_ones(), b.fired.0.count_ones());
+                }
+                close(&other.times(), &plain.times());
+                close(&other.state.x, &plain.state.x);
+            }
+            // Other numbers for the planets.
+            let other = run(&star([0, 1, 2], law), &[0.0, q[2], q[0], q[1]], &[0.0; 4], end);
+            close(&other.times(), &plain.times());
+            let x = &other.state.x;
+            close(&[x[0], x[2], x[3], x[1], x[4], x[6], x[7], x[5]], &plain.state.x);
+        }
+    }
+}
+
+/// The sums run in another order: rounding, carried through a few flights.
+fn close(a: &[f64], b: &[f64]) {
+    assert_eq!(a.len(), b.len());
+    assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 256.0 * f64::EPSILON * (1.0 + b.abs())), "{a:?} {b:?}");
+}
+
+/// Three balls in a row, the second and the third touching.
+fn cradle(restitution: f64) -> crate::support::Run {
+    let s = masses(&[1.0; 3], &[0.0; 3], &[vec![1.0, -1.0, 0.0], vec![0.0, 1.0, -1.0]], rigid(restitution));
+    run(&s, &[-1.0, 0.0, 0.0], &[1.0, 0.0, 0.0], 2.0)
+}
+
+#[test]
+fn l13_an_impact_passed_on_along_a_row_is_one_record() {
+    let run = cradle(1.0);
+    assert_eq!(run.times(), [1.0]);
+    let record = run.events()[0];
+    assert_eq!((record.jumps, record.fired.0.count_ones()), (2, 2));
+    assert_eq!(record.x_plus[3..], [0.0, 0.0, 1.0]);
+    // Restitution 0.8: (1, 0, 0) → (0.1, 0.9, 0) → (0.1, 0.09, 0.81) → (0.091, 0.099, 0.81).
+    let run = cradle(0.8);
+    assert_eq!(run.events().len(), 1);
+    assert_eq!(run.events()[0].jumps, 3);
+    for (v, exact) in run.events()[0].x_plus[3..].iter().zip([0.091, 0.099, 0.81]) {
+        assert!((v - exact).abs() <= 4.0 * f64::EPSILON, "{v} {exact}");
+    }
+}
+
+#[test]
+fn l13_a_run_that_ends_at_an_impact_has_all_that_follows_from_it() {
+    let s = masses(&[1.0; 3], &[0.0; 3], &[vec![1.0, -1.0, 0.0], vec![0.0, 1.0, -1.0]], rigid(1.0));
+    let first = run(&s, &[-1.0, 0.0, 0.0], &[1.0, 0.0, 0.0], 1.0);
+    assert_eq!((first.times(), first.events()[0].jumps), (vec![1.0], 2));
+    assert_eq!(first.state.x, [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+    let second = crate::support::run_from(&s, first.state, s.clock().instant(2.0));
+    assert_eq!((second.events().len(), &second.state.x[2..3]), (0, &[1.0][..]));
+}
+
+#[test]
+fn l13_a_stiffness_drop_lets_go_at_the_same_instant() {
+    let s = walled(&Walled::new(
+        1.0,
+        Walls::Between { half_gap: 1.0 },
+        Law::KelvinVoigt(Linear { damping: 0.5 }, Release::Force),
+        Stiffness::Switched { times: vec![0.01], levels: [1.0, 0.1] },
+    ));
+    let run = run(&s, &[1.1], &[-0.1], 0.02);
+    assert_eq!(run.times(), [0.01]);
+    let record = run.events()[0];
+    assert!(record.switched && record.jumps == 1);
+    assert_eq!((contact_mode(record.from, 0), contact_mode(record.to, 0)), (Drive, DriveDetached));
+}
+
+#[test]
+fn l14_jumps_that_never_come_to_rest_are_an_error_that_lists_the_modes() {
+    let course = Course { trap: true, ..Course::new(&[1.0, -1.0]) };
+    let (outcome, run) = attempt(&course, course.start(), course.clock.instant(3.0));
+    let Err(EngineError::Cycle { t, modes }) = outcome else { panic!("{outcome:?}") };
+    assert_eq!((t, modes.len()), (1.0, 65));
+    assert_eq!((modes[0].0, modes[1].0, modes[2].0), (0, 1, 0));
+    assert!(run.records.is_empty());
+}
