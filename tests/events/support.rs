@@ -255,8 +255,8 @@ impl HybridSystem for Course {
     fn guard(&self, mode: Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
         if mode.0 == 1 && !self.trap { -x[0] } else { x[0] }
     }
-    fn jump(&self, mode: Mode, fired: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
-        Ok(Jump { mode: Mode(1 - mode.0), pinned: fired, ..Jump::default() })
+    fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
+        Ok(Jump { mode: Mode(1 - from.mode.0), pinned: fired, ..Jump::default() })
     }
     fn next_switch(&self, _: Instant) -> Option<Instant> {
         None
@@ -267,7 +267,7 @@ impl HybridSystem for Course {
     fn restitution(&self, _: GuardId) -> Option<f64> {
         None
     }
-    fn settle(&self, mode: Mode, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        self.jump(mode, fired, at, x)
+    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+        self.jump(from, fired, at, x)
     }
 }
