@@ -8,8 +8,7 @@ use flank::{
     engine::{Counters, Engine, Observer, Options, Outcome, State},
     event::EventRecord,
     hybrid::{
-        Clock, Crossing, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, Rates, Role,
-        VectorField,
+        Clock, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, Rates, VectorField,
     },
     integrate::{Choice, DenseStep, IntegrateError, Integrator, build},
     train::{KahramanSingh, Structure},
@@ -212,7 +211,7 @@ impl HybridSystem for Ball {
     }
     fn guards(&self, _: Mode, out: &mut Vec<Guard>) {
         out.clear();
-        out.push(Guard { id: FLOOR, crossing: Crossing::Falling, role: Role::Jump });
+        out.push(Guard { id: FLOOR });
     }
     fn guard(&self, _: Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
         x[0]

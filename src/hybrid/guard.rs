@@ -2,38 +2,14 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct GuardId(pub u16);
 
-/// Which sign changes of a guard count.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Crossing {
-    /// From positive to negative.
-    Falling,
-    /// From negative to positive.
-    Rising,
-    /// Both.
-    Either,
-}
-
-/// What a crossing does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
-    /// Ends the arc and calls the system's jump.
-    Jump,
-    /// Is recorded; the flow goes on.
-    Monitor,
-}
-
 /// A scalar function of time and state, watched in one mode.
 ///
-/// Jump guards are oriented: the interior of the mode is `g > 0`, and the guard fires where `g`
-/// falls through zero.
+/// It is oriented: the interior of the mode is `g > 0`, and the guard fires where `g` falls through zero. What only
+/// watches is an observer, not a guard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Guard {
     /// Which function.
     pub id: GuardId,
-    /// Which sign changes count.
-    pub crossing: Crossing,
-    /// What happens at a crossing.
-    pub role: Role,
 }
 
 /// A set of guards, as a bit mask over [`GuardId`] 0 to 127.

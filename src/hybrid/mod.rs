@@ -13,7 +13,7 @@ mod system;
 
 pub use contact::{ContactMode, ContactView, Watch};
 pub use flow::{Flow, Jet, JetField, JetRequest, VectorField};
-pub use guard::{Crossing, Guard, GuardId, GuardSet, Role};
+pub use guard::{Guard, GuardId, GuardSet};
 pub use instant::{Clock, Instant, Wide};
 pub use mode::Mode;
 pub use power::{EnergyJump, PowerBalance, Powers, Transition};

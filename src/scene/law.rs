@@ -105,10 +105,10 @@ fn exponent(node: &Node) -> Ratio {
     };
     match ratio {
         // Below one the force rises with infinite slope at the start of contact: no law of teeth does.
-        Some(ratio) if ratio.value() >= 1.0 => ratio,
+        Some(ratio) if (1.0..=5.0).contains(&ratio.value()) => ratio,
         _ => {
             node.refuse(
-                format!("a ratio p/q >= 1 of whole numbers, q up to {}", Ratio::MAX_DENOMINATOR),
+                format!("a ratio p/q from 1 to 5 of whole numbers, q up to {}", Ratio::MAX_DENOMINATOR),
                 "write it to full precision or as a ratio, such as 1.5 or \"10/9\"",
             );
             Ratio { p: 3, q: 2 }

@@ -4,7 +4,10 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::{ContactSpec, Flanks, Spec, schedule::Schedule};
 use crate::{
-    gear::{Harmonic, Stiffness, contact::Law},
+    gear::{
+        Harmonic, Stiffness,
+        contact::{Law, Ratio},
+    },
     hybrid::{Clock, Instant},
 };
 
@@ -128,6 +131,11 @@ impl Contact {
 
     pub(super) fn gap(&self) -> f64 {
         self.spec.half_backlash
+    }
+
+    /// Where the spring is unstretched on its flank's side: the gap, but a bilateral mesh has none.
+    pub(super) fn offset(&self) -> f64 {
+        if matches!(self.spec.law, Law::Bilateral(_)) { 0.0 } else { self.gap() }
     }
 
     pub(super) fn has_back(&self) -> bool {
@@ -410,6 +418,17 @@ fn check(spec: &Spec, n: usize) -> Result<(), AssembleError> {
         let fault = |problem| AssembleError::Contact { contact: c.name.clone(), problem };
         if c.direction.iter().all(|g| *g == 0.0) {
             return Err(fault("its direction is zero: no freedom moves it"));
+        }
+        if let Law::Power(l) = c.law {
+            let n = l.exponent;
+            if n.p < n.q || n.p > 5 * n.q || n.q == 0 || n.q > Ratio::MAX_DENOMINATOR {
+                return Err(fault("a power law needs an exponent p/q from 1 to 5 with q from 1 to 16"));
+            }
+            // A contact that starts together with another one is expanded in the other's root clock.
+            let shares = |o: &Law| !matches!(o, Law::Power(o) if o.exponent.q * n.p % n.q != 0);
+            if !spec.contacts.iter().all(|o| shares(&o.law)) {
+                return Err(fault("its power law's exponent and another contact's have no common root clock"));
+            }
         }
         if matches!(c.law, Law::Power(_)) && !matches!(c.stiffness, Stiffness::Constant(_)) {
             return Err(fault("a power law needs a constant stiffness"));

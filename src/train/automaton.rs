@@ -7,9 +7,7 @@ use super::{
 };
 use crate::{
     gear::contact::Law,
-    hybrid::{
-        Clock, Crossing, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, Rates, Role,
-    },
+    hybrid::{Clock, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, Rates},
 };
 
 use super::assemble::Spring;
@@ -227,7 +225,7 @@ impl HybridSystem for Structure {
         out.clear();
         for (j, c) in self.contacts.iter().enumerate() {
             for (watch, _) in self.watched(c, contact_mode(mode, j)) {
-                out.push(Guard { id: guard_id(j, *watch), crossing: Crossing::Falling, role: Role::Jump });
+                out.push(Guard { id: guard_id(j, *watch) });
             }
         }
     }

@@ -54,8 +54,8 @@ fn l6_an_exact_tangency_is_a_graze_and_changes_nothing() {
         assert_eq!((run.records.len(), run.counters.grazes), (1, 1), "{end} {push}");
         let touch = &run.records[0];
         assert!(touch.graze && touch.from == touch.to && !touch.fired.is_empty());
-        // A touch is known to the root of twice the guard's uncertainty (a few units of rounding).
-        assert!((run.time(0) - push).abs() <= (32.0 * f64::EPSILON).sqrt(), "{}", run.time(0));
+        // A touch is known to the root of twice the guard's uncertainty, 32 ε of terms that sum to at most 2.
+        assert!((run.time(0) - push).abs() <= (128.0 * f64::EPSILON).sqrt(), "{}", run.time(0));
         assert_eq!(contact_mode(touch.to, 0), Separated);
     }
 }

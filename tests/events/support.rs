@@ -10,8 +10,8 @@ use flank::{
         contact::{Law, Linear, Release, Rigid},
     },
     hybrid::{
-        Clock, ContactMode, Crossing, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest,
-        Jump, Mode, ModelError, Role, VectorField,
+        Clock, ContactMode, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Jump,
+        Mode, ModelError, VectorField,
     },
     integrate::Taylor,
     train::{ContactSpec, Flanks, Spec, Structure, Walled, Walls, contact_mode},
@@ -250,7 +250,7 @@ impl HybridSystem for Course {
     }
     fn guards(&self, _: Mode, out: &mut Vec<Guard>) {
         out.clear();
-        out.push(Guard { id: GuardId(0), crossing: Crossing::Falling, role: Role::Jump });
+        out.push(Guard { id: GuardId(0) });
     }
     fn guard(&self, mode: Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
         if mode.0 == 1 && !self.trap { -x[0] } else { x[0] }

@@ -3,7 +3,7 @@
 use super::{Expansion, FACTOR, FORCE, LANES, ROW, rooted::Owner};
 use crate::{
     gear::contact::{Law, Release},
-    hybrid::{Crossing, Guard, Jet, Role},
+    hybrid::{Guard, Jet},
     train::{
         assemble::{Contact, Structure},
         contact_mode::{ContactMode, Watch, contact_mode, guard_id, watches},
@@ -85,7 +85,7 @@ impl Expansion<'_> {
                 self.write_zeros(j, watch, state, series);
                 remainder.push(tail);
                 rounding.push(ROUNDING * size);
-                guards.push(Guard { id, crossing: Crossing::Falling, role: Role::Jump });
+                guards.push(Guard { id });
             }
         }
     }

@@ -3,6 +3,7 @@
 //! With every closed law linear, the mode is `q̈ = A_q q + A_v q̇ + f(t)` up to the contacts whose stiffness
 //! is itself a series. The closed contacts are merged into the matrices, and the recurrence runs on
 //! fixed-size columns that the compiler turns into vector instructions.
+#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
 use super::{Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STIFFNESS, product};
 use crate::{
@@ -63,6 +64,9 @@ const FOURS: usize = MAX_CONTACTS.div_ceil(LANES);
 impl Expansion<'_> {
     /// All coefficients of a linear mode; `false` if the mode is not linear or has too many freedoms.
     pub(super) fn linear(&self, out: &mut Jet) -> bool {
+        if self.s.oscillators.len() > MAX_OSCILLATORS {
+            return false;
+        }
         let mut parts =
             [LinearPart { stiffness: 0.0, damping: 0.0, carried: false, varying: false, present: false }; MAX_CONTACTS];
         let parts = &mut parts[..self.s.contacts.len()];

@@ -150,7 +150,8 @@ impl JetField for Structure {
         carried.extend((0..self.contacts.len()).map(|j| {
             let grown = (1..=ORDER).rev().fold(0.0, |sum, k| (sum + step.work[layout.deflection(j, k)]) * step.reach);
             let stretch = step.work[layout.stretches + j] + grown;
-            let small = contact_mode(mode, j).side() != 0.0 && stretch.abs() < SMALL_STRETCH * self.contacts[j].gap();
+            let small =
+                contact_mode(mode, j).side() != 0.0 && stretch.abs() < SMALL_STRETCH * self.contacts[j].offset();
             if small { stretch } else { f64::NAN }
         }));
     }
@@ -186,7 +187,7 @@ impl Expansion<'_> {
             let side = contact_mode(self.request.mode, j).side();
             work[layout.stretches + j] = match self.request.carried.get(j) {
                 Some(stretch) if !stretch.is_nan() => *stretch,
-                _ => work[layout.deflection(j, 0)] - side * c.gap(),
+                _ => work[layout.deflection(j, 0)] - side * c.offset(),
             };
         }
     }
