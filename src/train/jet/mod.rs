@@ -21,7 +21,10 @@ use super::{
     assemble::{Structure, dot},
     contact_mode::{Watch, contact_mode, guard_id},
 };
-use crate::hybrid::{Jet, JetField, JetRequest, Mode};
+use crate::{
+    gear::contact::Law,
+    hybrid::{Jet, JetField, JetRequest, Mode},
+};
 
 /// Highest power of a step.
 pub(super) const ORDER: usize = 24;
@@ -184,7 +187,9 @@ impl Expansion<'_> {
                 });
                 dot(&c.direction, self.request.x) - e
             };
-            let side = contact_mode(self.request.mode, j).side();
+            // A bilateral contact has no flanks: its law acts on δ itself.
+            let is_bilateral = matches!(c.spec.law, Law::Bilateral(_));
+            let side = if is_bilateral { 0.0 } else { contact_mode(self.request.mode, j).side() };
             work[layout.stretches + j] = match self.request.carried.get(j) {
                 Some(stretch) if !stretch.is_nan() => *stretch,
                 _ => work[layout.deflection(j, 0)] - side * c.offset(),
