@@ -3,6 +3,8 @@
 //! Expected values: an independent event-driven integration (explicit Runge–Kutta of order 8, relative tolerance
 //! 1e-8) of the same equations; its tolerance is 0.002 in fractions and 0.3 % in forces.
 
+#![allow(clippy::unwrap_used)] // a test may panic
+
 use flank::{
     analysis::Contacts,
     engine::{Engine, Options, Outcome, State},

@@ -52,7 +52,6 @@ fn l27_the_latched_speed_is_the_approach_speed_or_its_floor() {
 }
 
 #[test]
-#[ignore = "the root clock stands still where a power law starts with neither penetration nor speed"]
 fn l27_a_slow_press_onto_a_power_law_latches_the_floor() {
     latch(0.0, 1e-6);
 }

@@ -60,7 +60,7 @@ impl Expansion<'_> {
                 let tail = work[self.layout.tails + j];
                 let (tail, size) = match watch {
                     Watch::Force => self.force_guard(j, state, sign, tail, deflect, work, series),
-                    _ if owner.is_some_and(|o| o.contact == j) => {
+                    _ if owner.is_some_and(|o| o.contact == j && o.root > 1) => {
                         let y = self.layout.y(1);
                         series.copy_from_slice(&work[y..y + ROW]);
                         // Afresh from the state, a penetration within its rounding is none.

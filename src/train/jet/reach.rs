@@ -38,7 +38,7 @@ impl Expansion<'_> {
     pub(super) fn reach(&self, owner: Option<Owner>, out: &Jet) -> f64 {
         let tolerance = self.request.tolerance;
         let first = [0, 1, 2].map(|k| self.size(k, out));
-        let window = owner.map_or(2, |o| (o.law.exponent.p + o.law.exponent.q) as usize).min(ORDER);
+        let window = owner.map_or(2, |o| (o.law.exponent.p + o.root) as usize).min(ORDER);
         let (shrink, tolerance) =
             if owner.is_some() { (tolerance.powf(1.0 / ORDER as f64), 1.0) } else { (1.0, tolerance) };
         let mut last = [0.0; ORDER];

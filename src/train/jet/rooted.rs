@@ -16,6 +16,9 @@ use crate::{
 pub(super) struct Owner {
     pub contact: usize,
     pub law: PowerLaw,
+    /// The clock's root q, the law's own. It is 1, plain time, where the contact starts from rest: with neither
+    /// penetration nor speed a root clock stands still, and `p ~ t²` has its root already.
+    pub root: u32,
 }
 
 impl Structure {
@@ -35,8 +38,9 @@ impl Structure {
                 continue;
             }
             let time = if p <= 0.0 { 0.0 } else { p / rate.abs() };
+            let root = if p <= 0.0 && rate == 0.0 { 1 } else { law.exponent.q };
             if nearest.is_none_or(|(t, _)| time < t) {
-                nearest = Some((time, Owner { contact: j, law }));
+                nearest = Some((time, Owner { contact: j, law, root }));
             }
         }
         nearest.map(|(_, owner)| owner)
@@ -57,7 +61,7 @@ impl Structure {
     pub(super) fn root_scale(&self, request: &JetRequest<'_>, owner: Owner) -> f64 {
         let state = contact_mode(request.mode, owner.contact);
         let (p, rate) = self.penetration(owner.contact, state, request);
-        let q = f64::from(owner.law.exponent.q);
+        let q = f64::from(owner.root);
         // From the boundary: p = ṗ t and t = ṗ^(q−1) s^q. From inside: dt = q y^(q−1) ds.
         let from_boundary = (request.span / rate.abs().powf(q - 1.0)).powf(1.0 / q);
         let from_inside = request.span / (q * p.powf((q - 1.0) / q));
@@ -75,7 +79,7 @@ impl Expansion<'_> {
         time.resize(ORDER + 1, 0.0);
         let mode = contact_mode(self.request.mode, owner.contact);
         let p = (mode.side() * work[layout.stretches + owner.contact]).max(0.0);
-        work[layout.y(1)] = p.powf(1.0 / f64::from(owner.law.exponent.q));
+        work[layout.y(1)] = p.powf(1.0 / f64::from(owner.root));
         let held = Sticking::new(s, self.request.mode);
         for k in 0..=ORDER {
             let (low, high) = state.split_at_mut((k + 1) * dim);
@@ -126,7 +130,7 @@ impl Expansion<'_> {
     fn clock_series(&self, owner: Owner, k: usize, work: &mut [f64]) {
         let layout = &self.layout;
         let side = contact_mode(self.request.mode, owner.contact).side();
-        let q = owner.law.exponent.q as usize;
+        let q = owner.root as usize;
         if k > 0 {
             work[layout.y(1) + k] = self.h / k as f64 * side * work[layout.of(owner.contact, RATE) + k - 1];
         }
@@ -198,7 +202,7 @@ impl Expansion<'_> {
         let layout = &self.layout;
         let (p, u) = (layout.of(j, PENETRATION), layout.of(j, POWER));
         let exponent = law.exponent;
-        if owner.contact == j {
+        if owner.contact == j && owner.root == exponent.q {
             // n = a + r/q: pⁿ = p^a y^r, products only.
             let (a, r) = ((exponent.p / exponent.q) as usize, (exponent.p % exponent.q) as usize);
             let mut series = p;
@@ -214,12 +218,20 @@ impl Expansion<'_> {
             };
             return;
         }
-        // Another contact's clock. If this one starts at the same instant, p = θ^m β with m the owner's q,
-        // and pⁿ = θ^(mn) βⁿ; βⁿ by the recurrence of a power of a series.
+        // Another contact's clock, or plain time. If this contact starts here, p = θ^m β with m exact zeros in front
+        // (the owner's q; 2 from rest), and pⁿ = θ^(mn) βⁿ; βⁿ by the recurrence of a power of a series.
         let n = exponent.value();
-        let m = if work[p] == 0.0 { owner.law.exponent.q as usize } else { 0 };
-        let shift = (m as f64 * n).round() as usize;
-        if k < shift || work[p + m] == 0.0 {
+        let Some(m) = work[p..=p + k].iter().position(|c| *c != 0.0) else {
+            work[u + k] = 0.0;
+            return;
+        };
+        if m * exponent.p as usize % exponent.q as usize != 0 {
+            // No power series in this clock: better no number than a wrong one.
+            work[u + k] = f64::NAN;
+            return;
+        }
+        let shift = m * exponent.p as usize / exponent.q as usize;
+        if k < shift {
             work[u + k] = 0.0;
             return;
         }
