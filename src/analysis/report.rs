@@ -43,9 +43,9 @@ pub struct ContactReport {
     /// Durations without force of the separations that began and ended in the measured time.
     pub durations: Statistics,
     /// Largest deflection, m.
-    pub deflection_max: f64,
+    pub deflection_max: Option<f64>,
     /// Smallest deflection, m.
-    pub deflection_min: f64,
+    pub deflection_min: Option<f64>,
     /// Largest force by absolute value, N; impacts have none.
     pub force_abs_max: f64,
     /// Mean force along the contact's direction, N: the impulse, of impacts too, over the measured time.

@@ -225,7 +225,7 @@ impl Expansion<'_> {
             work[u + k] = 0.0;
             return;
         };
-        if m * exponent.p as usize % exponent.q as usize != 0 {
+        if !(m * exponent.p as usize).is_multiple_of(exponent.q as usize) {
             // No power series in this clock: better no number than a wrong one.
             work[u + k] = f64::NAN;
             return;
