@@ -66,15 +66,27 @@ fn stands_still(step: &dyn DenseStep, theta: f64, end: f64) -> bool {
     step.plain_span().is_none() && step.rate(theta) * end <= STANDSTILL * step.time(end)
 }
 
+/// Whether a touch of guard `i` at `theta` is tangential in time. In a root clock a contact that ends together with
+/// the clock's owner touches zero at full speed, where time stands still: that is its end, not a graze.
+fn is_tangent(step: &dyn DenseStep, i: usize, theta: f64, end: f64) -> bool {
+    match step.guard_in_time(i, theta) {
+        Some((slope, _)) => {
+            let fastest = [0.0, 0.5 * end, end].map(|t| step.guard_in_time(i, t).map_or(0.0, |(s, _)| s.abs()));
+            slope.abs() <= STANDSTILL * fastest.into_iter().fold(0.0, f64::max)
+        }
+        None => !stands_still(step, theta, end),
+    }
+}
+
 impl Locator {
     /// The first event on the step, and the first touch before it, if any.
     ///
     /// `closed_end` makes an event exactly at the end of the step belong to it (the end of a run).
     pub fn first(&mut self, step: &dyn DenseStep, closed_end: bool) -> (Option<Located>, Option<(f64, GuardId)>) {
         let mut first: Option<(f64, usize)> = None;
-        let mut touch: Option<(f64, GuardId)> = None;
+        let mut touch: Option<(f64, usize)> = None;
         let mut limit = 1.0;
-        for (i, guard) in step.guards().iter().enumerate() {
+        for i in 0..step.guards().len() {
             let series = Deflated::new(step, i);
             let found = poly::first_root(series.p, limit, series.error);
             self.splits += u64::from(found.splits);
@@ -92,13 +104,12 @@ impl Locator {
             if let Some(theta) = found.touch
                 && touch.is_none_or(|(t, _)| theta < t)
             {
-                touch = Some((theta, guard.id));
+                touch = Some((theta, i));
             }
         }
-        // In a root clock a contact that ends together with the clock's owner touches zero where time stands still.
-        // That is its end, not a graze.
         let end = first.map_or(1.0, |(theta, _)| theta);
-        let touch = touch.filter(|(t, _)| *t < end && !stands_still(step, *t, end));
+        let touch =
+            touch.filter(|(t, i)| *t < end && is_tangent(step, *i, *t, end)).map(|(t, i)| (t, step.guards()[i].id));
         (first.map(|(theta, lead)| self.batch(step, theta, lead)), touch)
     }
 
@@ -134,10 +145,16 @@ impl Locator {
                 fired.insert(guard.id);
             }
         }
-        // Slope and width in time; at the end of a contact a root clock stands still.
+        // All of it in time and in the guard's own units; at the end of a contact a root clock stands still.
         let rate = step.rate(theta).abs();
-        let conditioning =
-            Conditioning { residual, slope: if rate > 0.0 { slope / rate } else { 0.0 }, time: width * rate };
+        let conditioning = match step.guard_in_time(lead, theta) {
+            Some((in_time, error)) => Conditioning {
+                residual: if slope == 0.0 { 0.0 } else { residual / slope * rate * in_time },
+                slope: in_time,
+                time: if in_time == 0.0 { width * rate } else { error / in_time.abs() },
+            },
+            None => Conditioning { residual, slope: if rate > 0.0 { slope / rate } else { 0.0 }, time: width * rate },
+        };
         Located { theta, fired, conditioning }
     }
 }

@@ -84,6 +84,10 @@ pub struct Jet {
     pub remainder: Vec<f64>,
     /// For each guard, the rounding error of its value where it is computed from scratch.
     pub rounding: Vec<f64>,
+    /// In a clock of its own: for each guard its rate in time as a series in θ, rows as in `guard_series`.
+    pub guard_rates: Vec<f64>,
+    /// And the error of its value in its physical units; negative where there is no such row.
+    pub guard_errors: Vec<f64>,
     /// Working space of the field.
     pub work: Vec<f64>,
 }
@@ -94,6 +98,15 @@ impl Jet {
     pub fn guard(&self, i: usize) -> &[f64] {
         let row = self.order + 1;
         &self.guard_series[i * row..(i + 1) * row]
+    }
+
+    /// Rate in time of guard `i` at `θ` and the error of its value, in its physical units, if the field gives them.
+    #[must_use]
+    pub fn guard_in_time(&self, i: usize, theta: f64) -> Option<(f64, f64)> {
+        let error = *self.guard_errors.get(i).filter(|e| **e >= 0.0)?;
+        let row = self.order + 1;
+        let rate = self.guard_rates[i * row..(i + 1) * row].iter().rev().fold(0.0, |s, c| s * theta + c);
+        Some((rate, error))
     }
 
     /// The state at `θ`, by Horner's rule, into `x` `[dim]`.

@@ -188,8 +188,9 @@ impl Clock {
     #[must_use]
     pub fn angle(&self, omega: f64, order: Option<u32>, at: Instant) -> f64 {
         if order.is_some() || at.cycle == 0 && at.phase.hi.abs() * omega < 64.0 {
-            let a = Wide::product(omega, at.phase.hi);
-            return a.hi + omega.mul_add(at.phase.lo, a.lo);
+            let a = at.phase * omega;
+            let turns = (a.hi / Wide::TAU.hi).round();
+            return if turns == 0.0 { a.value() } else { (a - Wide::TAU * turns).value() };
         }
         let a = self.time(at) * omega;
         let turns = (a.hi / Wide::TAU.hi).round();

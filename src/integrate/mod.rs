@@ -37,6 +37,12 @@ pub trait DenseStep {
     fn guard_error(&self, i: usize) -> (f64, f64);
     /// `Some(h)` if the clock is plain time, `t = h θ`.
     fn plain_span(&self) -> Option<f64>;
+    /// In a clock of its own: rate of guard `i` in time at `θ`, and the error of its value, both in the guard's
+    /// physical units (its polynomial may be that of a root). `None` where the polynomial says it all.
+    fn guard_in_time(&self, i: usize, theta: f64) -> Option<(f64, f64)> {
+        let _ = (i, theta);
+        None
+    }
 }
 
 /// A smooth arc to integrate.

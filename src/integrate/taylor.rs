@@ -46,6 +46,9 @@ impl DenseStep for Step<'_> {
     fn guard_error(&self, i: usize) -> (f64, f64) {
         (self.jet.remainder[i], self.jet.rounding[i])
     }
+    fn guard_in_time(&self, i: usize, theta: f64) -> Option<(f64, f64)> {
+        self.jet.guard_in_time(i, theta)
+    }
     fn plain_span(&self) -> Option<f64> {
         self.jet.time.is_empty().then_some(self.jet.span * self.jet.reach)
     }

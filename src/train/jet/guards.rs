@@ -1,6 +1,6 @@
 //! The guards of a mode as polynomials in the step's clock.
 
-use super::{Expansion, FACTOR, FORCE, LANES, ROW, rooted::Owner};
+use super::{Expansion, FACTOR, FORCE, LANES, RATE, ROW, rooted::Owner};
 use crate::{
     gear::contact::{Law, Release},
     hybrid::{Guard, Jet},
@@ -36,10 +36,11 @@ impl Expansion<'_> {
     pub(super) fn guards(&self, owner: Option<Owner>, out: &mut Jet) {
         let deflect = self.tail(out);
         let reach = out.reach;
-        let Jet { guards, guard_series, remainder, rounding, work, .. } = out;
+        let Jet { guards, guard_series, guard_rates, guard_errors, remainder, rounding, work, .. } = out;
         guards.clear();
         remainder.clear();
         rounding.clear();
+        guard_errors.clear();
         guard_series.resize(3 * self.s.contacts.len() * ROW, 0.0);
         let mut powers = [1.0; ROW + 3];
         powers[1] = reach;
@@ -83,6 +84,19 @@ impl Expansion<'_> {
                 };
                 series.iter_mut().zip(&powers).for_each(|(s, p)| *s *= p);
                 self.write_zeros(j, watch, state, series);
+                if owner.is_some() {
+                    guard_rates.resize(guard_series.len(), 0.0);
+                    let sign = match (state.side(), watch) {
+                        (0.0, Watch::DriveFlank) => -1.0,
+                        (0.0, _) => 1.0,
+                        (side, _) => side,
+                    };
+                    let r = self.layout.of(j, RATE);
+                    let rates = guard_rates[row..row + ROW].iter_mut().zip(work[r..r + ROW].iter().zip(&powers));
+                    rates.for_each(|(g, (r, p))| *g = sign * r * p);
+                    let error = ROUNDING * self.deflection_size(c) + deflect * work[self.layout.tails + j];
+                    guard_errors.push(if watch == Watch::Force { -1.0 } else { error });
+                }
                 remainder.push(tail);
                 rounding.push(ROUNDING * size);
                 guards.push(Guard { id });
