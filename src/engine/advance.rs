@@ -393,8 +393,12 @@ impl Core<'_> {
                     return Some(End::Budget);
                 }
             }
+            // A sequence is summed only if it ends before the arc does: a switch or the run's end may not fall inside.
+            let left = self.system.clock().between(step.start(), place.bound);
             let fired = std::mem::take(&mut self.uncounted);
-            if let Some((ending, accumulation)) = self.chatter.ends(self.system, step, fired, &self.options) {
+            if let Some((ending, accumulation)) =
+                self.chatter.ends(self.system, step, fired, &self.options).filter(|(_, end)| end.remaining < left)
+            {
                 self.leave(step, 0.0);
                 return Some(End::Settle(ending, accumulation));
             }

@@ -220,6 +220,8 @@ pub struct Structure {
     pub(super) weights: Vec<f64>,
     /// A bound on the growth rate of any mode, 1/s, in the weighted norm (see `growth_bound`).
     pub(super) growth: f64,
+    /// The same with every contact open.
+    pub(super) open_growth: f64,
     /// Some stiffness varies smoothly or some law is not linear: modes are analytic, not affine.
     pub(super) affine: bool,
 }
@@ -316,10 +318,12 @@ impl Structure {
             contacts,
             weights,
             growth: 0.0,
+            open_growth: 0.0,
             affine,
             spec,
         };
-        structure.growth = structure.growth_bound();
+        structure.growth = structure.growth_bound(&structure.contacts);
+        structure.open_growth = structure.growth_bound(&[]);
         Ok(structure)
     }
 
@@ -363,7 +367,7 @@ impl Structure {
 
     /// Bound on the norm of the system matrix in the weighted norm `max_i √M_ii (Ω|q_i|, |q̇_i|)`, with
     /// `Ω² = ‖√M M⁻¹K √M⁻¹‖`: every linear contact closed at its stiffest, `Ω + ‖M⁻¹C‖`.
-    fn growth_bound(&self) -> f64 {
+    fn growth_bound(&self, closed: &[Contact]) -> f64 {
         let w = &self.weights;
         let (mut k_rows, mut c_rows) = (vec![0.0; self.n], vec![0.0; self.n]);
         for i in 0..self.n {
@@ -373,7 +377,7 @@ impl Structure {
                 c_rows[i] += c.abs() * ratio;
             }
         }
-        for c in &self.contacts {
+        for c in closed {
             let (k, d) = match &c.spec.law {
                 Law::Bilateral(l) | Law::KelvinVoigt(l, _) => (c.spec.stiffness.maximum(), l.damping),
                 Law::Power(_) | Law::Rigid(_) => continue,

@@ -2,9 +2,14 @@
 
 use super::{Expansion, ORDER, ROW, rooted::Owner};
 use crate::{
+    gear::contact::Law,
     hybrid::Jet,
     poly::{FirstRoot, first_root},
+    train::{assemble::Contact, contact_mode::contact_mode},
 };
+
+/// Largest ratio of successive terms the tail is summed with.
+const LARGEST_RATIO: f64 = 0.75;
 
 /// A little less than `x^(1/k)` for `x > 0`, within 7 %: the exponent and the leading bits divided by k.
 ///
@@ -63,7 +68,12 @@ impl Expansion<'_> {
                 break;
             }
         }
-        if owner.is_some() { self.within_bound(reach, out) } else { reach }
+        if owner.is_some() {
+            return self.within_bound(reach, out);
+        }
+        // The tail is proven only where it falls like a geometric series.
+        let proven = LARGEST_RATIO * ORDER as f64 / (self.h * self.growth());
+        if self.s.affine { reach.min(proven) } else { reach }
     }
 
     /// In a root clock, not beyond the bound in time.
@@ -77,6 +87,16 @@ impl Expansion<'_> {
         }
     }
 
+    /// Bound on the growth rate of the mode, 1/s; with every contact open, that of the structure alone.
+    fn growth(&self) -> f64 {
+        let s = self.s;
+        let open = |(j, c): (usize, &Contact)| {
+            !matches!(c.spec.law, Law::Bilateral(_)) && !contact_mode(self.request.mode, j).is_closed()
+        };
+        let growth = if s.contacts.iter().enumerate().all(open) { s.open_growth } else { s.growth };
+        s.oscillators.iter().fold(growth, |g, o| g.max(o.omega))
+    }
+
     /// Writes what the truncated terms can add to each contact's rate up to `reach`, and returns the
     /// factor that turns that into deflection, s.
     ///
@@ -87,14 +107,14 @@ impl Expansion<'_> {
         let h = self.h * out.reach;
         let power = out.reach.powi(ORDER as i32 - 1);
         let last = [self.size(ORDER - 1, out) * power, self.size(ORDER, out) * power * out.reach];
-        let mut ratio = h * s.growth / ORDER as f64;
+        let mut ratio = h * self.growth() / ORDER as f64;
         if !s.affine {
             let before = self.size(ORDER - 2, out) * power / out.reach;
             if before > 0.0 {
                 ratio = ratio.max((last[1] / before).sqrt());
             }
         }
-        let ratio = ratio.min(0.75);
+        let ratio = ratio.min(LARGEST_RATIO);
         let beyond = last[0].max(last[1]) * ratio / (1.0 - ratio);
         for (j, c) in s.contacts.iter().enumerate() {
             out.work[self.layout.tails + j] = beyond * c.across;
