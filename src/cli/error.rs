@@ -33,6 +33,10 @@ pub enum CliError {
     /// The run failed.
     #[error("the run failed {0}")]
     Run(EngineError),
+    /// A measure of the run is not a number.
+    #[error("{0} is beyond the range of double precision")]
+    #[diagnostic(help("loads, speeds or masses of the scene are too large: state them in other units"))]
+    Overflow(String),
     /// A file cannot be written.
     #[error("{0}: {1}")]
     File(String, std::io::Error),
@@ -52,7 +56,7 @@ impl CliError {
     /// Writes the error to standard error and gives the exit code.
     pub fn report(self) -> ExitCode {
         let code = match self {
-            Self::Run(_) | Self::File(..) => 1,
+            Self::Run(_) | Self::Overflow(_) | Self::File(..) => 1,
             _ => 2,
         };
         eprintln!("{:?}", miette::Report::new(self));

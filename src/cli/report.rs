@@ -54,7 +54,7 @@ fn contacts(out: &mut String, session: &Session, summary: &Summary) -> std::fmt:
         unit("shortest", s),
         unit("mean", s),
         unit("longest", s),
-        format!("impacts{per}"),
+        format!("contacts{per}"),
         unit("mean force", n),
         unit("max force", n),
     ];

@@ -100,6 +100,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if !arguments.quiet {
         print(&report::text(&session, &summary).unwrap_or_default())?;
     }
+    if let Some(measure) = summary.overflow() {
+        return Err(CliError::Overflow(measure));
+    }
     let asked = arguments.events.is_some_and(|n| n <= run.event_budget);
     match result {
         Ok(Outcome::ReachedEnd) => Ok(Done::Completely),

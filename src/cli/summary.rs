@@ -25,6 +25,17 @@ pub struct Summary {
     pub warnings: Vec<String>,
 }
 
+impl Summary {
+    /// The first measure that is not a finite number, if any.
+    pub fn overflow(&self) -> Option<String> {
+        let energy = [("the energy at the start", self.energy.start), ("the energy ledger", self.energy.residual)];
+        let forces =
+            self.contacts.iter().flat_map(|c| [c.force_mean, c.force_abs_max, c.energy_lost].map(|v| (&*c.name, v)));
+        let first = energy.into_iter().chain(forces).find(|(_, value)| !value.is_finite());
+        first.map(|(name, _)| format!("a measure of the run ({name})"))
+    }
+}
+
 /// The scene.
 #[derive(Debug, Serialize)]
 pub struct Provenance {

@@ -14,7 +14,7 @@ use crate::{
     train::{Freedoms, Load, Phasing, Planet, Planetary, Spec, StageGeometry, Teeth},
 };
 
-const MAX_PLANETS: usize = 64;
+const MAX_PLANETS: usize = 10;
 
 /// Gears, bodies, meshes and load of a stage, or a preset with some of them changed.
 pub(super) fn shape() -> Object {

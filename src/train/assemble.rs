@@ -351,12 +351,6 @@ impl Structure {
         &self.contacts
     }
 
-    /// Whether every mode is affine: linear laws, piecewise constant stiffness.
-    #[must_use]
-    pub fn is_affine(&self) -> bool {
-        self.affine
-    }
-
     /// `(cos ωt, sin ωt)` of every oscillator, into `out`.
     pub(super) fn oscillate(&self, at: Instant, mut out: impl FnMut(usize, f64, f64)) {
         for (i, o) in self.oscillators.iter().enumerate() {
@@ -366,7 +360,7 @@ impl Structure {
     }
 
     /// Bound on the norm of the system matrix in the weighted norm `max_i √M_ii (Ω|q_i|, |q̇_i|)`, with
-    /// `Ω² = ‖√M M⁻¹K √M⁻¹‖`: every linear contact closed at its stiffest, `Ω + ‖M⁻¹C‖`.
+    /// `Ω² = ‖√M M⁻¹K √M⁻¹‖`: `Ω + ‖M⁻¹C‖`; the linear contacts of `closed` at their stiffest.
     fn growth_bound(&self, closed: &[Contact]) -> f64 {
         let w = &self.weights;
         let (mut k_rows, mut c_rows) = (vec![0.0; self.n], vec![0.0; self.n]);

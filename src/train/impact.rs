@@ -118,7 +118,7 @@ impl Structure {
         })
     }
 
-    /// Whether contact `j` would be pressed onto its flank if it rested there.
+    /// The name of contact `j`.
     pub(super) fn name_of(&self, j: usize) -> &str {
         &self.contacts[j].spec.name
     }
