@@ -43,7 +43,11 @@ fn number(value: &Value, otherwise: f64) -> Outcome<f64> {
 fn impact(row: &Value, exponent: &str) -> Outcome<Value> {
     let (m, k, v) = (number(&row["m"], 1.0)?, number(&row["K"], 1.0)?, number(&row["v"], 1.0)?);
     let hysteresis = number(&row["mu"], 0.0)?;
-    let scale = |n: f64| (m * v * v / k).powf(1.0 / (n + 1.0)) / v;
+    let n = match exponent.split_once('/') {
+        Some((p, q)) => p.parse::<f64>()? / q.parse::<f64>()?,
+        None => exponent.parse()?,
+    };
+    let scale = (m * v * v / k).powf(1.0 / (n + 1.0)) / v;
     let scene = json!({
         "flank": 1,
         "train": {
@@ -56,7 +60,7 @@ fn impact(row: &Value, exponent: &str) -> Outcome<Value> {
         },
         "initial": { "q": [0.0], "v": [v] },
         // A contact lasts three to four times X/v, and longer the more it loses.
-        "run": { "t_end_s": 1000.0 * scale(1.5) },
+        "run": { "t_end_s": 1000.0 * scale },
     });
     let (structure, q, speed, end) = simulate::assemble(&scene)?;
     let mut watch = Watch { contacts: Contacts::new(&structure, None), turning: Turning::new(&structure) };

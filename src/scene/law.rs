@@ -97,8 +97,11 @@ pub(super) fn read(node: &Node) -> Law {
 /// An exponent as a ratio; a fault, and Hertz's, if it is none.
 fn exponent(node: &Node) -> Ratio {
     let ratio = if node.is_text() {
-        let parts =
-            node.text().split_once('/').and_then(|(p, q)| Some((p.trim().parse().ok()?, q.trim().parse().ok()?)));
+        let parts = node
+            .text()
+            .split_once('/')
+            .or(Some((node.text(), "1")))
+            .and_then(|(p, q)| Some((p.trim().parse().ok()?, q.trim().parse().ok()?)));
         parts.and_then(|(p, q): (u32, u32)| Ratio::from_f64(f64::from(p) / f64::from(q)))
     } else {
         Ratio::from_f64(node.number())
