@@ -143,6 +143,29 @@ fn a_failed_run_leaves_valid_files_and_says_why() {
 }
 
 #[test]
+fn a_measure_beyond_double_precision_is_no_result() {
+    let scene = ball(r#"{ "t_end_s": 1 }"#).replace("-9.81", "-1e308");
+    assert!(scene.contains("-1e308"));
+    let folder = with_scene(&scene);
+    let done = flank(&folder, &["run", "scene.json"]).code(1);
+    assert!(text(&done.get_output().stderr).contains("double"));
+}
+
+#[test]
+fn the_reference_scene_has_no_graze_and_no_row_out_of_order() {
+    let folder = with_scene("{}");
+    flank(&folder, &["run", "--out", "out", "--quiet"]).code(0);
+    let rows = rows(&folder.path().join("out"));
+    let times: Vec<f64> = rows.iter().map(|row| row["seconds"].as_f64().unwrap()).collect();
+    assert!(times.is_sorted());
+    for row in &rows {
+        for contact in row["contacts"].as_array().unwrap() {
+            assert_ne!(contact["kind"], "graze");
+        }
+    }
+}
+
+#[test]
 fn a_bad_scene_is_refused_before_anything_is_written() {
     let folder = with_scene(&ball(r#"{ "t_end_s": 5, "dt": 1e-3 }"#));
     for words in

@@ -100,7 +100,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if !arguments.quiet {
         print(&report::text(&session, &summary).unwrap_or_default())?;
     }
-    if let Some(measure) = summary.overflow() {
+    // A run that failed says so itself.
+    if let Some(measure) = summary.overflow().filter(|_| result.is_ok()) {
         return Err(CliError::Overflow(measure));
     }
     let asked = arguments.events.is_some_and(|n| n <= run.event_budget);
