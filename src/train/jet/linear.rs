@@ -5,7 +5,7 @@
 //! fixed-size columns that the compiler turns into vector instructions.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use super::{Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STIFFNESS, product};
+use super::{Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STEP, STIFFNESS, product};
 use crate::{
     gear::contact::Law,
     hybrid::Jet,
@@ -13,17 +13,6 @@ use crate::{
         assemble::{MAX_CONTACTS, Spring},
         contact_mode::{Watch, contact_mode, piece},
     },
-};
-
-/// `1/(k + 1)`.
-const STEP: [f64; ROW] = {
-    let mut s = [1.0; ROW];
-    let mut k = 0;
-    while k < ROW {
-        s[k] = 1.0 / (k + 1) as f64;
-        k += 1;
-    }
-    s
 };
 
 /// `a b + c`, in one instruction where there is one.

@@ -40,6 +40,17 @@ const POWER: usize = 3;
 const STIFFNESS: usize = 4;
 const FACTOR: usize = 5;
 const CARRIED: usize = 6;
+/// `1/(k + 1)`.
+const STEP: [f64; ROW] = {
+    let mut s = [1.0; ROW];
+    let mut k = 0;
+    while k < ROW {
+        s[k] = 1.0 / (k + 1) as f64;
+        k += 1;
+    }
+    s
+};
+
 /// Deflections are kept four contacts side by side.
 const LANES: usize = 4;
 /// Room for the clock: w, then y, y², … y^(q−1), then p², p³, p⁴.

@@ -1,6 +1,6 @@
 //! The recurrence in plain time, `w = 1`: everything but closed power laws.
 
-use super::{Expansion, FACTOR, FORCE, Layout, ORDER, PENETRATION, RATE, ROW, STIFFNESS, product};
+use super::{Expansion, FACTOR, FORCE, Layout, ORDER, PENETRATION, RATE, ROW, STEP, STIFFNESS, product};
 use crate::{
     gear::contact::Law,
     hybrid::Jet,
@@ -23,17 +23,6 @@ enum Part {
     /// An open power law inside the flank's zone: its factor `1 + χ ṗ` is watched.
     Factor { chi: f64 },
 }
-
-/// `1/(k + 1)`.
-const STEP: [f64; ROW] = {
-    let mut s = [1.0; ROW];
-    let mut k = 0;
-    while k < ROW {
-        s[k] = 1.0 / (k + 1) as f64;
-        k += 1;
-    }
-    s
-};
 
 impl Expansion<'_> {
     /// All coefficients in plain time.
