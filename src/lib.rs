@@ -57,6 +57,7 @@
 //! | [`event`] | where the first guard falls on a step, and the record of it |
 //! | [`engine`] | flow, first event, jump, again; observers, outcomes, accumulating impacts |
 //! | [`analysis`] | measures taken during a run: contacts, energy, event rows, trajectories |
+//! | [`plot`] | figures as data, and their pictures |
 //! | [`poly`], [`linalg`] | first roots of polynomials; natural modes |
 //!
 //! The features are `cli` (the `flank` program) and `diffsol` (integrators for stiff modes and users' own fields), both
@@ -76,6 +77,7 @@ pub mod gear;
 pub mod hybrid;
 pub mod integrate;
 pub mod linalg;
+pub mod plot;
 pub mod poly;
 pub mod scene;
 pub mod train;

@@ -1,0 +1,164 @@
+use serde::Serialize;
+
+/// A figure: panels in rows, read from left to right. It carries all its numbers, so that its data files and every
+/// picture of it say the same.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Figure {
+    /// Name in file names and on the command line: lower-case words joined by `-`.
+    pub id: String,
+    /// Title.
+    pub title: String,
+    /// What is seen, and from which scene; one paragraph.
+    pub caption: String,
+    /// Panels beside each other, ≥ 1.
+    pub columns: usize,
+    /// Panels, row by row.
+    pub panels: Vec<Panel>,
+}
+
+/// One pair of axes and what is drawn on them, from back to front: bands, guides, series, notes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Panel {
+    /// Title; may be empty.
+    pub title: String,
+    /// Abscissa.
+    pub x: Axis,
+    /// Ordinate.
+    pub y: Axis,
+    /// One unit is as long on x as on y.
+    pub equal_scales: bool,
+    /// Curves and points.
+    pub series: Vec<Series>,
+    /// Stretches of x, shaded.
+    pub bands: Vec<Band>,
+    /// Straight lines across the panel.
+    pub guides: Vec<Guide>,
+    /// Words in the panel.
+    pub notes: Vec<Note>,
+}
+
+/// An axis.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Axis {
+    /// What it shows.
+    pub label: String,
+    /// Its unit; empty for a pure number.
+    pub unit: String,
+    /// Logarithmic.
+    pub logarithmic: bool,
+    /// Ends; fitted to the series if none are given.
+    pub range: Option<[f64; 2]>,
+}
+
+impl Axis {
+    /// A linear axis fitted to its series.
+    #[must_use]
+    pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
+        Self { label: label.into(), unit: unit.into(), ..Self::default() }
+    }
+
+    /// The same axis from `low` to `high`.
+    #[must_use]
+    pub fn between(self, low: f64, high: f64) -> Self {
+        Self { range: Some([low, high]), ..self }
+    }
+}
+
+/// How a series is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Style {
+    /// A line through the points.
+    #[default]
+    Line,
+    /// A thin line, for one of many.
+    Hairline,
+    /// A dashed line.
+    Dashed,
+    /// Points.
+    Points,
+    /// Points joined by a line.
+    Joined,
+    /// Open points, such as events on a curve.
+    Marks,
+    /// A vertical line from zero to each point, as for spectra.
+    Stems,
+}
+
+/// A curve or a set of points. All numbers are finite.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Series {
+    /// Name in the legend; series of one name are one entry there. Empty for none.
+    pub name: String,
+    /// Abscissae.
+    pub x: Vec<f64>,
+    /// Ordinates, as many.
+    pub y: Vec<f64>,
+    /// How it is drawn.
+    pub style: Style,
+    /// Number of its colour in the palette, modulo its length.
+    pub colour: usize,
+}
+
+impl Series {
+    /// A line of the given colour.
+    #[must_use]
+    pub fn line(name: impl Into<String>, colour: usize, x: Vec<f64>, y: Vec<f64>) -> Self {
+        Self { name: name.into(), x, y, style: Style::Line, colour }
+    }
+
+    /// The same series in another style.
+    #[must_use]
+    pub fn styled(self, style: Style) -> Self {
+        Self { style, ..self }
+    }
+}
+
+/// A shaded stretch of x, such as the time in one contact mode.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Band {
+    /// Its ends on x.
+    pub x: [f64; 2],
+    /// Name in the legend; bands of one name are one entry.
+    pub name: String,
+    /// Number of its shade.
+    pub colour: usize,
+}
+
+/// A thin straight line with a name: a natural frequency, an order, a threshold, a published value.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Guide {
+    /// At one x, over the whole height.
+    Vertical {
+        /// Where.
+        x: f64,
+        /// What it is.
+        name: String,
+    },
+    /// At one y, over the whole width.
+    Horizontal {
+        /// Where.
+        y: f64,
+        /// What it is.
+        name: String,
+    },
+    /// From a point to another.
+    Slanted {
+        /// One end, `[x, y]`.
+        from: [f64; 2],
+        /// The other end, `[x, y]`; the name is written here.
+        to: [f64; 2],
+        /// What it is.
+        name: String,
+    },
+}
+
+/// Words at a point.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Note {
+    /// Where, `[x, y]`.
+    pub at: [f64; 2],
+    /// The words.
+    pub text: String,
+}
