@@ -57,6 +57,7 @@
 //! | [`event`] | where the first guard falls on a step, and the record of it |
 //! | [`engine`] | flow, first event, jump, again; observers, outcomes, accumulating impacts |
 //! | [`analysis`] | measures taken during a run: contacts, energy, event rows, trajectories |
+//! | [`study`] | steady motions, their change with the numbers of a scene |
 //! | [`plot`] | figures as data, and their pictures |
 //! | [`poly`], [`linalg`] | first roots of polynomials; natural modes |
 //!
@@ -80,6 +81,7 @@ pub mod linalg;
 pub mod plot;
 pub mod poly;
 pub mod scene;
+pub mod study;
 pub mod train;
 
 #[cfg(doctest)]

@@ -48,6 +48,22 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
     ("baseline", &[("gear", All), ("train", All), ("linalg", All), ("hybrid", All)]),
     ("accuracy", &[("engine", All), ("baseline", All), ("analysis", All)]),
     ("plot", &[("analysis", All), ("accuracy", All), ("event", All)]),
+    (
+        "study",
+        &[
+            ("analysis", All),
+            ("engine", All),
+            ("event", All),
+            ("gear", All),
+            ("hybrid", All),
+            ("integrate", All),
+            ("linalg", All),
+            ("plot", All),
+            ("scene", All),
+            ("sweep", All),
+            ("train", All),
+        ],
+    ),
 ];
 
 /// Files longer than the budget, with the budget they have and the reason.

@@ -163,6 +163,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
                 }
                 if !state.is_closed() {
                     track.no_force.add(length);
+                    track.force = [track.force[0].max(0.0), track.force[1].min(0.0)];
                 }
             }
             let Some(spell) = track.spell.as_mut() else { continue };
@@ -180,8 +181,8 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
             let gap = system.half_backlash(j);
             spell.peak_penetration = highest(d, spell.side, spell.peak_penetration + gap, false) - gap;
             if measured {
-                track.force = highest(f, 1.0, track.force, true);
-                track.force = highest(f, -1.0, track.force, true);
+                track.force[0] = highest(f, 1.0, track.force[0], true);
+                track.force[1] = -highest(f, -1.0, -track.force[1], true);
                 track.impulse.add(impulse);
                 track.lost.add(lost);
             }

@@ -46,6 +46,10 @@ pub struct ContactReport {
     pub deflection_max: Option<f64>,
     /// Smallest deflection, m.
     pub deflection_min: Option<f64>,
+    /// Largest force along the contact's direction, N: positive on the drive flank; impacts have none.
+    pub force_max: Option<f64>,
+    /// Smallest force along the contact's direction, N: 0 if it was ever open, negative on the back flank.
+    pub force_min: Option<f64>,
     /// Largest force by absolute value, N; impacts have none.
     pub force_abs_max: f64,
     /// Mean force along the contact's direction, N: the impulse, of impacts too, over the measured time.

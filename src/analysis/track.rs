@@ -21,8 +21,8 @@ pub(super) struct Track {
     pub lost: Sum,
     /// Largest and smallest deflection.
     pub deflection: [f64; 2],
-    /// Largest |force|.
-    pub force: f64,
+    /// Largest and smallest force along the direction.
+    pub force: [f64; 2],
     whole: u64,
     durations: Sum,
     shortest: f64,
@@ -37,9 +37,12 @@ pub(super) struct Counts {
     pub sticks: u64,
 }
 
+/// Largest and smallest of nothing.
+const EMPTY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
 impl Track {
     pub fn new() -> Self {
-        Self { shortest: f64::INFINITY, deflection: [f64::NEG_INFINITY, f64::INFINITY], ..Self::default() }
+        Self { shortest: f64::INFINITY, deflection: EMPTY, force: EMPTY, ..Self::default() }
     }
 
     /// A whole separation ended.
@@ -78,7 +81,9 @@ impl Track {
             },
             deflection_max: Some(self.deflection[0]).filter(|d| d.is_finite()),
             deflection_min: Some(self.deflection[1]).filter(|d| d.is_finite()),
-            force_abs_max: self.force,
+            force_max: Some(self.force[0]).filter(|f| f.is_finite()),
+            force_min: Some(self.force[1]).filter(|f| f.is_finite()),
+            force_abs_max: if self.force[0] < self.force[1] { 0.0 } else { self.force[0].max(-self.force[1]) },
             force_mean: share(&self.impulse),
             energy_lost: self.lost.value(),
         }

@@ -1,9 +1,12 @@
+use serde::{Deserialize, Serialize};
+
 use super::{GuardId, Instant, Mode, Transition};
 
 /// The state of one contact.
 ///
 /// The order is part of how a train packs its [`Mode`]: `Separated` is zero.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum ContactMode {
     /// Between the flanks: no force.
     Separated,

@@ -102,6 +102,29 @@ impl Structure {
         Ok(Start { x, jump })
     }
 
+    /// The state and mode of a run that takes up the motion of another one, of this train or of one that differs from it
+    /// in a few numbers: `x` is its state `(q, q̇, latched speeds)`, `contacts` the states of its contacts.
+    ///
+    /// Where the flanks have moved the geometry decides, as at any [`start`](Self::start); a contact that was detached
+    /// inside the zone of a flank and still lies there stays so, and latched speeds are kept.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start); [`StartError::State`] for a state of another length.
+    pub fn resume(&self, at: Instant, x: &[f64], contacts: &[ContactMode]) -> Result<Start, StartError> {
+        if x.len() != self.dim || contacts.len() != self.contacts.len() {
+            return Err(StartError::State { expected: self.n });
+        }
+        let mut start = self.start(at, &x[..self.n], &x[self.n..2 * self.n])?;
+        start.x[2 * self.n..].copy_from_slice(&x[2 * self.n..]);
+        for (j, &was) in contacts.iter().enumerate() {
+            let is = contact_mode(start.jump.mode, j);
+            if is.is_closed() && !was.is_closed() && was.side() == is.side() {
+                start.jump.mode = with_contact(start.jump.mode, j, was);
+            }
+        }
+        Ok(start)
+    }
+
     /// Follows one fired guard of a compliant contact.
     fn follow(&self, jump: &mut Jump, j: usize, watch: Watch, at: Instant, x: &mut [f64]) -> Result<(), ModelError> {
         use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};

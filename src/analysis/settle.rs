@@ -1,0 +1,209 @@
+//! When a transient is over: the section decides, not a count of cycles.
+
+use std::{
+    collections::VecDeque,
+    sync::atomic::{AtomicBool, Ordering},
+};
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    engine::{Engine, EngineError, Observer, Outcome},
+    hybrid::{Clock, Instant},
+};
+
+/// When a motion counts as periodic.
+///
+/// The state `x_n` at the start of each forcing cycle is compared with `x_{n−p}` for p = 1, 2, … With `d_n` their distance
+/// and `r` its decay per cycle over the last four, the motion is still about `d_n r/(1 − r)` away from an orbit of
+/// period p, if it approaches one. It counts as settled when that is at most `tolerance` at `max(p, 3)` sections in a row,
+/// unless a divisor q of p is still in question: one with `d_n` of period q below a thousand times the tolerance.
+///
+/// Distances are relative: displacements to the largest displacement seen, velocities to the largest velocity, latched
+/// speeds each to itself.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settling {
+    /// Largest relative distance from the orbit, > 0.
+    pub tolerance: f64,
+    /// Longest period looked for, forcing cycles, ≥ 1.
+    pub longest_period: u32,
+    /// Cycles after which the motion counts as irregular (or too slow to settle).
+    pub most_cycles: u64,
+}
+
+impl Default for Settling {
+    fn default() -> Self {
+        Self { tolerance: 1e-9, longest_period: 8, most_cycles: 400 }
+    }
+}
+
+/// How a motion was found to be.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Settled {
+    /// Period in forcing cycles; none if no orbit was approached.
+    pub period: Option<u32>,
+    /// Cycles run until this was known.
+    pub cycles: u64,
+    /// Estimated relative distance from the orbit; the distance of the last two sections if there is none.
+    pub distance: f64,
+}
+
+/// Below this a distance is rounding, whatever its trend.
+const ROUNDING: f64 = 1e-12;
+
+/// Sections seen so far, the latest last.
+struct Sections {
+    displacements: usize,
+    velocities: usize,
+    states: VecDeque<Vec<f64>>,
+    scale: [f64; 2],
+    /// For each period: its latest distances, and sections in a row near enough to an orbit.
+    near: Vec<(VecDeque<f64>, usize)>,
+}
+
+/// Cycles over which decay is taken.
+const DECAY: usize = 4;
+/// A shorter period is in question while its distance is below this many tolerances.
+const DOUBT: f64 = 1e3;
+
+impl Sections {
+    fn new(freedoms: usize, periods: u32) -> Self {
+        Self {
+            displacements: freedoms,
+            velocities: 2 * freedoms,
+            states: VecDeque::new(),
+            scale: [f64::MIN_POSITIVE; 2],
+            near: vec![(VecDeque::new(), 0); periods as usize],
+        }
+    }
+
+    fn distance(&self, a: &[f64], b: &[f64]) -> f64 {
+        a.iter().zip(b).enumerate().fold(0.0, |most, (i, (a, b))| {
+            let scale = match i {
+                _ if i < self.displacements => self.scale[0],
+                _ if i < self.velocities => self.scale[1],
+                _ => a.abs().max(b.abs()).max(f64::MIN_POSITIVE),
+            };
+            f64::max(most, (a - b).abs() / scale)
+        })
+    }
+
+    /// Latest distance of sections `p` apart.
+    fn latest(&self, p: usize) -> f64 {
+        self.near[p - 1].0.back().copied().unwrap_or(f64::INFINITY)
+    }
+
+    /// Takes a section; gives the period of the orbit it lies on and the estimated distance from it, once they are known.
+    fn take(&mut self, x: &[f64], tolerance: f64) -> Option<(u32, f64)> {
+        let largest = |part: &[f64], best: f64| part.iter().fold(best, |m, v| m.max(v.abs()));
+        self.scale[0] = largest(&x[..self.displacements], self.scale[0]);
+        self.scale[1] = largest(&x[self.displacements..self.velocities], self.scale[1]);
+        let mut found = None;
+        for p in 1..=self.near.len() {
+            let Some(earlier) = self.states.len().checked_sub(p).map(|i| &self.states[i]) else { break };
+            let distance = self.distance(x, earlier);
+            let doubtful = (1..p).any(|q| p.is_multiple_of(q) && self.latest(q) < DOUBT * tolerance);
+            let (distances, row) = &mut self.near[p - 1];
+            let left = match (distance, distances.front()) {
+                (d, _) if d <= ROUNDING => d,
+                (d, Some(&first)) if distances.len() == DECAY && d < first => {
+                    let ratio = (d / first).powf(1.0 / DECAY as f64);
+                    d * ratio / (1.0 - ratio)
+                }
+                _ => f64::INFINITY,
+            };
+            *row = if left <= tolerance { *row + 1 } else { 0 };
+            if found.is_none() && !doubtful && *row >= p.max(3) {
+                found = Some((p as u32, left));
+            }
+            if distances.len() == DECAY {
+                distances.pop_front();
+            }
+            distances.push_back(distance);
+        }
+        if self.states.len() == self.near.len() {
+            self.states.pop_front();
+        }
+        self.states.push_back(x.to_vec());
+        found
+    }
+}
+
+/// Runs `engine` from the start of cycle to the start of cycle until its motion is periodic, by the rule given, or until
+/// the cycles allowed are spent. `freedoms` is the number n of displacements: the state is `(q, q̇, latched)`.
+///
+/// Returns `None` if the run was broken off: by `interrupted`, by the observer or by the engine's own event budget.
+///
+/// # Errors
+/// [`EngineError`] of the run.
+pub fn settle(
+    engine: &mut Engine<'_>,
+    clock: &Clock,
+    freedoms: usize,
+    rule: &Settling,
+    observer: &mut dyn Observer,
+    interrupted: &AtomicBool,
+) -> Result<Option<Settled>, EngineError> {
+    let mut sections = Sections::new(freedoms, rule.longest_period.max(1));
+    let first = engine.state().at;
+    // A start within a cycle first completes it.
+    let mut next = if clock.between(clock.at(first.cycle, 0.0), first) > 0.0 { first.cycle + 1 } else { first.cycle };
+    let mut settled = Settled { distance: f64::INFINITY, ..Settled::default() };
+    loop {
+        if engine.run(clock.at(next, 0.0), observer)? != Outcome::ReachedEnd || interrupted.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        if let Some((period, distance)) = sections.take(&engine.state().x, rule.tolerance) {
+            return Ok(Some(Settled { period: Some(period), distance, ..settled }));
+        }
+        settled.distance = sections.latest(1);
+        if settled.cycles >= rule.most_cycles {
+            return Ok(Some(settled));
+        }
+        settled.cycles += 1;
+        next += 1;
+    }
+}
+
+/// The start of the cycle `cycles` after the one that `at` lies in.
+#[must_use]
+pub fn cycles_later(clock: &Clock, at: Instant, cycles: u64) -> Instant {
+    // OK to convert: nobody runs 2⁶³ cycles.
+    clock.at(at.cycle + cycles as i64, 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sections of a linear map `x ← a + ρ^n`, repeated with a period.
+    fn settles(rule: &Settling, x: impl Fn(u32) -> f64) -> Option<(u32, u32, f64)> {
+        let mut sections = Sections::new(1, rule.longest_period);
+        (0..2000).find_map(|n| sections.take(&[x(n), 1.0], rule.tolerance).map(|(p, left)| (n, p, left)))
+    }
+
+    #[test]
+    fn slow_decay_is_not_taken_for_rest() {
+        let rule = Settling::default();
+        for rho in [0.3f64, 0.9, 0.99] {
+            let (n, period, _) = settles(&rule, |n| 1.0 + 0.1 * rho.powi(n as i32)).unwrap();
+            assert_eq!(period, 1);
+            // The true distance is within the tolerance, up to the change of scale (1.1 for 1).
+            assert!(0.1 * rho.powi(n as i32) <= 1.2 * rule.tolerance / rho, "{rho}: {n}");
+        }
+    }
+
+    #[test]
+    fn the_smallest_period_is_found() {
+        for p in 1..=8u32 {
+            let orbit = |n: u32| f64::from(n % p) + 1.0 + 0.5f64.powi(n as i32);
+            assert_eq!(settles(&Settling::default(), orbit).unwrap().1, p);
+        }
+    }
+
+    #[test]
+    fn an_irregular_motion_never_settles() {
+        let golden = 0.618_033_988_749_894_9;
+        assert_eq!(settles(&Settling::default(), |n| (f64::from(n) * golden).fract() + 1.0), None);
+    }
+}

@@ -1,0 +1,109 @@
+use super::StudyError;
+use crate::{
+    engine::{Engine, Options, State},
+    hybrid::{Clock, ContactView, Instant, Wide},
+    integrate::build,
+    scene::{Built, Scene},
+    train::Structure,
+};
+
+/// A scene ready to run.
+#[derive(Debug)]
+pub struct Case {
+    /// Its name in messages.
+    pub name: String,
+    /// What it builds.
+    pub built: Built,
+    /// Its train.
+    pub structure: Structure,
+}
+
+impl Case {
+    /// Builds the train of `scene`.
+    ///
+    /// # Errors
+    /// [`StudyError::Scene`] or [`StudyError::Assemble`].
+    pub fn new(scene: &Scene) -> Result<Self, StudyError> {
+        let built = scene.build()?;
+        let structure = Structure::new(built.spec.clone())?;
+        Ok(Self { name: scene.name().to_owned(), built, structure })
+    }
+
+    /// The forcing clock.
+    #[must_use]
+    pub fn clock(&self) -> &Clock {
+        self.structure.clock()
+    }
+
+    /// The forcing period T, s.
+    ///
+    /// # Errors
+    /// [`StudyError::Missing`] without one.
+    pub fn period(&self) -> Result<f64, StudyError> {
+        self.clock().period().map(Wide::value).ok_or_else(|| {
+            self.missing(
+                "its forcing has no period, so that there are no cycles to compare; give it a forcing with one",
+            )
+        })
+    }
+
+    /// The error of a study that needs more than the scene has.
+    #[must_use]
+    pub fn missing(&self, missing: impl Into<String>) -> StudyError {
+        StudyError::Missing { name: self.name.clone(), missing: missing.into() }
+    }
+
+    /// Where the scene starts.
+    ///
+    /// # Errors
+    /// [`StudyError::Start`].
+    pub fn start(&self) -> Result<State, StudyError> {
+        let at = self.built.run.instants(self.clock())[0];
+        let start = self.structure.start(at, &self.built.q0, &self.built.v0)?;
+        Ok(State { at, x: start.x, jump: start.jump })
+    }
+
+    /// An engine at `state`, with the integrator and the limits of the scene.
+    ///
+    /// # Errors
+    /// [`StudyError::Integrator`].
+    pub fn engine(&self, state: State) -> Result<Engine<'_>, StudyError> {
+        let run = &self.built.run;
+        let (integrator, _) = build(run.method, run.tolerance, &self.structure)?;
+        let options = Options {
+            max_events: run.event_budget,
+            chatter_speed: run.chatter_speed.unwrap_or(0.0),
+            ..Options::default()
+        };
+        Ok(Engine::new(&self.structure, integrator, options, state))
+    }
+
+    /// Number of the freedom named `name`.
+    ///
+    /// # Errors
+    /// [`StudyError::Missing`].
+    pub fn freedom(&self, name: &str) -> Result<usize, StudyError> {
+        let freedoms = &self.structure.spec().freedoms;
+        freedoms
+            .iter()
+            .position(|freedom| freedom == name)
+            .ok_or_else(|| self.missing(format!("it has no freedom {name}; it has {}", freedoms.join(", "))))
+    }
+
+    /// Number of the first contact whose name starts with `stem`.
+    ///
+    /// # Errors
+    /// [`StudyError::Missing`].
+    pub fn contact(&self, stem: &str) -> Result<usize, StudyError> {
+        let names: Vec<&str> = (0..self.structure.contact_count()).map(|j| self.structure.contact_name(j)).collect();
+        names
+            .iter()
+            .position(|name| name.starts_with(stem))
+            .ok_or_else(|| self.missing(format!("it has no contact {stem}; it has {}", names.join(", "))))
+    }
+
+    /// `at`, moved to the start of its cycle: where a seed of another case is taken up.
+    pub(super) fn cycle_start(&self, at: Instant) -> Instant {
+        self.clock().at(at.cycle, 0.0)
+    }
+}

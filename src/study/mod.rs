@@ -1,0 +1,12 @@
+//! What a scene does once its transient is gone, and how that changes with its numbers.
+//!
+//! [`Case`] is a scene ready to run. [`steady`](mod@steady) runs it until its motion is periodic and measures it;
+//! [`record`](mod@record) keeps a stretch of motion for pictures.
+
+mod case;
+mod error;
+pub mod record;
+pub mod steady;
+
+pub use case::Case;
+pub use error::StudyError;

@@ -1,0 +1,115 @@
+//! A stretch of motion, kept for pictures and spectra.
+
+use std::ops::ControlFlow;
+
+use super::{Case, StudyError};
+use crate::{
+    analysis::{Grid, Sample, Trajectory, cycles_later},
+    engine::{Engine, Observer, Outcome},
+    event::EventRecord,
+    hybrid::{ContactMode, ContactView, Instant, Mode},
+};
+
+/// Samples of a motion at exact phases, and the contact modes between them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// Forcing period, s.
+    pub period: f64,
+    /// Samples a cycle.
+    pub per_cycle: u32,
+    /// Time of the samples from the start of the recording, s.
+    pub t: Vec<f64>,
+    /// Displacements and velocities, one row for each of the `2n` states.
+    pub x: Vec<Vec<f64>>,
+    /// Deflection of each contact, m.
+    pub deflection: Vec<Vec<f64>>,
+    /// Force of each contact, N.
+    pub force: Vec<Vec<f64>>,
+    /// Spells of each contact in one mode, in order, without gaps.
+    pub spells: Vec<Vec<Spell>>,
+}
+
+/// A contact in one mode; it began with an event, unless the recording did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spell {
+    /// The mode.
+    pub mode: ContactMode,
+    /// When it began, s from the start of the recording.
+    pub from: f64,
+    /// When it ended.
+    pub to: f64,
+    /// Force at its beginning, N.
+    pub force: f64,
+    /// State of the train at its beginning, `(q, q̇, latched speeds)`.
+    pub x: Vec<f64>,
+}
+
+/// Follows the modes of the contacts.
+struct Modes<'c> {
+    case: &'c Case,
+    start: Instant,
+    spells: Vec<Vec<Spell>>,
+}
+
+impl Modes<'_> {
+    fn turn(&mut self, at: Instant, mode: Mode, x: &[f64]) {
+        let structure = &self.case.structure;
+        let t = self.case.clock().between(self.start, at);
+        for (j, spells) in self.spells.iter_mut().enumerate() {
+            let now = structure.contact_mode(j, mode);
+            if spells.last().is_none_or(|spell| spell.mode != now) {
+                if let Some(last) = spells.last_mut() {
+                    last.to = t;
+                }
+                let force = structure.force(j, mode, at, x);
+                spells.push(Spell { mode: now, from: t, to: t, force, x: x.to_vec() });
+            }
+        }
+    }
+}
+
+impl Observer for Modes<'_> {
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        self.turn(record.at, record.to, &record.x_plus);
+        ControlFlow::Continue(())
+    }
+}
+
+/// Runs `engine` on for `cycles` whole cycles and keeps `per_cycle` samples of each.
+///
+/// # Errors
+/// [`StudyError`] of the run.
+pub fn record(case: &Case, engine: &mut Engine<'_>, cycles: u64, per_cycle: u32) -> Result<Recording, StudyError> {
+    let (structure, clock) = (&case.structure, case.clock());
+    let (n, count) = (structure.freedoms(), structure.contact_count());
+    let from = engine.state().clone();
+    let mut recording = Recording {
+        period: case.period()?,
+        per_cycle,
+        t: Vec::new(),
+        x: vec![Vec::new(); 2 * n],
+        deflection: vec![Vec::new(); count],
+        force: vec![Vec::new(); count],
+        spells: Vec::new(),
+    };
+    let mut modes = Modes { case, start: from.at, spells: vec![Vec::new(); count] };
+    modes.turn(from.at, from.jump.mode, &from.x);
+    let mut samples = Trajectory::new(structure, Grid::Phases { per_cycle }, from.at, |s: &Sample<'_>| {
+        recording.t.push(clock.between(from.at, s.at));
+        recording.x.iter_mut().zip(s.x).for_each(|(column, x)| column.push(*x));
+        for j in 0..count {
+            recording.deflection[j].push(structure.deflection(j, s.at, s.x).0);
+            recording.force[j].push(structure.force(j, s.mode, s.at, s.x));
+        }
+        ControlFlow::Continue(())
+    });
+    let end = cycles_later(clock, from.at, cycles);
+    let outcome = engine.run(end, &mut (&mut modes, &mut samples))?;
+    if outcome != Outcome::ReachedEnd {
+        return Err(StudyError::Budget { cycle: engine.state().at.cycle });
+    }
+    let span = clock.between(from.at, end);
+    modes.spells.iter_mut().filter_map(|spells| spells.last_mut()).for_each(|last| last.to = span);
+    recording.spells = modes.spells;
+    Ok(recording)
+}

@@ -1,0 +1,205 @@
+//! The steady motion of a scene, measured.
+
+use std::{
+    ops::ControlFlow,
+    sync::atomic::{AtomicBool, Ordering},
+};
+
+use serde::{Deserialize, Serialize};
+
+use super::{Case, StudyError};
+use crate::{
+    analysis::{
+        ContactReport, Contacts, Grid, Sample, Settled, Settling, Spectrum, Trajectory, Window, cycles_later, settle,
+    },
+    engine::{Engine, Outcome, State},
+    hybrid::{ContactMode, ContactView},
+    scene::Scene,
+};
+
+/// When the transient is over, and how much is measured then.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rule {
+    /// When the motion counts as periodic.
+    #[serde(flatten)]
+    pub settling: Settling,
+    /// Cycles measured of a periodic motion, at least; whole periods.
+    pub measured_cycles: u64,
+    /// Cycles measured of an irregular motion.
+    pub irregular_cycles: u64,
+}
+
+impl Default for Rule {
+    fn default() -> Self {
+        Self { settling: Settling::default(), measured_cycles: 4, irregular_cycles: 200 }
+    }
+}
+
+/// The state of one run, from which another one can start.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Seed {
+    /// State `(q, q̇, latched speeds)` at the start of a cycle, SI units.
+    pub x: Vec<f64>,
+    /// States of the contacts.
+    pub contacts: Vec<ContactMode>,
+}
+
+/// A steady motion.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Steady {
+    /// Forcing period, s.
+    pub period_s: f64,
+    /// Whether and when it became periodic.
+    pub settled: Settled,
+    /// Whether it took up the seed's motion; a seed that does not fit is left, and the scene's own start taken.
+    pub seeded: bool,
+    /// Cycles measured.
+    pub measured_cycles: u64,
+    /// Events in them.
+    pub events: u64,
+    /// Grazes in them.
+    pub grazes: u64,
+    /// Measures of each contact.
+    pub contacts: Vec<ContactSteady>,
+    /// Its end, at the start of a cycle.
+    #[serde(skip)]
+    pub end: Seed,
+}
+
+/// Steady motion of one contact.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ContactSteady {
+    /// Measures over the measured cycles.
+    #[serde(flatten)]
+    pub report: ContactReport,
+    /// Half the difference of largest and smallest force, N.
+    pub force_amplitude: f64,
+    /// Amplitudes of the force at 1, 2, … times the forcing frequency, N.
+    pub force_harmonics: Vec<f64>,
+    /// Deflections at the starts of the measured cycles, m: the section.
+    pub section: Vec<f64>,
+}
+
+impl Steady {
+    /// The first contact whose name starts with `stem`.
+    #[must_use]
+    pub fn contact(&self, stem: &str) -> Option<&ContactSteady> {
+        self.contacts.iter().find(|contact| contact.report.name.starts_with(stem))
+    }
+}
+
+/// Samples of the force a cycle.
+const PER_CYCLE: u32 = 256;
+/// Harmonics kept.
+const HARMONICS: usize = 8;
+
+/// Runs `scene` until its transient is over, and measures what is left.
+///
+/// With a seed, the motion starts from there (at the start of the scene's first cycle), so that a branch of solutions
+/// is followed through changes of the scene.
+///
+/// # Errors
+/// [`StudyError`]; [`StudyError::Interrupted`] once `interrupted` is set.
+pub fn steady(scene: &Scene, seed: Option<&Seed>, rule: &Rule, interrupted: &AtomicBool) -> Result<Steady, StudyError> {
+    let case = Case::new(scene)?;
+    let (mut engine, settled, seeded) = settled(&case, seed, rule, interrupted)?;
+    measure(&case, &mut engine, settled, seeded, rule, interrupted)
+}
+
+/// An engine whose transient is over, how it ended, and whether it started from the seed.
+///
+/// # Errors
+/// As [`steady`].
+pub fn settled<'c>(
+    case: &'c Case,
+    seed: Option<&Seed>,
+    rule: &Rule,
+    interrupted: &AtomicBool,
+) -> Result<(Engine<'c>, Settled, bool), StudyError> {
+    case.period()?;
+    let start = seed.and_then(|seed| resumed(case, seed));
+    let seeded = start.is_some();
+    let mut engine = case.engine(start.map_or_else(|| case.start(), Ok)?)?;
+    let freedoms = case.structure.freedoms();
+    let settled = settle(&mut engine, case.clock(), freedoms, &rule.settling, &mut (), interrupted)?;
+    let settled = settled.ok_or_else(|| broken(&engine, interrupted))?;
+    Ok((engine, settled, seeded))
+}
+
+fn resumed(case: &Case, seed: &Seed) -> Option<State> {
+    let at = case.cycle_start(case.built.run.instants(case.clock())[0]);
+    let start = case.structure.resume(at, &seed.x, &seed.contacts).ok()?;
+    Some(State { at, x: start.x, jump: start.jump })
+}
+
+fn broken(engine: &Engine<'_>, interrupted: &AtomicBool) -> StudyError {
+    if interrupted.load(Ordering::Relaxed) {
+        StudyError::Interrupted
+    } else {
+        StudyError::Budget { cycle: engine.state().at.cycle }
+    }
+}
+
+fn measure(
+    case: &Case,
+    engine: &mut Engine<'_>,
+    settled: Settled,
+    seeded: bool,
+    rule: &Rule,
+    interrupted: &AtomicBool,
+) -> Result<Steady, StudyError> {
+    let (structure, clock) = (&case.structure, case.clock());
+    let count = structure.contact_count();
+    let cycles = match settled.period {
+        Some(period) => rule.measured_cycles.max(1).next_multiple_of(u64::from(period)),
+        None => rule.irregular_cycles.max(1),
+    };
+    let from = engine.state().at;
+    let before = engine.counters();
+    let mut contacts = Contacts::new(structure, Some(from)).keep(0);
+    let mut forces = vec![Vec::with_capacity(cycles as usize * PER_CYCLE as usize); count];
+    let mut sections = vec![Vec::with_capacity(cycles as usize); count];
+    let mut samples = Trajectory::new(structure, Grid::Phases { per_cycle: PER_CYCLE }, from, |s: &Sample<'_>| {
+        for j in 0..count {
+            forces[j].push(structure.force(j, s.mode, s.at, s.x));
+            if s.index.is_multiple_of(u64::from(PER_CYCLE)) {
+                sections[j].push(structure.deflection(j, s.at, s.x).0);
+            }
+        }
+        if interrupted.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    let outcome = engine.run(cycles_later(clock, from, cycles), &mut (&mut contacts, &mut samples))?;
+    if outcome != Outcome::ReachedEnd {
+        return Err(broken(engine, interrupted));
+    }
+    let end = engine.state();
+    let after = engine.counters();
+    let contacts = forces.iter().zip(sections).enumerate().map(|(j, (force, section))| {
+        let spectrum = Spectrum::new(force, f64::from(PER_CYCLE), Window::Rectangular);
+        let report = contacts.report(j);
+        let [low, high] = [report.force_min, report.force_max].map(Option::unwrap_or_default);
+        ContactSteady {
+            force_amplitude: 0.5 * (high - low),
+            force_harmonics: (1..=HARMONICS).map(|h| spectrum.at(h as f64)).collect(),
+            section,
+            report,
+        }
+    });
+    let steady = Steady {
+        period_s: case.period()?,
+        settled,
+        seeded,
+        measured_cycles: cycles,
+        events: after.events - before.events,
+        grazes: after.grazes - before.grazes,
+        contacts: contacts.collect(),
+        end: Seed {
+            x: end.x.clone(),
+            contacts: (0..count).map(|j| structure.contact_mode(j, end.jump.mode)).collect(),
+        },
+    };
+    match steady.contacts.iter().find(|c| !(c.force_amplitude + c.report.force_mean).is_finite()) {
+        Some(contact) => Err(StudyError::Overflow(format!("the force of {}", contact.report.name))),
+        None => Ok(steady),
+    }
+}

@@ -1,0 +1,130 @@
+//! Steady motions of the reference set: the section decides when the transient is over.
+//!
+//! Expected values: an independent event-driven integration of the same equations; its tolerance is 0.002 in fractions
+//! and 0.3 % in forces.
+
+#![allow(clippy::unwrap_used)] // a test may panic
+
+use std::sync::atomic::AtomicBool;
+
+use flank::{
+    scene::Scene,
+    study::{
+        StudyError,
+        steady::{Rule, Seed, Steady, steady},
+    },
+};
+use serde_json::json;
+
+fn scene(preset: &str, rpm: f64, load: f64) -> Scene {
+    let train = json!({
+        "kind": "planetary", "preset": preset, "freedoms": "in-phase", "speed_rpm": rpm,
+        "load": { "output_torque_nm": load }
+    });
+    Scene::from_value(json!({ "flank": 1, "train": train, "run": { "cycles": 1 } }), "reference").unwrap()
+}
+
+fn run(scene: &Scene, seed: Option<&Seed>) -> Steady {
+    steady(scene, seed, &Rule::default(), &AtomicBool::new(false)).unwrap()
+}
+
+#[track_caller]
+fn close(found: f64, expected: f64, tolerance: f64) {
+    assert!((found - expected).abs() <= tolerance, "{found} is not {expected} to {tolerance}");
+}
+
+#[test]
+fn apart_fractions_against_load_and_speed() {
+    let by_load = [
+        (0.0, 0.254),
+        (3.0, 0.239),
+        (6.0, 0.223),
+        (9.0, 0.204),
+        (12.0, 0.185),
+        (15.0, 0.161),
+        (17.0, 0.140),
+        (19.0, 0.115),
+        (20.0, 0.095),
+        (21.0, 0.0),
+    ];
+    let by_speed = [
+        (50.0, 0.349),
+        (100.0, 0.316),
+        (200.0, 0.326),
+        (300.0, 0.359),
+        (400.0, 0.405),
+        (600.0, 0.131),
+        (700.0, 0.161),
+        (800.0, 0.312),
+        (1000.0, 0.276),
+        (1200.0, 0.229),
+        (1500.0, 0.182),
+        (1800.0, 0.155),
+        (2000.0, 0.109),
+        (2500.0, 0.0),
+    ];
+    let rows = by_load.map(|(load, apart)| (500.0, load, apart)).into_iter();
+    for (rpm, load, apart) in rows.chain(by_speed.map(|(rpm, apart)| (rpm, 0.0, apart))) {
+        let steady = run(&scene("reference-light", rpm, load), None);
+        let ring = steady.contact("ring").unwrap();
+        assert_eq!(steady.settled.period, Some(1), "{rpm} rpm, {load} N m");
+        let found = ring.report.no_force_fraction;
+        assert!((found - apart).abs() <= 0.002, "{rpm} rpm, {load} N m: {found} for {apart}");
+    }
+}
+
+#[test]
+fn forces_and_their_harmonics() {
+    let light = run(&scene("reference-light", 500.0, 0.0), None);
+    let ring = light.contact("ring").unwrap();
+    close(ring.report.force_max.unwrap(), 120.27, 0.003 * 120.27);
+    assert_eq!(ring.report.force_min, Some(0.0));
+    close(ring.force_amplitude, 60.1, 0.003 * 60.1);
+    for (h, wanted) in [18.4, 37.5, 10.3].into_iter().enumerate() {
+        close(ring.force_harmonics[h], wanted, 0.06);
+    }
+    let heavy = run(&scene("reference-heavy", 500.0, 500.0), None);
+    for (stem, half_range, harmonics) in
+        [("sun", 168.02, [34.62, 29.14, 70.95, 61.77]), ("ring", 117.93, [47.77, 41.42, 41.63, 41.26])]
+    {
+        let contact = heavy.contact(stem).unwrap();
+        close(contact.report.force_mean, 773.25, 0.01);
+        close(contact.force_amplitude, half_range, 0.1);
+        for (found, wanted) in contact.force_harmonics.iter().zip(harmonics) {
+            close(*found, wanted, 0.02);
+        }
+        // The law is linear: no fifth harmonic but what the transient and rounding leave.
+        assert!(contact.force_harmonics[4] < 1e-5, "{}", contact.force_harmonics[4]);
+    }
+}
+
+#[test]
+fn a_seed_continues_a_motion_without_a_transient() {
+    let first = run(&scene("reference-light", 500.0, 10.0), None);
+    let again = run(&scene("reference-light", 500.0, 10.0), Some(&first.end));
+    assert!(again.seeded && again.settled.cycles <= 8, "{:?}", again.settled);
+    for (a, b) in first.contacts.iter().zip(&again.contacts) {
+        close(a.report.apart_fraction, b.report.apart_fraction, 1e-9);
+    }
+    // A seed of another train does not fit: the scene's own start is taken, and said so.
+    let stranger = Seed { x: vec![0.0; 3], contacts: Vec::new() };
+    assert!(!run(&scene("reference-light", 500.0, 10.0), Some(&stranger)).seeded);
+}
+
+#[test]
+fn what_cannot_be_settled_says_so() {
+    let ball = json!({
+        "flank": 1,
+        "train": {
+            "kind": "wall", "mass_kg": 1, "load_n": -9.81, "wall": { "side": "below", "position_m": 0 },
+            "law": { "kind": "rigid", "restitution": 0.8 }
+        },
+        "initial": { "q": [1] },
+        "run": { "t_end_s": 1 }
+    });
+    let ball = Scene::from_value(ball, "ball").unwrap();
+    let error = steady(&ball, None, &Rule::default(), &AtomicBool::new(false)).unwrap_err();
+    assert!(matches!(error, StudyError::Missing { .. }) && error.to_string().contains("period"), "{error}");
+    let stopped = steady(&scene("reference-light", 500.0, 0.0), None, &Rule::default(), &AtomicBool::new(true));
+    assert!(matches!(stopped, Err(StudyError::Interrupted)));
+}
