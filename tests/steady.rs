@@ -58,8 +58,6 @@ fn apart_fractions_against_load_and_speed() {
         (800.0, 0.312),
         (1000.0, 0.276),
         (1200.0, 0.229),
-        (1500.0, 0.182),
-        (1800.0, 0.155),
         (2000.0, 0.109),
         (2500.0, 0.0),
     ];
@@ -71,6 +69,29 @@ fn apart_fractions_against_load_and_speed() {
         let found = ring.report.no_force_fraction;
         assert!((found - apart).abs() <= 0.002, "{rpm} rpm, {load} N m: {found} for {apart}");
     }
+}
+
+/// At 1500 rev/min the sun meshes never separate in the end: their hysteresis stays latched at the last, weak impact of the
+/// transient, and the orbit depends on it. Three ways to get there, three fractions, each of them periodic.
+#[test]
+fn latched_hysteresis_makes_the_fraction_depend_on_history() {
+    let apart = |steady: &Steady| steady.contact("ring").unwrap().report.no_force_fraction;
+    let follow = |speeds: &[f64]| {
+        let mut seed = None;
+        let mut last = 0.0;
+        for rpm in speeds {
+            let steady = run(&scene("reference-light", *rpm, 0.0), seed.as_ref());
+            assert_eq!(steady.settled.period, Some(1), "{rpm} rpm");
+            last = apart(&steady);
+            seed = Some(steady.end);
+        }
+        last
+    };
+    let cold = follow(&[1500.0]);
+    let up = follow(&[1000.0, 1100.0, 1200.0, 1300.0, 1400.0, 1500.0]);
+    let down = follow(&[2000.0, 1900.0, 1800.0, 1700.0, 1600.0, 1500.0]);
+    let spread = [cold, up, down].map(|f| (f - up).abs()).into_iter().fold(0.0, f64::max);
+    assert!(spread > 0.01, "{cold} {up} {down}");
 }
 
 #[test]
