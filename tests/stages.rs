@@ -10,6 +10,7 @@ use flank::train::planetary::presets::{
     ReferenceDamping, ReferenceStiffness, lin_parker, reference, reference_float, reference_heavy, reference_hertz,
     reference_light,
 };
+use flank::train::planetary::{Family, FamilyError, FamilyModes, families};
 use flank::train::{
     Flanks, Freedoms, Phasing, Planetary, Support, TrainError, Warning, bonded_modes, bonded_stiffness,
 };
@@ -327,4 +328,79 @@ fn phases_and_assembly() {
 fn a_standing_stage_has_no_mesh_clock() {
     let stage = reference_heavy(0.0, 500.0).unwrap();
     assert!(matches!(stage.assemble(&Freedoms::Full), Err(TrainError::Standing { .. })));
+}
+
+/// Every frequency of a family, once.
+fn family(stage: &Planetary, freedoms: &Freedoms, wanted: Family) -> Vec<f64> {
+    let spec = stage.assemble(freedoms).unwrap();
+    let parts = families(&spec, &bonded_stiffness(&spec, None)).unwrap();
+    parts.iter().find(|part| part.family == wanted).map_or(Vec::new(), FamilyModes::hertz)
+}
+
+#[test]
+fn families_are_those_of_the_published_table() {
+    let close = |got: Vec<f64>, want: &[f64]| {
+        assert_eq!(got.len(), want.len());
+        got.iter().zip(want).for_each(|(g, w)| assert!((g - w).abs() <= 0.06, "{g} against {w} Hz"));
+    };
+    let (stage, all) = (lin_parker(5), Freedoms::FullCarrier);
+    close(family(&stage, &all, Family::Rotational), &[0.0, 1567.4, 2006.1, 2614.8, 8065.4, 14253.1]);
+    close(family(&stage, &all, Family::Translational), &[710.0, 1072.0, 1888.1, 2425.3, 7382.4, 11172.3]);
+    close(family(&stage, &all, Family::Planet), &[1808.2, 5963.8, 6981.7]);
+    // Without centres, planets against one another move nothing else.
+    let torsional = Freedoms::Torsional;
+    close(family(&default_stage(), &torsional, Family::Planet), &[2727.97]);
+    close(family(&default_stage(), &torsional, Family::Rotational), &[533.82, 2056.41, 3944.35, 5369.84]);
+}
+
+/// The parts together are the whole: same frequencies, same shapes up to turns within a repeated one.
+#[test]
+fn families_together_are_all_modes() {
+    for (planets, freedoms) in
+        [1, 2, 3, 4, 5, 6].into_iter().flat_map(|n| [Freedoms::FullCarrier, Freedoms::Torsional].map(|f| (n, f)))
+    {
+        let spec = lin_parker(planets).assemble(&freedoms).unwrap();
+        let stiffness = bonded_stiffness(&spec, None);
+        let parts = match families(&spec, &stiffness) {
+            // One planet turns the whole stage when it moves the centres.
+            Err(error) => {
+                assert_eq!((planets, error), (1, FamilyError::Asymmetric));
+                continue;
+            }
+            Ok(parts) => parts,
+        };
+        let whole = bonded_modes(&spec).unwrap();
+        let mut found: Vec<f64> = parts.iter().flat_map(|part| part.modes.hertz()).collect();
+        found.sort_by(f64::total_cmp);
+        assert_eq!(found.len(), whole.omega.len());
+        for (got, want) in found.iter().zip(whole.hertz()) {
+            assert_relative_eq!(*got, want, max_relative = 1e-9, epsilon = 1e-3);
+        }
+        for part in &parts {
+            for group in part.modes.omega.chunks(part.multiplicity) {
+                assert_relative_eq!(group[0], group[group.len() - 1], max_relative = 1e-9, epsilon = 1e-3);
+            }
+            for (omega, shape) in part.modes.omega.iter().zip(part.modes.shapes.column_iter()) {
+                let rest = &stiffness * shape - omega * omega * &spec.mass * shape;
+                // Round-off of the eigenvalue problem against its largest term.
+                let highest = whole.omega.last().unwrap();
+                assert!(rest.amax() <= 1e-10 * highest * highest * (&spec.mass * shape).amax(), "{}", rest.amax());
+            }
+        }
+    }
+}
+
+#[test]
+fn families_want_a_symmetric_stage() {
+    let told = |stage: &Planetary, freedoms: &Freedoms| {
+        let spec = stage.assemble(freedoms).unwrap();
+        families(&spec, &bonded_stiffness(&spec, None)).map(|parts| parts.len())
+    };
+    let mut stage = default_stage();
+    assert_eq!(told(&stage, &Freedoms::Full), Ok(2));
+    assert_eq!(told(&stage, &named(&["u_s", "xi_1", "u_1"])), Ok(1));
+    assert_eq!(told(&stage, &named(&["u_s", "xi_2", "u_2"])), Err(FamilyError::Freedoms));
+    assert_eq!(told(&stage, &named(&["x_s", "u_s"])), Err(FamilyError::Freedoms));
+    stage.planets[1].position += 1e-3;
+    assert_eq!(told(&stage, &Freedoms::Full), Err(FamilyError::Asymmetric));
 }

@@ -21,6 +21,7 @@
 //! The kinematics are those of Lin & Parker, J. Vib. Acoust. 121 (1999).
 
 mod assemble;
+mod family;
 mod freedoms;
 pub mod presets;
 mod stage;
@@ -28,6 +29,7 @@ mod warning;
 
 use std::f64::consts::TAU;
 
+pub use family::{Family, FamilyError, FamilyModes, families};
 pub use freedoms::Freedoms;
 pub use stage::StageGeometry;
 pub use warning::Warning;
