@@ -5,8 +5,10 @@
 
 mod case;
 mod error;
+pub mod figures;
 pub mod record;
 pub mod steady;
+pub mod threshold;
 
 pub use case::Case;
 pub use error::StudyError;

@@ -1,0 +1,112 @@
+use super::{Context, families};
+use crate::{
+    plot::{Axis, Figure, Panel, Series, Style},
+    scene::Scene,
+    study::{StudyError, steady::Steady},
+};
+
+/// How the points of a curve were started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// Each from the scene's own start.
+    Cold,
+    /// Each from the motion at the next lower value.
+    Up,
+    /// Each from the motion at the next higher value.
+    Down,
+}
+
+impl Way {
+    const ALL: [Self; 3] = [Self::Cold, Self::Up, Self::Down];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Cold => "cold start",
+            Self::Up => "followed up",
+            Self::Down => "followed down",
+        }
+    }
+
+    fn style(self) -> Style {
+        match self {
+            Self::Cold => Style::Joined,
+            Self::Up => Style::Line,
+            Self::Down => Style::Dashed,
+        }
+    }
+}
+
+/// Measures of one family of meshes along the values of a number.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// How it was started.
+    pub way: Way,
+    /// The values.
+    pub values: Vec<f64>,
+    /// Steady motions.
+    pub rows: Vec<Steady>,
+}
+
+impl Curve {
+    /// A measure of the first contact whose name starts with `stem`, at each value.
+    #[must_use]
+    pub fn measure(&self, stem: &str, pick: impl Fn(&crate::study::steady::ContactSteady) -> f64) -> Vec<f64> {
+        self.rows.iter().filter_map(|row| row.contact(stem)).map(pick).collect()
+    }
+}
+
+/// Time apart and force amplitude against the number at `pointer`, started in three ways so that branches which exist side by
+/// side show.
+///
+/// # Errors
+/// [`StudyError`] of the runs.
+pub fn apart(
+    context: &Context<'_>,
+    scene: &Scene,
+    id: &str,
+    x: Axis,
+    (pointer, values): (&str, &[f64]),
+) -> Result<(Figure, Vec<Curve>), StudyError> {
+    let curves = context.each(&Way::ALL, |&way| {
+        let rows = match way {
+            Way::Cold => context.cold(scene, pointer, values)?,
+            Way::Up => context.followed(scene, pointer, values.iter().copied())?,
+            Way::Down => {
+                let mut rows = context.followed(scene, pointer, values.iter().rev().copied())?;
+                rows.reverse();
+                rows
+            }
+        };
+        Ok(Curve { way, values: values.to_vec(), rows })
+    })?;
+    let mut figure = Figure {
+        id: id.to_owned(),
+        title: format!("Time apart and force amplitude against {}", x.label),
+        columns: 2,
+        ..Figure::default()
+    };
+    for (colour, (_, family)) in curves[0].rows.first().map(families).unwrap_or_default().into_iter().enumerate() {
+        let panel = |title: String, y: Axis| Panel { title, x: x.clone(), y, ..Panel::default() };
+        let mut fraction = panel(format!("{family}: time without force"), Axis::new("share of the mesh period", ""));
+        let mut amplitude = panel(format!("{family}: force amplitude"), Axis::new("half of the force's range", "N"));
+        for curve in &curves {
+            let series = |y: Vec<f64>| {
+                let colour = colour + 2 * curve.way as usize;
+                Series::line(curve.way.name(), colour, values.to_vec(), y).styled(curve.way.style())
+            };
+            fraction.series.push(series(curve.measure(&family, |c| c.report.no_force_fraction)));
+            amplitude.series.push(series(curve.measure(&family, |c| c.force_amplitude)));
+        }
+        let flight = curves[0].measure(&family, |c| c.report.apart_fraction);
+        let flight = Series::line("between the flanks, cold start", 7, values.to_vec(), flight);
+        fraction.series.push(flight.styled(Style::Hairline));
+        figure.panels.extend([fraction, amplitude]);
+    }
+    let irregular = curves.iter().flat_map(|curve| &curve.rows).filter(|row| row.settled.period.is_none()).count();
+    figure.caption = format!(
+        "Points: each motion from the scene's own start; lines: each takes up the motion before it, along rising and falling \
+         values. Where they differ, several motions exist side by side. {irregular} of {} motions are not periodic.",
+        3 * values.len()
+    );
+    Ok((figure, curves))
+}

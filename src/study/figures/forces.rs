@@ -1,0 +1,108 @@
+use super::{Context, representatives};
+use crate::{
+    analysis::{Spectrum, Window},
+    plot::{Axis, Figure, Guide, Panel, Series, Style},
+    scene::Scene,
+    study::{Case, StudyError, record::record, steady::settled},
+};
+
+/// What the force of one mesh was found to be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Forces {
+    /// The family of meshes.
+    pub family: String,
+    /// Mean, N.
+    pub mean: f64,
+    /// Largest force, N.
+    pub largest: f64,
+    /// Smallest force, N.
+    pub smallest: f64,
+    /// Amplitudes at 1, 2, … times the mesh frequency, N.
+    pub harmonics: Vec<f64>,
+    /// Mesh frequency, Hz.
+    pub mesh_frequency: f64,
+}
+
+/// Cycles shown.
+const SHOWN: usize = 4;
+/// Cycles of the spectrum: enough for subharmonics to show.
+const CYCLES: usize = 16;
+const PER_CYCLE: u32 = 512;
+
+/// Forces of one mesh of each family over a few mesh periods, and their spectra up to `highest`, Hz.
+///
+/// # Errors
+/// [`StudyError`] of the run.
+pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Figure, Vec<Forces>), StudyError> {
+    let case = Case::new(scene)?;
+    let (mut engine, settled, _) = settled(&case, None, &context.rule, context.interrupted)?;
+    let cycles = settled.period.map_or(CYCLES, |p| CYCLES.next_multiple_of(p as usize));
+    let recording = record(&case, &mut engine, cycles as u64, PER_CYCLE)?;
+    (context.done)();
+    let period = case.period()?;
+    let window = if settled.period.is_some() { Window::Rectangular } else { Window::Hann };
+    let mut figure = Figure { id: "forces".to_owned(), columns: 2, ..Figure::default() };
+    let mut found = Vec::new();
+    for (colour, (j, family)) in representatives(&case).into_iter().enumerate() {
+        let force = &recording.force[j];
+        let spectrum = Spectrum::new(force, f64::from(PER_CYCLE) / period, window);
+        let shown = SHOWN * PER_CYCLE as usize + 1;
+        let (t, f): (Vec<f64>, Vec<f64>) =
+            recording.t.iter().zip(force).take(shown).map(|(t, f)| (1e3 * t, *f)).unzip();
+        let mean = spectrum.amplitude[0];
+        let (low, high) = force.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), f| (l.min(*f), h.max(*f)));
+        figure.panels.push(Panel {
+            title: format!("{family}: mean {mean:.1} N, amplitude {:.1} N", 0.5 * (high - low)),
+            x: Axis::new("time", "ms"),
+            y: Axis::new(format!("force, {family}"), "N"),
+            series: vec![Series::line("", colour, t, f)],
+            guides: vec![Guide::Horizontal { y: mean, name: "mean".to_owned() }],
+            ..Panel::default()
+        });
+        let lines: Vec<(f64, f64)> = spectrum
+            .frequencies()
+            .into_iter()
+            .zip(spectrum.amplitude.iter().copied())
+            .skip(1)
+            .take_while(|(frequency, _)| *frequency <= highest)
+            .collect();
+        // Bins between the lines of a periodic motion hold rounding only.
+        let floor = lines.iter().fold(0.0, |m: f64, l| m.max(l.1)) * 1e-6;
+        let (frequency, amplitude) = lines.into_iter().filter(|l| l.1 > floor).unzip();
+        figure.panels.push(Panel {
+            title: format!("{family}: spectrum"),
+            x: Axis::new("frequency", "Hz").between(0.0, highest),
+            y: Axis::new("amplitude", "N"),
+            series: vec![Series::line("", colour, frequency, amplitude).styled(Style::Stems)],
+            guides: (1..)
+                .map(|h| (h, f64::from(h) / period))
+                .take_while(|(_, f)| *f <= highest)
+                .take(4)
+                .map(|(h, x)| Guide::Vertical { x, name: order(h) })
+                .collect(),
+            ..Panel::default()
+        });
+        found.push(Forces {
+            family,
+            mean,
+            largest: high,
+            smallest: low,
+            harmonics: (1..=6).map(|h| spectrum.at(f64::from(h) / period)).collect(),
+            mesh_frequency: 1.0 / period,
+        });
+    }
+    figure.title = "Mesh forces and their spectra".to_owned();
+    figure.caption = match settled.period {
+        Some(p) => format!(
+            "Force of one mesh of each family over {SHOWN} mesh periods, and its spectrum over {cycles} periods sampled at \
+             exact phases (period {p}: no window, no leakage)."
+        ),
+        None => format!("Force of one mesh of each family, and its spectrum over {cycles} periods (Hann window; the motion has no short period)."),
+    };
+    Ok((figure, found))
+}
+
+/// `f_m`, `2 f_m`, …
+pub(super) fn order(h: u32) -> String {
+    if h == 1 { "f_m".to_owned() } else { format!("{h} f_m") }
+}

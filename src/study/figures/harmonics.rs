@@ -1,0 +1,60 @@
+use super::{Context, families};
+use crate::{
+    plot::{Axis, Figure, Panel, Series, Style},
+    scene::Scene,
+    study::StudyError,
+};
+
+/// Harmonics of one family of meshes over the speeds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Harmonics {
+    /// The family.
+    pub family: String,
+    /// First harmonic of the force at each speed, N.
+    pub first: Vec<f64>,
+    /// Smallest force at each speed, N: a bilateral law is valid while it is positive.
+    pub smallest: Vec<f64>,
+}
+
+/// First harmonic, amplitude and smallest value of the mesh forces against speed.
+///
+/// # Errors
+/// [`StudyError`] of the runs.
+pub fn harmonics(
+    context: &Context<'_>,
+    scene: &Scene,
+    (pointer, speeds): (&str, &[f64]),
+) -> Result<(Figure, Vec<Harmonics>), StudyError> {
+    let rows = context.cold(scene, pointer, speeds)?;
+    let panel = |title: &str, label: &str| Panel {
+        title: title.to_owned(),
+        x: Axis::new("speed of the sun", "rev/min"),
+        y: Axis::new(label, "N"),
+        ..Panel::default()
+    };
+    let mut panels =
+        [panel("First harmonic", "amplitude at the mesh frequency"), panel("Range of the force", "largest and smallest force")];
+    let mut found = Vec::new();
+    for (colour, (j, family)) in rows.first().map(families).unwrap_or_default().into_iter().enumerate() {
+        let first: Vec<f64> = rows.iter().map(|row| row.contacts[j].force_harmonics[0]).collect();
+        let extreme = |pick: fn(&crate::analysis::ContactReport) -> Option<f64>| -> Vec<f64> {
+            rows.iter().map(|row| pick(&row.contacts[j].report).unwrap_or_default()).collect()
+        };
+        let (largest, smallest) = (extreme(|r| r.force_max), extreme(|r| r.force_min));
+        panels[0].series.push(Series::line(&family, colour, speeds.to_vec(), first.clone()));
+        panels[1].series.push(Series::line(format!("{family}, largest"), colour, speeds.to_vec(), largest));
+        let low = Series::line(format!("{family}, smallest"), colour, speeds.to_vec(), smallest.clone());
+        panels[1].series.push(low.styled(Style::Dashed));
+        found.push(Harmonics { family, first, smallest });
+    }
+    let figure = Figure {
+        id: "harmonics-vs-speed".to_owned(),
+        title: "Mesh forces against speed".to_owned(),
+        caption: "First harmonic of the mesh forces, and their extremes: where the smallest force falls below zero, a \
+                  bilateral law pulls and is no longer valid."
+            .to_owned(),
+        columns: 2,
+        panels: panels.into(),
+    };
+    Ok((figure, found))
+}

@@ -1,0 +1,92 @@
+use super::Context;
+use crate::{
+    analysis::{Spectrum, Window},
+    plot::{Axis, Band, Figure, Guide, Panel, Series},
+    scene::Scene,
+    study::{Case, StudyError, record::record, steady::settled},
+};
+
+/// What the spectrum of a centre showed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct History {
+    /// Period of the motion in mesh cycles, if it has one.
+    pub period: Option<u32>,
+    /// Amplitude at the mesh frequency, m.
+    pub first: f64,
+    /// Amplitude at half the mesh frequency, m.
+    pub half: f64,
+    /// Middle amplitude of the bins between 0.4 and 0.6 of the mesh frequency, m: what a line there must rise above.
+    pub floor: f64,
+}
+
+const CYCLES: u64 = 384;
+const SHOWN: usize = 24;
+const PER_CYCLE: u32 = 32;
+/// Where a subharmonic of order 1/2 would stand.
+const REGION: [f64; 2] = [0.4, 0.6];
+/// Highest frequency shown, mesh frequencies.
+const HIGHEST: f64 = 1.6;
+
+/// Displacement of one freedom over time and its spectrum around half the mesh frequency.
+///
+/// # Errors
+/// [`StudyError`] of the run; [`StudyError::Missing`] without that freedom.
+pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(Figure, History), StudyError> {
+    let case = Case::new(scene)?;
+    let row = case.freedom(freedom)?;
+    let (mut engine, settled, _) = settled(&case, None, &context.rule, context.interrupted)?;
+    let recording = record(&case, &mut engine, CYCLES, PER_CYCLE)?;
+    (context.done)();
+    let mesh_frequency = 1.0 / case.period()?;
+    let window = if settled.period.is_some() { Window::Rectangular } else { Window::Hann };
+    let spectrum = Spectrum::new(&recording.x[row], f64::from(PER_CYCLE) * mesh_frequency, window);
+    let bins = spectrum.frequencies().into_iter().zip(spectrum.amplitude.iter().copied()).skip(1);
+    let bins: Vec<(f64, f64)> = bins.take_while(|(f, _)| *f <= HIGHEST * mesh_frequency).collect();
+    let in_region = |f: f64| (REGION[0]..=REGION[1]).contains(&(f / mesh_frequency));
+    let mut around: Vec<f64> = bins.iter().filter(|(f, _)| in_region(*f)).map(|(_, a)| *a).collect();
+    around.sort_by(f64::total_cmp);
+    let found = History {
+        period: settled.period,
+        first: spectrum.at(mesh_frequency),
+        half: spectrum.at(0.5 * mesh_frequency),
+        floor: around.get(around.len() / 2).copied().unwrap_or(0.0),
+    };
+    let shown = SHOWN * PER_CYCLE as usize + 1;
+    let (t, x): (Vec<f64>, Vec<f64>) =
+        recording.t.iter().zip(&recording.x[row]).take(shown).map(|(t, x)| (1e3 * t, 1e6 * x)).unzip();
+    let (f, a) = bins.into_iter().map(|(f, a)| (f, 1e6 * a)).unzip();
+    let figure = Figure {
+        id: "history".to_owned(),
+        title: format!("Displacement {freedom} and its spectrum"),
+        caption: format!(
+            "{SHOWN} of {CYCLES} mesh periods, carrier frame; spectrum over all of them ({}). Shaded: where a subharmonic of \
+             order 1/2 would stand.",
+            if settled.period.is_some() { "no window: the motion is periodic" } else { "Hann window" }
+        ),
+        columns: 2,
+        panels: vec![
+            Panel {
+                x: Axis::new("time", "ms"),
+                y: Axis::new(format!("displacement {freedom}"), "um"),
+                series: vec![Series::line("", 0, t, x)],
+                ..Panel::default()
+            },
+            Panel {
+                x: Axis::new("frequency", "Hz").between(0.0, HIGHEST * mesh_frequency),
+                y: Axis::new("amplitude", "um"),
+                series: vec![Series::line("", 0, f, a)],
+                bands: vec![Band {
+                    x: REGION.map(|order| order * mesh_frequency),
+                    name: "around f_m/2".to_owned(),
+                    colour: 0,
+                }],
+                guides: vec![
+                    Guide::Vertical { x: 0.5 * mesh_frequency, name: "f_m/2".to_owned() },
+                    Guide::Vertical { x: mesh_frequency, name: "f_m".to_owned() },
+                ],
+                ..Panel::default()
+            },
+        ],
+    };
+    Ok((figure, found))
+}

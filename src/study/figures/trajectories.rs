@@ -1,0 +1,155 @@
+use serde_json::json;
+
+use super::{Context, number};
+use crate::{
+    analysis::{Spectrum, Window},
+    plot::{Axis, Figure, Panel, Series, Style},
+    scene::Scene,
+    study::{Case, StudyError, record::record, steady::settled},
+    train::frame::to_fixed,
+};
+
+/// How one centre moved over one turn of the carrier.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    /// `sun` or `ring`.
+    pub body: &'static str,
+    /// Speed of the sun, rev/min.
+    pub rpm: f64,
+    /// Period of the motion in mesh cycles, if it has one.
+    pub period: Option<u32>,
+    /// Largest extent of x or y in the fixed frame, m.
+    pub range: f64,
+    /// Maxima of the distance from the centre over one turn.
+    pub leaves: usize,
+    /// Root mean square of `x(t + T) − x(t)` over that of x (mean taken off), carrier frame.
+    pub residual: f64,
+    /// Share of the energy of x off the multiples of the mesh frequency, carrier frame.
+    pub off_harmonics: f64,
+    /// Strongest line of x, in multiples of the mesh frequency, and its amplitude, m.
+    pub strongest: Option<(f64, f64)>,
+}
+
+const PER_CYCLE: u32 = 64;
+const BODIES: [(&str, &str, &str); 2] = [("sun", "x_s", "y_s"), ("ring", "x_r", "y_r")];
+
+/// Paths of the centres of sun and ring in the fixed frame over one turn of the carrier.
+///
+/// # Errors
+/// [`StudyError`] of the runs; a train without these freedoms has no such paths.
+pub fn trajectories(
+    context: &Context<'_>,
+    scene: &Scene,
+    (pointer, speeds): (&str, &[f64]),
+) -> Result<(Figure, Vec<Trajectory>), StudyError> {
+    let columns = context.each(speeds, |&rpm| {
+        let scene = scene.with(pointer, json!(rpm))?;
+        let case = Case::new(&scene)?;
+        let bodies = BODIES.iter().filter_map(|(body, x, y)| Some((*body, case.freedom(x).ok()?, case.freedom(y).ok()?)));
+        let bodies: Vec<(&'static str, usize, usize)> = bodies.collect();
+        let Some(speed) = case.built.carrier_speed.filter(|_| !bodies.is_empty()) else {
+            return Err(case.missing("it has no centres that move in a carrier's frame (x_s, y_s or x_r, y_r)"));
+        };
+        let (mut engine, settled, _) = settled(&case, None, &context.rule, context.interrupted)?;
+        // The carrier turns once while Z_r teeth of the ring pass.
+        let turn = number(&scene, "/train/teeth/ring") as u64;
+        let recording = record(&case, &mut engine, turn, PER_CYCLE)?;
+        (context.done)();
+        let window = if settled.period.is_some() { Window::Rectangular } else { Window::Hann };
+        let mut found = Vec::new();
+        for (body, x, y) in bodies {
+            let path: Vec<[f64; 2]> = recording
+                .t
+                .iter()
+                .zip(recording.x[x].iter().zip(&recording.x[y]))
+                .map(|(t, (x, y))| to_fixed([*x, *y], speed * t))
+                .collect();
+            let extent = |axis: usize| {
+                let ends = path.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], p| [l.min(p[axis]), h.max(p[axis])]);
+                ends[1] - ends[0]
+            };
+            let spectrum = Spectrum::new(&recording.x[x], f64::from(PER_CYCLE), window);
+            let trajectory = Trajectory {
+                body,
+                rpm,
+                period: settled.period,
+                range: extent(0).max(extent(1)),
+                leaves: leaves(&path),
+                residual: residual(&recording.x[x]),
+                off_harmonics: spectrum.off_multiples(1.0),
+                strongest: spectrum.lines(0.99).first().copied(),
+            };
+            let (px, py) = path.iter().map(|p| (1e6 * p[0], 1e6 * p[1])).unzip();
+            found.push((trajectory, Series::line("", 0, px, py).styled(Style::Hairline)));
+        }
+        Ok(found)
+    })?;
+    let mut figure = Figure {
+        id: "trajectories".to_owned(),
+        title: "Paths of the centres over one turn of the carrier".to_owned(),
+        caption: "Fixed frame. Leaves are the maxima of the distance from the centre, counted on 64 samples a mesh period."
+            .to_owned(),
+        columns: speeds.len(),
+        ..Figure::default()
+    };
+    let mut found = Vec::new();
+    for body in 0..columns.iter().map(Vec::len).min().unwrap_or(0) {
+        for column in &columns {
+            let (trajectory, series) = column[body].clone();
+            let kind = trajectory.period.map_or("no period".to_owned(), |p| format!("period {p}"));
+            figure.panels.push(Panel {
+                title: format!("{}, {} rev/min: {kind}, {} leaves", trajectory.body, trajectory.rpm, trajectory.leaves),
+                x: Axis::new("x", "um"),
+                y: Axis::new("y", "um"),
+                equal_scales: true,
+                series: vec![Series { colour: body, ..series }],
+                ..Panel::default()
+            });
+            found.push(trajectory);
+        }
+    }
+    Ok((figure, found))
+}
+
+/// Maxima of the radius along a closed path.
+fn leaves(path: &[[f64; 2]]) -> usize {
+    let radius: Vec<f64> = path.iter().map(|p| p[0].hypot(p[1])).collect();
+    let n = radius.len();
+    (0..n).filter(|&i| radius[i] > radius[(i + n - 1) % n] && radius[i] >= radius[(i + 1) % n]).count()
+}
+
+fn residual(x: &[f64]) -> f64 {
+    let lag = PER_CYCLE as usize;
+    let rms = |values: &mut dyn Iterator<Item = f64>| {
+        let (sum, count) = values.fold((0.0, 0u32), |(s, n), v| (s + v * v, n + 1));
+        (sum / f64::from(count.max(1))).sqrt()
+    };
+    let mean = x.iter().sum::<f64>() / x.len().max(1) as f64;
+    let all = rms(&mut x.iter().map(|v| v - mean));
+    let changed = rms(&mut x.windows(lag + 1).map(|w| w[lag] - w[0]));
+    if all > 0.0 { changed / all } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn leaves_of_a_rose() {
+        let n = 4096;
+        let path: Vec<[f64; 2]> = (0..n)
+            .map(|i| {
+                let turn = std::f64::consts::TAU * f64::from(i) / f64::from(n);
+                let r = 1.0 + 0.2 * (12.0 * turn).cos();
+                [r * turn.cos(), r * turn.sin()]
+            })
+            .collect();
+        assert_eq!(leaves(&path), 12);
+    }
+
+    #[test]
+    fn a_motion_of_period_one_has_no_residual() {
+        let x: Vec<f64> = (0..256).map(|i| f64::from(i % 64)).collect();
+        assert_eq!(residual(&x), 0.0);
+    }
+}

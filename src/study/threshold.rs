@@ -1,0 +1,109 @@
+//! Where separations end as a number of the scene rises: a root in the parameter, not a point of a grid.
+
+use serde_json::json;
+
+use super::{StudyError, figures::Context};
+use crate::scene::Scene;
+
+/// Where to look.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Search {
+    /// Smallest and largest value.
+    pub range: [f64; 2],
+    /// Values tried from the largest down until one separates, ≥ 2: separations may come and go along the range.
+    pub scan: usize,
+    /// Width of the last bracket.
+    pub resolution: f64,
+}
+
+/// What was found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Threshold {
+    /// Nothing separates at any value tried.
+    None,
+    /// Separations are still there at the largest value.
+    Beyond {
+        /// The largest value.
+        value: f64,
+    },
+    /// They end within this bracket.
+    Located {
+        /// Separates here.
+        below: f64,
+        /// Does not separate here.
+        above: f64,
+        /// Smallest deflection from the flank at `below`, m, < 0: near zero where the separation shrinks to nothing, finite
+        /// where the motion that separates disappears at once.
+        clearance_below: f64,
+        /// Smallest deflection at `above`, m, ≥ 0.
+        clearance_above: f64,
+    },
+}
+
+impl Threshold {
+    /// Middle of the bracket; the largest value where it lies beyond.
+    #[must_use]
+    pub fn middle(&self) -> Option<f64> {
+        match *self {
+            Self::None => None,
+            Self::Beyond { value } => Some(value),
+            Self::Located { below, above, .. } => Some(0.5 * (below + above)),
+        }
+    }
+}
+
+/// The largest value of the number at `pointer` at which the contact whose name starts with `stem` leaves its flank in the
+/// steady motion, each motion from the scene's own start: scanned from above, then bisected.
+///
+/// # Errors
+/// [`StudyError`] of the runs.
+pub fn locate(
+    context: &Context<'_>,
+    scene: &Scene,
+    pointer: &str,
+    stem: &str,
+    search: &Search,
+) -> Result<Threshold, StudyError> {
+    // The sign of the clearance is the event; its size tells how it comes about.
+    let clearance = |value: f64| {
+        let steady = context.steady(&scene.with(pointer, json!(value))?, None)?;
+        let contact = steady.contact(stem).ok_or_else(|| StudyError::Missing {
+            name: scene.name().to_owned(),
+            missing: format!("it has no contact {stem}"),
+        })?;
+        let apart = contact.report.apart_time > 0.0;
+        Ok::<_, StudyError>((apart, contact.report.deflection_min.unwrap_or_default()))
+    };
+    let [low, high] = search.range;
+    let steps = search.scan.max(2) - 1;
+    let value = |i: usize| low + (high - low) * (i as f64 / steps as f64);
+    let mut above: Option<(f64, f64)> = None;
+    let mut below = None;
+    for i in (0..=steps).rev() {
+        match (clearance(value(i))?, above) {
+            ((true, _), None) => return Ok(Threshold::Beyond { value: high }),
+            ((true, d), Some(_)) => {
+                below = Some((value(i), d));
+                break;
+            }
+            ((false, d), _) => above = Some((value(i), d)),
+        }
+    }
+    let (Some(mut below), Some(mut above)) = (below, above) else { return Ok(Threshold::None) };
+    while above.0 - below.0 > search.resolution {
+        let middle = 0.5 * (below.0 + above.0);
+        if middle <= below.0 || middle >= above.0 {
+            break;
+        }
+        match clearance(middle)? {
+            (true, d) => below = (middle, d),
+            (false, d) => above = (middle, d),
+        }
+    }
+    Ok(Threshold::Located {
+        below: below.0,
+        above: above.0,
+        clearance_below: below.1,
+        clearance_above: above.1,
+    })
+}
