@@ -35,6 +35,12 @@ impl Window {
         }
     }
 
+    /// Bins on either side of a line that lies on a bin which the window fills too.
+    #[must_use]
+    pub fn skirt(self) -> usize {
+        self.coefficients().len() - 1
+    }
+
     /// Weight of sample `i` of `n`.
     #[must_use]
     pub fn weight(self, i: usize, n: usize) -> f64 {
@@ -53,6 +59,8 @@ pub struct Spectrum {
     pub amplitude: Vec<f64>,
     /// Phases `φ_k`, rad.
     pub phase: Vec<f64>,
+    /// The window.
+    pub window: Window,
 }
 
 impl Spectrum {
@@ -61,7 +69,7 @@ impl Spectrum {
     pub fn new(samples: &[f64], rate: f64, window: Window) -> Self {
         let n = samples.len();
         if n == 0 {
-            return Self { resolution: rate, amplitude: Vec::new(), phase: Vec::new() };
+            return Self { resolution: rate, amplitude: Vec::new(), phase: Vec::new(), window };
         }
         let gain = window.coefficients()[0];
         // A windowed mean would leak into the lines beside it.
@@ -77,7 +85,7 @@ impl Spectrum {
         let mut amplitude: Vec<f64> = bins[..=half].iter().enumerate().map(|(k, b)| single(k) * b.norm()).collect();
         let mut phase: Vec<f64> = bins[..=half].iter().map(|b| b.arg()).collect();
         (amplitude[0], phase[0]) = (mean, 0.0);
-        Self { resolution: rate / n as f64, amplitude, phase }
+        Self { resolution: rate / n as f64, amplitude, phase, window }
     }
 
     /// Frequencies of the bins.
@@ -107,14 +115,16 @@ impl Spectrum {
         found
     }
 
-    /// Share of the energy (squares of amplitudes, the mean apart) that is not on multiples of `frequency`, `[0, 1]`.
+    /// Share of the energy (squares of amplitudes, the mean apart) that is not on multiples of `frequency`, `[0, 1]`; a
+    /// line's skirt belongs to it.
     #[must_use]
     pub fn off_multiples(&self, frequency: f64) -> f64 {
         let (mut on, mut all) = (0.0, 0.0);
+        let reach = (self.window.skirt() as f64 + 0.5) * self.resolution;
         for (k, a) in self.amplitude.iter().enumerate().skip(1) {
             let order = k as f64 * self.resolution / frequency;
             all += a * a;
-            if order > 0.5 && (order - order.round()).abs() * frequency < 0.5 * self.resolution {
+            if order > 0.5 && (order - order.round()).abs() * frequency < reach {
                 on += a * a;
             }
         }
@@ -149,6 +159,8 @@ mod tests {
     fn whole_periods_leak_nothing() {
         let s = Spectrum::new(&wave(1024, 64.0, 1.0, 0.0), 64.0, Window::Rectangular);
         assert_eq!(s.lines(1e-9).len(), 1);
+        assert!(s.off_multiples(1.0) < 1e-28);
+        let s = Spectrum::new(&wave(1024, 64.0, 1.0, 0.0), 64.0, Window::Hann);
         assert!(s.off_multiples(1.0) < 1e-28);
     }
 

@@ -19,6 +19,12 @@ pub struct Taylor {
 /// Truncation relative to the size of the rates: half a unit in the last place.
 const TOLERANCE: f64 = 1e-16;
 
+/// Rounding of an instant relative to the time since the start.
+const RESOLUTION: f64 = 4.0 * f64::EPSILON * f64::EPSILON;
+/// A step that ends this near to the bound, relative to its span, has reached it: the root of a clock's series is
+/// known to a few units in the last place.
+const ARRIVED: f64 = 8.0 * f64::EPSILON;
+
 struct Step<'a> {
     start: Instant,
     jet: &'a Jet,
@@ -79,7 +85,9 @@ impl Integrator for Taylor {
         let (mut at, mut pinned, mut still) = (arc.at, arc.pinned, arc.still);
         loop {
             let span = clock.between(at, arc.bound);
-            if span <= 0.0 {
+            // Instants are pairs of doubles: what is left below their rounding is no time at all.
+            let resolution = RESOLUTION * clock.time(at).hi.abs();
+            if span <= resolution {
                 end.copy_from_slice(x);
                 return Ok(());
             }
@@ -92,8 +100,7 @@ impl Integrator for Taylor {
                 return Ok(());
             }
             // Only now: a step that runs past the end of a contact in the root clock is cut by its event.
-            let resolution = f64::EPSILON * f64::EPSILON * clock.time(at).hi.abs().max(span);
-            if !(elapsed > resolution || elapsed >= span) {
+            if !(elapsed > resolution.max(RESOLUTION * span) || elapsed >= span) {
                 return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });
             }
             jet.state_at(1.0, x);
@@ -101,7 +108,7 @@ impl Integrator for Taylor {
             if x.iter().any(|v| !v.is_finite()) {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }
-            let arrived = elapsed >= span * (1.0 - 2.0 * f64::EPSILON);
+            let arrived = elapsed >= span * (1.0 - ARRIVED);
             at = if arrived { arc.bound } else { clock.advance(at, elapsed) };
             (pinned, still) = (GuardSet::EMPTY, GuardSet::EMPTY);
         }

@@ -6,6 +6,8 @@
 mod case;
 mod error;
 pub mod figures;
+pub mod plan;
+pub mod published;
 pub mod record;
 pub mod steady;
 pub mod threshold;

@@ -100,10 +100,5 @@ pub fn locate(
             (false, d) => above = (middle, d),
         }
     }
-    Ok(Threshold::Located {
-        below: below.0,
-        above: above.0,
-        clearance_below: below.1,
-        clearance_above: above.1,
-    })
+    Ok(Threshold::Located { below: below.0, above: above.0, clearance_below: below.1, clearance_above: above.1 })
 }

@@ -2,6 +2,7 @@ use serde_json::json;
 
 use super::{Context, load_pointer, number, representatives};
 use crate::{
+    analysis::{Spectrum, Window},
     hybrid::ContactMode,
     plot::{Axis, Band, Figure, Panel, Series, Style},
     scene::Scene,
@@ -12,6 +13,21 @@ use crate::{
     },
 };
 
+/// What one load showed, of the last family of meshes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cycle {
+    /// Load, N m.
+    pub load: f64,
+    /// Maxima of the force in a mesh period.
+    pub peaks: usize,
+    /// Amplitudes of the force at 1, 2, … times the mesh frequency, N.
+    pub harmonics: Vec<f64>,
+    /// Time without force over the mesh period.
+    pub apart: f64,
+    /// Time in which no family of meshes carries force, over the mesh period.
+    pub together: f64,
+}
+
 /// Mesh periods shown.
 const SHOWN: u64 = 3;
 const PER_CYCLE: u32 = 512;
@@ -21,7 +37,7 @@ const PER_CYCLE: u32 = 512;
 ///
 /// # Errors
 /// [`StudyError`] of the runs.
-pub fn cycles(context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<Figure, StudyError> {
+pub fn cycles(context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Figure, Vec<Cycle>), StudyError> {
     let columns = context.each(loads, |&load| {
         let scene = match load_pointer(scene) {
             Some(pointer) => scene.with(pointer, json!(load))?,
@@ -39,19 +55,50 @@ pub fn cycles(context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<Fig
             Some(panel) => panel,
             None => deflection(&recording, &shaded),
         };
-        Ok([upper, lower])
+        Ok(([upper, lower], found(load, &recording, &contacts)))
     })?;
+    let (columns, found): (Vec<_>, Vec<_>) = columns.into_iter().unzip();
     let count = columns.len();
     let (upper, lower): (Vec<Panel>, Vec<Panel>) = columns.into_iter().map(|[upper, lower]| (upper, lower)).unzip();
-    Ok(Figure {
+    let figure = Figure {
         id: "cycles".to_owned(),
         title: "Contact and separation over three mesh periods".to_owned(),
-        caption: "Shaded: the mesh carries no force (separated: between the flanks; detached: inside the flank's zone while \
+        caption:
+            "Shaded: the mesh carries no force (separated: between the flanks; detached: inside the flank's zone while \
                   the law would pull). Open circles: its events, at their exact times."
-            .to_owned(),
+                .to_owned(),
         columns: count,
         panels: upper.into_iter().chain(lower).collect(),
-    })
+    };
+    Ok((figure, found))
+}
+
+fn found(load: f64, recording: &Recording, contacts: &[(usize, String)]) -> Cycle {
+    let Some(&(last, _)) = contacts.last() else {
+        return Cycle { load, peaks: 0, harmonics: Vec::new(), apart: 0.0, together: 0.0 };
+    };
+    let force = &recording.force[last];
+    let (from, to) = (PER_CYCLE as usize, 2 * PER_CYCLE as usize);
+    let peaks = (from..to.min(force.len() - 1)).filter(|&i| force[i] > force[i - 1] && force[i] >= force[i + 1]);
+    let spectrum = Spectrum::new(force, f64::from(PER_CYCLE), Window::Rectangular);
+    let span = SHOWN as f64 * recording.period;
+    let open = |j: usize| recording.spells[j].iter().filter(|spell| !spell.mode.is_closed());
+    // Stretches in which all families so far are open.
+    let mut shared = vec![(0.0, span)];
+    for &(j, _) in contacts {
+        let parts = |&(from, to): &(f64, f64)| {
+            let cut = open(j).map(move |spell| (spell.from.max(from), spell.to.min(to)));
+            cut.filter(|(from, to)| to > from).collect::<Vec<_>>()
+        };
+        shared = shared.iter().flat_map(parts).collect();
+    }
+    Cycle {
+        load,
+        peaks: peaks.count(),
+        harmonics: (1..=6).map(|h| spectrum.at(f64::from(h))).collect(),
+        apart: open(last).map(|spell| spell.to - spell.from).sum::<f64>() / span,
+        together: shared.iter().map(|(from, to)| to - from).sum::<f64>() / span,
+    }
 }
 
 fn milliseconds(recording: &Recording) -> Vec<f64> {
@@ -75,15 +122,10 @@ fn panel(title: &str, recording: &Recording, y: Axis, shaded: &(usize, String)) 
 }
 
 /// The events of the shaded contact, and a value at each.
-fn marks(
-    recording: &Recording,
-    (j, family): &(usize, String),
-    value: impl Fn(&Spell) -> f64,
-) -> Option<Series> {
+fn marks(recording: &Recording, (j, family): &(usize, String), value: impl Fn(&Spell) -> f64) -> Option<Series> {
     let events = recording.spells[*j].iter().skip(1);
     let (x, y): (Vec<f64>, Vec<f64>) = events.map(|spell| (1e3 * spell.from, value(spell))).unzip();
-    (!x.is_empty())
-        .then(|| Series { name: format!("events of {family}"), x, y, style: Style::Marks, colour: 7 })
+    (!x.is_empty()).then(|| Series { name: format!("events of {family}"), x, y, style: Style::Marks, colour: 7 })
 }
 
 fn forces(title: &str, recording: &Recording, contacts: &[(usize, String)], shaded: &(usize, String)) -> Panel {
@@ -98,8 +140,7 @@ fn forces(title: &str, recording: &Recording, contacts: &[(usize, String)], shad
 /// Spin of the first planet beside the carrier: its mean, `(ω_s − ω_c) Z_s/Z_p`, and what it fluctuates by.
 fn speed_of_planet(case: &Case, scene: &Scene, recording: &Recording, shaded: &(usize, String)) -> Option<Panel> {
     let freedom = case.freedom("u_1").or_else(|_| case.freedom("u")).ok()?;
-    let [sun, planet, ring] =
-        ["sun", "planet", "ring"].map(|gear| number(scene, &format!("/train/teeth/{gear}")));
+    let [sun, planet, ring] = ["sun", "planet", "ring"].map(|gear| number(scene, &format!("/train/teeth/{gear}")));
     let (radius, rpm) = (number(scene, "/train/planet/radius_m"), number(scene, "/train/speed_rpm"));
     if radius <= 0.0 || planet <= 0.0 {
         return None;

@@ -97,7 +97,9 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
             "Force of one mesh of each family over {SHOWN} mesh periods, and its spectrum over {cycles} periods sampled at \
              exact phases (period {p}: no window, no leakage)."
         ),
-        None => format!("Force of one mesh of each family, and its spectrum over {cycles} periods (Hann window; the motion has no short period)."),
+        None => format!(
+            "Force of one mesh of each family, and its spectrum over {cycles} periods (Hann window; the motion has no short period)."
+        ),
     };
     Ok((figure, found))
 }

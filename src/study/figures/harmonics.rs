@@ -32,8 +32,10 @@ pub fn harmonics(
         y: Axis::new(label, "N"),
         ..Panel::default()
     };
-    let mut panels =
-        [panel("First harmonic", "amplitude at the mesh frequency"), panel("Range of the force", "largest and smallest force")];
+    let mut panels = [
+        panel("First harmonic", "amplitude at the mesh frequency"),
+        panel("Range of the force", "largest and smallest force"),
+    ];
     let mut found = Vec::new();
     for (colour, (j, family)) in rows.first().map(families).unwrap_or_default().into_iter().enumerate() {
         let first: Vec<f64> = rows.iter().map(|row| row.contacts[j].force_harmonics[0]).collect();

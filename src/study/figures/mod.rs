@@ -13,7 +13,7 @@ mod trajectories;
 mod waterfall;
 
 pub use apart::{Curve, Way, apart};
-pub use cycles::cycles;
+pub use cycles::{Cycle, cycles};
 pub use forces::{Forces, forces};
 pub use harmonics::{Harmonics, harmonics};
 pub use history::{History, history};
@@ -146,6 +146,6 @@ fn firsts<'n>(names: impl Iterator<Item = &'n str>) -> Vec<(usize, String)> {
 }
 
 /// A scene's number, or zero.
-fn number(scene: &Scene, pointer: &str) -> f64 {
+pub(super) fn number(scene: &Scene, pointer: &str) -> f64 {
     scene.resolved().pointer(pointer).and_then(serde_json::Value::as_f64).unwrap_or(0.0)
 }

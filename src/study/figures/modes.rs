@@ -126,7 +126,8 @@ impl<'s> Layout<'s> {
         };
         let count = train["planets"].as_u64().unwrap_or(3);
         let equal = || (0..count).map(|i| TAU * i as f64 / count as f64).collect();
-        let planets = listed("positions_rad", 1.0).or_else(|| listed("positions_deg", TAU / 360.0)).unwrap_or_else(equal);
+        let planets =
+            listed("positions_rad", 1.0).or_else(|| listed("positions_deg", TAU / 360.0)).unwrap_or_else(equal);
         let teeth = |gear: &str| number(scene, &format!("/train/teeth/{gear}"));
         // Pitch circles that touch: only their ratios matter for a drawing.
         let (sun, planet) = (teeth("sun"), teeth("planet"));

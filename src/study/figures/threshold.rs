@@ -49,8 +49,8 @@ pub fn threshold(
     let rows = context.each(speeds, |&rpm| {
         let scene = scene.with(speed, json!(rpm))?;
         let threshold = locate(context, &scene, load, stem, search)?;
-        let drag = number(&scene, "/train/load/drag_torque_nm")
-            + rpm * number(&scene, "/train/load/drag_torque_nm_per_rpm");
+        let drag =
+            number(&scene, "/train/load/drag_torque_nm") + rpm * number(&scene, "/train/load/drag_torque_nm_per_rpm");
         Ok(ThresholdRow { rpm, threshold, drag })
     })?;
     let pick = |value: fn(&ThresholdRow) -> f64| rows.iter().map(value).collect::<Vec<_>>();

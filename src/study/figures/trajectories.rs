@@ -18,7 +18,7 @@ pub struct Trajectory {
     pub rpm: f64,
     /// Period of the motion in mesh cycles, if it has one.
     pub period: Option<u32>,
-    /// Largest extent of x or y in the fixed frame, m.
+    /// Largest distance from the centre, m.
     pub range: f64,
     /// Maxima of the distance from the centre over one turn.
     pub leaves: usize,
@@ -45,7 +45,8 @@ pub fn trajectories(
     let columns = context.each(speeds, |&rpm| {
         let scene = scene.with(pointer, json!(rpm))?;
         let case = Case::new(&scene)?;
-        let bodies = BODIES.iter().filter_map(|(body, x, y)| Some((*body, case.freedom(x).ok()?, case.freedom(y).ok()?)));
+        let bodies =
+            BODIES.iter().filter_map(|(body, x, y)| Some((*body, case.freedom(x).ok()?, case.freedom(y).ok()?)));
         let bodies: Vec<(&'static str, usize, usize)> = bodies.collect();
         let Some(speed) = case.built.carrier_speed.filter(|_| !bodies.is_empty()) else {
             return Err(case.missing("it has no centres that move in a carrier's frame (x_s, y_s or x_r, y_r)"));
@@ -64,16 +65,12 @@ pub fn trajectories(
                 .zip(recording.x[x].iter().zip(&recording.x[y]))
                 .map(|(t, (x, y))| to_fixed([*x, *y], speed * t))
                 .collect();
-            let extent = |axis: usize| {
-                let ends = path.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], p| [l.min(p[axis]), h.max(p[axis])]);
-                ends[1] - ends[0]
-            };
             let spectrum = Spectrum::new(&recording.x[x], f64::from(PER_CYCLE), window);
             let trajectory = Trajectory {
                 body,
                 rpm,
                 period: settled.period,
-                range: extent(0).max(extent(1)),
+                range: path.iter().fold(0.0, |m, p| p[0].hypot(p[1]).max(m)),
                 leaves: leaves(&path),
                 residual: residual(&recording.x[x]),
                 off_harmonics: spectrum.off_multiples(1.0),
@@ -87,8 +84,9 @@ pub fn trajectories(
     let mut figure = Figure {
         id: "trajectories".to_owned(),
         title: "Paths of the centres over one turn of the carrier".to_owned(),
-        caption: "Fixed frame. Leaves are the maxima of the distance from the centre, counted on 64 samples a mesh period."
-            .to_owned(),
+        caption:
+            "Fixed frame. Leaves are the maxima of the distance from the centre, counted on 64 samples a mesh period."
+                .to_owned(),
         columns: speeds.len(),
         ..Figure::default()
     };

@@ -1,0 +1,362 @@
+//! Which figure of a study is made from which scene.
+
+use serde_json::{Value, json};
+
+use super::{
+    StudyError,
+    figures::{self, Context, Way, load_pointer, speed_pointer},
+    published::{self, Comparison},
+    threshold::{Search, Threshold, locate},
+};
+use crate::{
+    plot::{Axis, Figure, Guide, Series, Style},
+    scene::{Scene, SceneError},
+};
+
+/// A figure a study can make.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// Mesh forces over time and their spectra.
+    Forces,
+    /// Spectra against speed.
+    Waterfall,
+    /// First harmonics against speed.
+    Harmonics,
+    /// Force and speed over a few periods, modes shaded.
+    Cycles,
+    /// Time apart and amplitude against load.
+    ApartVsLoad,
+    /// The same against speed.
+    ApartVsSpeed,
+    /// Threshold load against speed.
+    ThresholdVsSpeed,
+    /// Paths of sun and ring.
+    Trajectories,
+    /// One displacement over time and its spectrum.
+    History,
+    /// Natural modes, drawn.
+    Modes,
+}
+
+impl Kind {
+    /// All of them, in the order of a report.
+    pub const ALL: [Self; 10] = [
+        Self::Modes,
+        Self::Forces,
+        Self::Waterfall,
+        Self::Harmonics,
+        Self::Cycles,
+        Self::ApartVsLoad,
+        Self::ApartVsSpeed,
+        Self::ThresholdVsSpeed,
+        Self::Trajectories,
+        Self::History,
+    ];
+
+    /// Its name on the command line and in file names.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Forces => "forces",
+            Self::Waterfall => "waterfall",
+            Self::Harmonics => "harmonics-vs-speed",
+            Self::Cycles => "cycles",
+            Self::ApartVsLoad => "apart-vs-load",
+            Self::ApartVsSpeed => "apart-vs-speed",
+            Self::ThresholdVsSpeed => "threshold-vs-speed",
+            Self::Trajectories => "trajectories",
+            Self::History => "history",
+            Self::Modes => "modes",
+        }
+    }
+}
+
+/// What one figure came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// The figure.
+    pub figure: Figure,
+    /// The scene it was made from, in words, and its hash.
+    pub scene: [String; 2],
+    /// Published numbers beside Flank's, in the study of the reference set.
+    pub comparisons: Vec<Comparison>,
+}
+
+/// A study: scenes, speeds and loads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Scene of the loaded train.
+    pub heavy: Scene,
+    /// Scene of the lightly loaded train.
+    pub light: Scene,
+    /// Scene of the floating train.
+    pub floating: Scene,
+    /// Whether there are published numbers to compare with.
+    pub published: bool,
+    /// Loads, N m.
+    pub loads: Vec<f64>,
+    /// Loads at which cycles are shown, N m.
+    pub shown_loads: Vec<f64>,
+    /// Speeds of the lightly loaded train, rev/min.
+    pub speeds: Vec<f64>,
+    /// Speeds of the loaded train, rev/min.
+    pub heavy_speeds: Vec<f64>,
+    /// Speeds at which paths are drawn, rev/min.
+    pub path_speeds: Vec<f64>,
+    /// Speed at which one displacement is followed, rev/min.
+    pub history_speed: f64,
+    /// Highest frequency of spectra, Hz.
+    pub highest: [f64; 2],
+}
+
+/// Cycles after which a floating motion counts as irregular: such motions are not waited for any longer.
+const FLOATING_CYCLES: u64 = 300;
+
+fn evenly(from: f64, to: f64, count: u32) -> Vec<f64> {
+    (0..count).map(|i| from + (to - from) * f64::from(i) / f64::from(count - 1)).collect()
+}
+
+impl Plan {
+    /// The reference planetary set: presets `reference-heavy`, `reference-light`, `reference-float`.
+    ///
+    /// # Errors
+    /// [`SceneError`] never in fact: the presets are part of the library.
+    pub fn reference() -> Result<Self, SceneError> {
+        // The meshes of the first two are in phase, so that one planet stands for all of them, exactly.
+        let scene = |preset: &str, freedoms: &str, rpm: f64| {
+            let train = json!({ "kind": "planetary", "preset": preset, "freedoms": freedoms, "speed_rpm": rpm });
+            Scene::from_value(json!({ "flank": 1, "train": train, "run": { "cycles": 1 } }), preset)
+        };
+        Ok(Self {
+            heavy: scene("reference-heavy", "in-phase", 500.0)?,
+            light: scene("reference-light", "in-phase", 500.0)?,
+            floating: scene("reference-float", "full", 500.0)?,
+            published: true,
+            loads: evenly(0.0, 40.0, 41),
+            shown_loads: vec![0.0, 21.0],
+            speeds: evenly(50.0, 2000.0, 79),
+            heavy_speeds: evenly(500.0, 3000.0, 101),
+            path_speeds: vec![100.0, 300.0, 1000.0, 2000.0],
+            history_speed: 2000.0,
+            highest: [1500.0, 3000.0],
+        })
+    }
+
+    /// The same figures of another scene. Without loads or speeds these reach from nothing (or a tenth) to twice the scene's
+    /// own; figures its train has no freedoms for are refused when they are asked for.
+    #[must_use]
+    pub fn of(scene: &Scene, loads: Option<Vec<f64>>, speeds: Option<Vec<f64>>) -> Self {
+        let own = |pointer: Option<&str>| pointer.map_or(0.0, |p| figures::number(scene, p));
+        let (load, rpm) = (own(load_pointer(scene)), own(speed_pointer(scene)));
+        let reach = if load > 0.0 { 2.0 * load } else { 40.0 };
+        let loads = loads.unwrap_or_else(|| evenly(0.0, reach, 41));
+        let speeds = speeds.unwrap_or_else(|| evenly(0.1 * rpm, 2.0 * rpm, 39));
+        let mesh_frequency = scene.build().ok().and_then(|built| built.run.period).map_or(1.0, f64::recip);
+        Self {
+            heavy: scene.clone(),
+            light: scene.clone(),
+            floating: scene.clone(),
+            published: false,
+            shown_loads: vec![load],
+            path_speeds: vec![rpm],
+            history_speed: rpm,
+            highest: [7.0 * mesh_frequency, 7.0 * mesh_frequency],
+            heavy_speeds: speeds.clone(),
+            loads,
+            speeds,
+        }
+    }
+
+    /// Scenes that will be run for a figure, about: what progress is counted in.
+    #[must_use]
+    pub fn runs(&self, kind: Kind) -> usize {
+        match kind {
+            Kind::Forces | Kind::History => 1,
+            Kind::Modes => 0,
+            Kind::Waterfall => self.waterfall_speeds().len(),
+            Kind::Harmonics => self.heavy_speeds.len(),
+            Kind::Cycles => self.shown_loads.len(),
+            Kind::ApartVsLoad => 3 * self.loads.len() + 20,
+            Kind::ApartVsSpeed => 3 * self.speeds.len(),
+            Kind::ThresholdVsSpeed => 20 * self.threshold_speeds().len(),
+            Kind::Trajectories => self.path_speeds.len(),
+        }
+    }
+
+    /// About 26 of the loaded train's speeds: more lines cannot be told apart.
+    fn waterfall_speeds(&self) -> Vec<f64> {
+        thinned(&self.heavy_speeds, 26)
+    }
+
+    /// About 20 speeds: each takes some twenty runs. The slowest are left out, where a mesh period takes longest and the
+    /// thresholds are those of statics.
+    fn threshold_speeds(&self) -> Vec<f64> {
+        let fast: Vec<f64> = self.speeds.iter().copied().filter(|rpm| !self.published || *rpm >= 200.0).collect();
+        thinned(&fast, 20)
+    }
+
+    /// Makes a figure.
+    ///
+    /// # Errors
+    /// [`StudyError`] of the runs, or of a scene without what the figure shows.
+    pub fn make(&self, kind: Kind, context: &Context<'_>) -> Result<Entry, StudyError> {
+        let speed = |scene: &Scene| speed_pointer(scene).ok_or_else(|| lacks(scene, "speed in rev/min"));
+        let load = |scene: &Scene| load_pointer(scene).ok_or_else(|| lacks(scene, "load in N m"));
+        let said = |rows: Vec<Comparison>| if self.published { rows } else { Vec::new() };
+        let entry = |figure, scene: &Scene, words: &str, rows| Entry {
+            figure,
+            scene: [format!("{}{}{words}", scene.name(), if words.is_empty() { "" } else { ", " }), scene.hash()],
+            comparisons: said(rows),
+        };
+        let patient = Context { rule: floating(context), ..*context };
+        Ok(match kind {
+            Kind::Modes => {
+                let (figure, rows) = figures::modes(&self.full()?, self.highest[1])?;
+                entry(figure, &self.full()?, "all freedoms", published::modes(&rows))
+            }
+            Kind::Forces => {
+                let (figure, found) = figures::forces(context, &self.heavy, self.highest[0])?;
+                entry(figure, &self.heavy, "", published::forces(&found))
+            }
+            Kind::Waterfall => {
+                let pointer = speed(&self.heavy)?;
+                let modes = figures::modes(&self.full()?, self.highest[1]);
+                let natural: Vec<(String, f64)> = match modes {
+                    Ok((_, rows)) => rows.iter().map(|row| (row.name(), row.hertz)).collect(),
+                    Err(_) => Vec::new(),
+                };
+                let speeds = self.waterfall_speeds();
+                let figure = figures::waterfall(context, &self.heavy, (pointer, &speeds), &natural, self.highest[1])?;
+                entry(figure, &self.heavy, "speed varied", Vec::new())
+            }
+            Kind::Harmonics => {
+                let pointer = speed(&self.heavy)?;
+                let speeds = &self.heavy_speeds;
+                let (figure, found) = figures::harmonics(context, &self.heavy, (pointer, speeds))?;
+                let rows = [published::waterfall(speeds, &found), published::harmonics(speeds, &found)].concat();
+                entry(figure, &self.heavy, "speed varied", rows)
+            }
+            Kind::Cycles => {
+                let (figure, found) = figures::cycles(context, &self.light, &self.shown_loads)?;
+                entry(figure, &self.light, "load varied", published::cycles(&found))
+            }
+            Kind::ApartVsLoad => self.by_load(context, load(&self.light)?, entry)?,
+            Kind::ApartVsSpeed => {
+                let pointer = speed(&self.light)?;
+                let x = Axis::new("speed", "rev/min");
+                let (mut figure, curves) = figures::apart(context, &self.light, kind.id(), x, (pointer, &self.speeds))?;
+                if self.published {
+                    publish(&mut figure, 2, vec![50.0, 500.0, 2000.0], vec![0.34, 0.24, 0.11]);
+                }
+                entry(figure, &self.light, "speed varied", published::apart_by_speed(&curves))
+            }
+            Kind::ThresholdVsSpeed => {
+                let stem = self.last_family()?;
+                let search = self.search();
+                let speeds = self.threshold_speeds();
+                let (figure, rows) = figures::threshold(context, &self.light, &stem, &speeds, &search)?;
+                entry(figure, &self.light, "speed and load varied", published::threshold(&rows))
+            }
+            Kind::Trajectories => {
+                let pointer = speed(&self.floating)?;
+                let (figure, found) = figures::trajectories(&patient, &self.floating, (pointer, &self.path_speeds))?;
+                entry(figure, &self.floating, "speed varied", published::trajectories(&found))
+            }
+            Kind::History => {
+                let scene = match speed_pointer(&self.floating) {
+                    Some(pointer) => self.floating.with(pointer, json!(self.history_speed))?,
+                    None => self.floating.clone(),
+                };
+                let first = scene.build()?.spec.freedoms.first().cloned().unwrap_or_default();
+                let (figure, found) = figures::history(&patient, &scene, &first)?;
+                let words = format!("{} rev/min", self.history_speed);
+                entry(figure, &self.floating, &words, published::history(&found))
+            }
+        })
+    }
+
+    fn by_load(
+        &self,
+        context: &Context<'_>,
+        pointer: &str,
+        entry: impl Fn(Figure, &Scene, &str, Vec<Comparison>) -> Entry,
+    ) -> Result<Entry, StudyError> {
+        let x = Axis::new("load", "N m");
+        let id = Kind::ApartVsLoad.id();
+        let (mut figure, curves) = figures::apart(context, &self.light, id, x, (pointer, &self.loads))?;
+        let stem = self.last_family()?;
+        // The grid has found where to look: between its last load with separations and the next one.
+        let apart: Vec<bool> = curves
+            .iter()
+            .filter(|curve| curve.way == Way::Cold)
+            .flat_map(|curve| curve.measure(&stem, |c| c.report.apart_time))
+            .map(|time| time > 0.0)
+            .collect();
+        let last = apart.iter().rposition(|a| *a);
+        let bracket = last.and_then(|i| Some([self.loads[i], *self.loads.get(i + 1)?]));
+        let threshold = match bracket {
+            Some(range) => locate(context, &self.light, pointer, &stem, &Search { range, scan: 2, ..self.search() })?,
+            None => last.map_or(Threshold::None, |i| Threshold::Beyond { value: self.loads[i] }),
+        };
+        let panels = figure.panels.len();
+        if let (Threshold::Located { .. }, Some(x), Some(panel)) =
+            (&threshold, threshold.middle(), figure.panels.get_mut(panels.saturating_sub(2)))
+        {
+            panel.guides.push(Guide::Vertical { x, name: format!("separations end: {x:.2} N m") });
+        }
+        if self.published {
+            publish(&mut figure, 2, vec![0.0, 21.0], vec![0.24, 0.0]);
+        }
+        Ok(entry(figure, &self.light, "load varied", published::apart_by_load(&curves, &threshold)))
+    }
+
+    fn search(&self) -> Search {
+        let ends = |pick: fn(f64, f64) -> f64, start: f64| self.loads.iter().copied().fold(start, pick);
+        let (low, high) = (ends(f64::min, f64::INFINITY), ends(f64::max, f64::NEG_INFINITY));
+        // Thresholds reach beyond the loads of interest at resonances.
+        let high = low + 1.5 * (high - low);
+        Search { range: [low, high], scan: 13, resolution: 2.5e-4 * (high - low) }
+    }
+
+    /// The family of meshes looked at for separations: the last one, as the ring's in a planetary stage.
+    fn last_family(&self) -> Result<String, StudyError> {
+        let spec = self.light.build()?.spec;
+        let last = spec.contacts.last().ok_or_else(|| lacks(&self.light, "contact"))?;
+        Ok(figures::family(&last.name).to_owned())
+    }
+
+    /// The loaded train in all its freedoms.
+    fn full(&self) -> Result<Scene, StudyError> {
+        if self.published {
+            Ok(self.heavy.with("/train/freedoms", Value::from("full"))?)
+        } else {
+            Ok(self.heavy.clone())
+        }
+    }
+}
+
+fn floating(context: &Context<'_>) -> super::steady::Rule {
+    let mut rule = context.rule;
+    rule.settling.most_cycles = rule.settling.most_cycles.min(FLOATING_CYCLES);
+    rule
+}
+
+fn lacks(scene: &Scene, what: &str) -> StudyError {
+    let kind = scene.resolved()["train"]["kind"].as_str().unwrap_or_default();
+    StudyError::Missing { name: scene.name().to_owned(), missing: format!("a train of kind {kind} has no {what}") }
+}
+
+/// At most `count` of the values, evenly picked, both ends among them.
+fn thinned(values: &[f64], count: usize) -> Vec<f64> {
+    if values.len() <= count || count < 2 {
+        return values.to_vec();
+    }
+    (0..count).map(|i| values[i * (values.len() - 1) / (count - 1)]).collect()
+}
+
+/// Puts published points into a panel.
+fn publish(figure: &mut Figure, panel: usize, x: Vec<f64>, y: Vec<f64>) {
+    if let Some(panel) = figure.panels.get_mut(panel) {
+        panel.series.push(Series { name: "published".to_owned(), x, y, style: Style::Points, colour: 6 });
+    }
+}
