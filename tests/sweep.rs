@@ -21,16 +21,17 @@ fn plan(axes: &[&str], seeding: Seeding) -> Plan {
 }
 
 /// x ← tanh 3x + a, which has two stable fixed points for |a| < 0.4344: there cosh² 3x = 3 and a = tanh 3x − x.
-fn bistable(cell: &Cell, seed: Option<&f64>) -> Result<(f64, f64), String> {
+fn bistable(cell: &Cell, seed: Option<&f64>) -> Result<(Toy, f64), String> {
     let a = *cell.values.last().unwrap();
     // OK not to have converged: what a row is does not depend on it.
     let x = (0..400).fold(seed.copied().unwrap_or(0.1), |x, _| (3.0 * x).tanh() + a);
-    Ok((x, x))
+    Ok(((x, seed.is_some()), x))
 }
 
-type Toy = Journal<f64, f64>;
+/// Where the map ended, and whether it was given a start.
+type Toy = (f64, bool);
 
-fn open(folder: &Path, begin: Begin, plan: &Plan) -> Result<Option<Toy>, SweepError> {
+fn open(folder: &Path, begin: Begin, plan: &Plan) -> Result<Option<Journal<Toy, f64>>, SweepError> {
     let mut header = plan.header();
     header.insert("map".to_owned(), "bistable".into());
     Journal::open(folder, begin, header, plan.rows())
@@ -43,7 +44,7 @@ fn sweep_with(
     plan: &Plan,
     threads: usize,
     most: usize,
-    work: impl Fn(&Cell, Option<&f64>) -> Result<(f64, f64), String> + Sync,
+    work: impl Fn(&Cell, Option<&f64>) -> Result<(Toy, f64), String> + Sync,
 ) -> Option<Tally> {
     let mut journal = open(folder, begin, plan).unwrap().unwrap();
     let (interrupted, done) = (AtomicBool::new(most == 0), AtomicUsize::new(0));
@@ -56,7 +57,9 @@ fn sweep_with(
     };
     let work = Work { point, progress: |_, _| (), interrupted: &interrupted, threads };
     match run(plan, &mut journal, &work).unwrap() {
-        Ending::Complete => Some(journal.finish(plan, &["x"], |x| vec![x.to_string()]).unwrap()),
+        Ending::Complete => {
+            Some(journal.finish(plan, &["seeded", "x"], |(x, seeded)| vec![seeded.to_string(), x.to_string()]).unwrap())
+        }
         Ending::Interrupted => None,
     }
 }
@@ -114,7 +117,7 @@ fn the_two_directions_show_both_branches() {
     let rows = rows(folder.path());
     for pair in rows.chunks(2) {
         let a = pair[0]["at"]["/a"].as_f64().unwrap();
-        let [up, down] = [0, 1].map(|i| pair[i]["result"].as_f64().unwrap());
+        let [up, down] = [0, 1].map(|i| pair[i]["result"][0].as_f64().unwrap());
         if a.abs() < fold {
             assert!(up < -0.38 && down > 0.38, "a = {a}: {up}, {down}");
         } else {
@@ -273,15 +276,15 @@ fn a_failed_point_is_a_row_and_the_next_starts_fresh() {
     let work = |cell: &Cell, seed: Option<&f64>| match cell.row {
         1 => Err("no orbit, \"alas\"".to_owned()),
         // JSON has no infinity.
-        3 => Ok((f64::INFINITY, 0.0)),
-        _ => Ok((seed.map_or(0.0, |seed| seed + 1.0), cell.values[0])),
+        3 => Ok(((f64::INFINITY, true), 0.0)),
+        _ => Ok(((seed.map_or(0.0, |seed| seed + 1.0), seed.is_some()), cell.values[0])),
     };
     let tally = sweep_with(folder.path(), Begin::New, &plan, 1, usize::MAX, work);
     assert_eq!(tally, Some(Tally { rows: 5, failed: 2 }));
     let text = fs::read_to_string(folder.path().join("sweep.csv")).unwrap();
     let lines: Vec<&str> = text.lines().skip(1).collect();
-    assert_eq!(lines[..3], ["0.0,up,false,0,", "1.0,up,true,,\"no orbit, \"\"alas\"\"\"", "2.0,up,false,0,"]);
-    assert!(lines[3].starts_with("3.0,up,true,,\"a result with a number that is not finite"), "{}", lines[3]);
+    assert_eq!(lines[..3], ["0.0,up,false,0,", "1.0,up,,,\"no orbit, \"\"alas\"\"\"", "2.0,up,false,0,"]);
+    assert!(lines[3].starts_with("3.0,up,,,\"a result with a number that is not finite"), "{}", lines[3]);
     assert_eq!(lines[4], "4.0,up,false,0,");
     assert_eq!(rows(folder.path())[1]["error"], "no orbit, \"alas\"");
     assert_eq!(rows(folder.path())[1]["result"], Value::Null);

@@ -35,7 +35,6 @@ struct Line<'a, R> {
     #[serde(serialize_with = "by_pointer")]
     at: Vec<(&'a str, f64)>,
     direction: Direction,
-    seeded: bool,
     result: Option<&'a R>,
     error: Option<&'a str>,
 }
@@ -53,7 +52,7 @@ pub fn number(value: f64) -> String {
 impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R, S> {
     /// Writes the final files, rows in grid order, and removes the journal:
     ///
-    /// - `sweep.csv`: values, direction, whether the row was seeded, `columns` filled by `cells`, error;
+    /// - `sweep.csv`: values, direction, `columns` filled by `cells`, error;
     /// - `sweep.jsonl`: the same with the whole of each row;
     /// - `sweep.json`: what the sweep was, and how many rows failed. It is written last: where it is, the others are whole.
     ///
@@ -75,9 +74,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
 
         let pointers: Vec<&str> = plan.grid().axes().iter().map(|axis| axis.pointer.as_str()).collect();
         let columns: Vec<&str> = columns.iter().map(AsRef::as_ref).collect();
-        table.fields(
-            pointers.iter().copied().chain(["direction", "seeded"]).chain(columns.iter().copied()).chain(["error"]),
-        )?;
+        table.fields(pointers.iter().copied().chain(["direction"]).chain(columns.iter().copied()).chain(["error"]))?;
         for row in 0..plan.rows() {
             let Cell { values, direction, .. } = plan.cell(row);
             let entry = self.entry(row)?.unwrap_or_else(|| panic!("row {row} of a finished sweep"));
@@ -89,12 +86,12 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             let measures = result.map_or_else(|| vec![String::new(); columns.len()], &cells);
             assert_eq!(measures.len(), columns.len(), "cells and columns of a sweep");
             let mut line: Vec<String> = values.iter().copied().map(number).collect();
-            line.extend([direction.name().to_owned(), entry.seeded.to_string()]);
+            line.push(direction.name().to_owned());
             line.extend(measures);
             line.push(error.unwrap_or_default().to_owned());
             table.fields(line.iter().map(String::as_str))?;
             let at = pointers.iter().copied().zip(values).collect();
-            rows.json(&Line { at, direction, seeded: entry.seeded, result, error })?;
+            rows.json(&Line { at, direction, result, error })?;
         }
         let mut seal = Part::create(&folder, SEAL)?;
         let mut header = self.header.clone();

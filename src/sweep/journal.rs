@@ -33,8 +33,6 @@ pub enum Begin {
 pub struct Entry<R, S> {
     /// Number of the row.
     pub row: usize,
-    /// Whether it started from its neighbour's end.
-    pub seeded: bool,
     /// What came of it.
     pub outcome: Outcome<R, S>,
 }
@@ -163,7 +161,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
     /// # Errors
     /// [`SweepError::File`] if it cannot be written; the journal ends with its last complete line then.
     pub(super) fn keep(&mut self, entry: Entry<R, S>) -> Result<Entry<R, S>, SweepError> {
-        let (row, seeded) = (entry.row, entry.seeded);
+        let row = entry.row;
         // JSON has neither infinities nor NaN.
         let read_back = serde_json::to_string(&entry).and_then(|text| Ok((serde_json::from_str(&text)?, text)));
         let (entry, text) = match read_back {
@@ -171,7 +169,6 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             Err(error) => {
                 let failed = Entry {
                     row,
-                    seeded,
                     outcome: Outcome::Failed(format!("a result with a number that is not finite ({error})")),
                 };
                 let text = serde_json::to_string(&failed)

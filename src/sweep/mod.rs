@@ -28,7 +28,7 @@
 //! journal.finish(&plan, &["root"], |root| vec![root.to_string()])?;
 //!
 //! let table = std::fs::read_to_string(folder.path().join("sweep.csv"))?;
-//! assert_eq!(table.lines().last(), Some("9.0,up,true,3,"));
+//! assert_eq!(table.lines().last(), Some("9.0,up,3,"));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 

@@ -66,7 +66,6 @@ where
                 Outcome::Done { end, .. } => Some(end),
                 Outcome::Failed(_) => None,
             });
-            let seeded = seed.is_some();
             let outcome = match (work.point)(&plan.cell(row), seed) {
                 Ok((result, end)) => Outcome::Done { result, end },
                 // Given up, not failed.
@@ -74,7 +73,7 @@ where
                 Err(error) => Outcome::Failed(error.to_string()),
             };
             let mut journal = hold();
-            before = Some(journal.keep(Entry { row, seeded, outcome })?);
+            before = Some(journal.keep(Entry { row, outcome })?);
             (work.progress)(journal.kept(), total);
         }
         Ok(())
