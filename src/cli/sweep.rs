@@ -184,14 +184,23 @@ fn contacts(plan: &Plan, journal: &mut Journal<Steady, Seed>) -> Result<Vec<Stri
     let mut names = Vec::new();
     for row in 0..plan.rows() {
         if let Some(Entry { outcome: Outcome::Done { result, .. }, .. }) = journal.entry(row)? {
-            for contact in result.contacts {
-                if !names.contains(&contact.report.name) {
-                    names.push(contact.report.name);
+            for (name, _) in named(&result) {
+                if !names.contains(&name) {
+                    names.push(name);
                 }
             }
         }
     }
     Ok(names)
+}
+
+/// Contacts and their names, those that have been given before with a number.
+fn named(steady: &Steady) -> impl Iterator<Item = (String, &ContactSteady)> {
+    steady.contacts.iter().enumerate().map(|(j, contact)| {
+        let name = &contact.report.name;
+        let before = steady.contacts[..j].iter().filter(|other| other.report.name == *name).count();
+        (if before == 0 { name.clone() } else { format!("{name} ({})", before + 1) }, contact)
+    })
 }
 
 /// What is told of a contact: the name of the column, its unit, the value.
@@ -241,7 +250,7 @@ fn cells(contacts: &[String], steady: &Steady) -> Vec<String> {
         steady.grazes.to_string(),
     ];
     for name in contacts {
-        let contact = steady.contacts.iter().find(|contact| contact.report.name == *name);
+        let contact = named(steady).find(|(other, _)| other == name).map(|(_, contact)| contact);
         cells.extend(MEASURES.map(|(_, _, measure)| contact.and_then(measure).map_or_else(String::new, number)));
     }
     cells

@@ -231,6 +231,13 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
     }
 }
 
+impl<R, S> Drop for Journal<R, S> {
+    /// Gives the lock back at once: a process that is just being started may hold a copy of the file for a moment.
+    fn drop(&mut self) {
+        let _ = self.file.unlock();
+    }
+}
+
 /// Whether two headers are the same; an error names every entry that differs.
 fn same(folder: &Path, was: &Map<String, Value>, is: &Map<String, Value>) -> Result<(), SweepError> {
     let keys = was.keys().chain(is.keys().filter(|key| !was.contains_key(*key)));

@@ -1,5 +1,4 @@
 //! Sweeps of toy maps: grid order, branches, threads, journals torn, foreign or in use.
-#![allow(clippy::unwrap_used, reason = "a test stops at what it did not expect")]
 
 use std::{
     fs,
