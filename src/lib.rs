@@ -58,6 +58,7 @@
 //! | [`engine`] | flow, first event, jump, again; observers, outcomes, accumulating impacts |
 //! | [`analysis`] | measures taken during a run: contacts, energy, event rows, trajectories |
 //! | [`study`] | steady motions, their change with the numbers of a scene |
+//! | [`sweep`] | the same work at every point of a grid, kept row by row |
 //! | [`plot`] | figures as data, and their pictures |
 //! | [`poly`], [`linalg`] | first roots of polynomials; natural modes |
 //!
@@ -82,6 +83,7 @@ pub mod plot;
 pub mod poly;
 pub mod scene;
 pub mod study;
+pub mod sweep;
 pub mod train;
 
 #[cfg(doctest)]

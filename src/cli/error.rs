@@ -6,6 +6,8 @@ use flank::{
     engine::EngineError,
     integrate::IntegrateError,
     scene::SceneError,
+    study::StudyError,
+    sweep::{GridError, SweepError},
     train::{AssembleError, StartError},
 };
 use miette::Diagnostic;
@@ -30,6 +32,16 @@ pub enum CliError {
     #[error("{0} is not empty")]
     #[diagnostic(help("name another folder, or write --force to replace the files of an earlier run"))]
     Occupied(String),
+    /// The axes of a sweep cannot be used.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// The sweep cannot be kept in its folder.
+    #[error("{0}")]
+    #[diagnostic(help("{1}"))]
+    Sweep(SweepError, &'static str),
+    /// The study cannot be made.
+    #[error(transparent)]
+    Study(#[from] StudyError),
     /// The run failed.
     #[error("the run failed {0}")]
     Run(EngineError),
@@ -40,6 +52,27 @@ pub enum CliError {
     /// A file cannot be written.
     #[error("{0}: {1}")]
     File(String, std::io::Error),
+}
+
+impl From<SweepError> for CliError {
+    fn from(error: SweepError) -> Self {
+        let help = match &error {
+            SweepError::Occupied(path) => return Self::Occupied(path.display().to_string()),
+            SweepError::Unfinished(_) => "write --resume to go on with it, or --force to begin anew",
+            SweepError::InUse(_) => "wait for it, or name another folder with --out",
+            SweepError::Mismatch { .. } => {
+                "--resume wants the same scene, arguments and version; name another folder, or write --force to begin anew"
+            }
+            SweepError::Damaged { .. } => {
+                "remove the line to have its row computed again, or write --force to begin anew"
+            }
+            _ => "ask for fewer threads with --threads",
+        };
+        match error {
+            SweepError::File { path, source } => Self::path(&path, source),
+            error => Self::Sweep(error, help),
+        }
+    }
 }
 
 impl CliError {

@@ -11,6 +11,7 @@ mod scene;
 mod schema;
 mod session;
 mod summary;
+mod sweep;
 mod table;
 mod trajectory;
 mod watch;
@@ -33,6 +34,8 @@ pub struct Arguments {
 enum Command {
     /// Run a scene: events, measures, energy ledger
     Run(run::Arguments),
+    /// Measure the steady motion at every point of a grid of scene numbers
+    Sweep(sweep::Arguments),
     /// Show what a scene builds: freedoms, contacts, natural frequencies, integrators, warnings
     Check(check::Arguments),
     /// Print the JSON Schema of scenes
@@ -65,6 +68,7 @@ impl Done {
 pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
     match arguments.command {
         Command::Run(arguments) => return run::execute(&arguments),
+        Command::Sweep(arguments) => return sweep::execute(&arguments),
         Command::Check(arguments) => check::execute(&arguments)?,
         Command::Schema => schema::execute()?,
         Command::Scene(command) => scene::execute(&command)?,

@@ -31,9 +31,49 @@ pub fn catch_interrupt() {
     });
 }
 
+/// The flag that Ctrl-C sets.
+pub fn interrupt() -> &'static AtomicBool {
+    &INTERRUPTED
+}
+
 /// Whether Ctrl-C has been pressed.
 pub fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::Relaxed)
+}
+
+/// A bar on standard error if that is a terminal and `quiet` is false; else nothing is shown.
+fn bar(length: u64, template: &str, quiet: bool) -> ProgressBar {
+    if quiet || !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(length);
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar
+}
+
+/// Shows how many rows of a sweep are done, how fast they come, and the time left.
+pub struct Rows(ProgressBar);
+
+impl Rows {
+    /// A bar for `total` rows, `kept` of which are there already.
+    pub fn new(kept: usize, total: usize, quiet: bool) -> Self {
+        let bar = bar(total as u64, "{bar:40} {pos} of {len} rows  {per_sec}  {eta} left", quiet);
+        bar.set_position(kept as u64);
+        bar.reset_eta();
+        Self(bar)
+    }
+
+    /// Shows `done` rows.
+    pub fn show(&self, done: usize) {
+        self.0.set_position(done as u64);
+    }
+
+    /// Takes the bar away.
+    pub fn finish(&self) {
+        self.0.finish_and_clear();
+    }
 }
 
 /// Shows how far a run has come, and breaks it off on Ctrl-C.
@@ -50,14 +90,7 @@ pub struct Progress {
 impl Progress {
     /// A bar on standard error if that is a terminal and `quiet` is false; else nothing is shown.
     pub fn new(clock: Clock, [from, _, to]: [Instant; 3], period: Option<f64>, quiet: bool) -> Self {
-        let bar = if quiet || !std::io::stderr().is_terminal() {
-            ProgressBar::hidden()
-        } else {
-            ProgressBar::new(LENGTH as u64)
-        };
-        if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {msg}  {eta} left") {
-            bar.set_style(style);
-        }
+        let bar = bar(LENGTH as u64, "{bar:40} {percent:>3} %  {msg}  {eta} left", quiet);
         let span = clock.between(from, to);
         Self { clock, from, span, cycles: period.map(|period| span / period), bar, steps: 0 }
     }

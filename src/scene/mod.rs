@@ -156,22 +156,33 @@ impl Scene {
     /// # Errors
     /// [`SceneError`] if the pointer leads nowhere or the scene no longer holds.
     pub fn with(&self, pointer: &str, value: Value) -> Result<Self, SceneError> {
+        self.with_all([(pointer, value)])
+    }
+
+    /// The same scene with other values at several JSON pointers. Only the whole need hold.
+    ///
+    /// # Errors
+    /// [`SceneError`] if a pointer leads nowhere or the scene no longer holds.
+    pub fn with_all<'a>(&self, values: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, SceneError> {
         let mut given = self.given.clone();
-        let mut place = &mut given;
-        for key in pointer.split('/').skip(1).map(|key| key.replace("~1", "/").replace("~0", "~")) {
-            let next = match place {
+        let mut lost = Vec::new();
+        for (pointer, value) in values {
+            let keys = pointer.split('/').skip(1).map(|key| key.replace("~1", "/").replace("~0", "~"));
+            let place = keys.into_iter().try_fold(&mut given, |place, key| match place {
                 // What a preset or a default brings is not written yet.
                 Value::Object(object) => Some(object.entry(key).or_insert_with(|| Value::Object(Map::new()))),
                 Value::Array(items) => key.parse::<usize>().ok().and_then(|i| items.get_mut(i)),
                 _ => None,
-            };
-            place = next.ok_or_else(|| {
-                let fault = Fault::new(pointer, "a pointer that leads nowhere", "a place in the scene");
-                SceneError::new(&self.name, vec![fault.remedy("check the pointer against the resolved scene")])
-            })?;
+            });
+            match place {
+                Some(place) => *place = value,
+                None => {
+                    let fault = Fault::new(pointer, "a pointer that leads nowhere", "a place in the scene");
+                    lost.push(fault.remedy("check the pointer against the resolved scene"));
+                }
+            }
         }
-        *place = value;
-        Self::from_value(given, &self.name)
+        if lost.is_empty() { Self::from_value(given, &self.name) } else { Err(SceneError::new(&self.name, lost)) }
     }
 
     /// Name of the scene: its file, or what [`from_json`](Self::from_json) was told.

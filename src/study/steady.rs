@@ -36,7 +36,7 @@ impl Default for Rule {
 }
 
 /// The state of one run, from which another one can start.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Seed {
     /// State `(q, q̇, latched speeds)` at the start of a cycle, SI units.
     pub x: Vec<f64>,
@@ -45,7 +45,7 @@ pub struct Seed {
 }
 
 /// A steady motion.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Steady {
     /// Forcing period, s.
     pub period_s: f64,
@@ -67,7 +67,7 @@ pub struct Steady {
 }
 
 /// Steady motion of one contact.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ContactSteady {
     /// Measures over the measured cycles.
     #[serde(flatten)]

@@ -1,0 +1,76 @@
+use std::{fmt, path::PathBuf};
+
+/// One thing wrong with the axes of a sweep.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// The argument, as it was written.
+    pub argument: String,
+    /// What stands there.
+    pub found: String,
+    /// What may stand there.
+    pub allowed: String,
+}
+
+impl Fault {
+    pub(super) fn new(argument: &str, found: impl Into<String>, allowed: impl Into<String>) -> Self {
+        Self { argument: argument.to_owned(), found: found.into(), allowed: allowed.into() }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "  at {}\n    found:   {}\n    allowed: {}", self.argument, self.found, self.allowed)
+    }
+}
+
+/// Axes that make no grid, with everything that is wrong with them.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the axes of the sweep cannot be used{}", self.0.iter().map(|fault| format!("\n{fault}")).collect::<String>())]
+pub struct GridError(
+    /// All faults found, at least one.
+    pub Vec<Fault>,
+);
+
+/// Why a sweep cannot start, go on or be kept.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SweepError {
+    /// A new sweep was asked for in a folder that holds something.
+    #[error("{0} is not empty")]
+    Occupied(PathBuf),
+    /// A new sweep was asked for in a folder that holds an unfinished one.
+    #[error("{0} holds a sweep that is not finished")]
+    Unfinished(PathBuf),
+    /// Another process is writing there.
+    #[error("another process is sweeping into {0}")]
+    InUse(PathBuf),
+    /// What lies in the folder belongs to another sweep.
+    #[error("{path} holds another sweep{}", differences.iter().map(|d| format!("\n  {d}")).collect::<String>())]
+    Mismatch {
+        /// The folder.
+        path: PathBuf,
+        /// What differs, one entry each: name, what it was, what it is now.
+        differences: Vec<String>,
+    },
+    /// A line of a journal is neither a row of the sweep nor torn at the end.
+    #[error("line {line} of {path} is damaged: {reason}")]
+    Damaged {
+        /// The journal.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A file cannot be read or written.
+    #[error("{path}: {source}")]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The threads cannot be started.
+    #[error("the threads of the sweep cannot be started: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}

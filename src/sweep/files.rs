@@ -1,0 +1,185 @@
+//! The final files: complete, or not at all.
+
+use std::{
+    fs::{self, File},
+    io::{self, BufWriter, Write},
+    path::Path,
+};
+
+use serde::{Serialize, Serializer, de::DeserializeOwned};
+use serde_json::{Map, Value};
+
+use super::{Cell, Direction, Journal, Outcome, Plan, SweepError};
+
+/// Says what the sweep was, and that the others are whole: written last.
+pub(super) const SEAL: &str = "sweep.json";
+const TABLE: &str = "sweep.csv";
+const ROWS: &str = "sweep.jsonl";
+
+/// The final files, the seal first: it goes before what it vouches for.
+pub(super) const RESULTS: [&str; 3] = [SEAL, TABLE, ROWS];
+
+/// How many rows a sweep has, and how many of them failed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Tally {
+    /// Rows.
+    pub rows: usize,
+    /// Rows that failed.
+    pub failed: usize,
+}
+
+/// One line of `sweep.jsonl`.
+#[derive(Serialize)]
+struct Line<'a, R> {
+    /// Values by pointer, in the order of the axes.
+    #[serde(serialize_with = "by_pointer")]
+    at: Vec<(&'a str, f64)>,
+    direction: Direction,
+    result: Option<&'a R>,
+    error: Option<&'a str>,
+}
+
+fn by_pointer<S: Serializer>(at: &[(&str, f64)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(at.iter().copied())
+}
+
+/// A number in a table: as many digits as it takes to read the same double, with an exponent where that is shorter.
+#[must_use]
+pub fn number(value: f64) -> String {
+    format!("{value:?}")
+}
+
+impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R, S> {
+    /// Writes the final files, rows in grid order, and removes the journal:
+    ///
+    /// - `sweep.csv`: values, direction, `columns` filled by `cells`, error;
+    /// - `sweep.jsonl`: the same with the whole of each row;
+    /// - `sweep.json`: what the sweep was, and how many rows failed. It is written last: where it is, the others are whole.
+    ///
+    /// # Errors
+    /// [`SweepError::File`] if a file cannot be read or written; the journal stays then.
+    ///
+    /// # Panics
+    /// If a row is missing, or if `cells` does not give as many cells as there are columns.
+    pub fn finish(
+        mut self,
+        plan: &Plan,
+        columns: &[impl AsRef<str>],
+        cells: impl Fn(&R) -> Vec<String>,
+    ) -> Result<Tally, SweepError> {
+        let folder = self.folder.clone();
+        let mut table = Part::create(&folder, TABLE)?;
+        let mut rows = Part::create(&folder, ROWS)?;
+        let mut tally = Tally { rows: plan.rows(), failed: 0 };
+
+        let pointers: Vec<&str> = plan.grid().axes().iter().map(|axis| axis.pointer.as_str()).collect();
+        let columns: Vec<&str> = columns.iter().map(AsRef::as_ref).collect();
+        table.fields(pointers.iter().copied().chain(["direction"]).chain(columns.iter().copied()).chain(["error"]))?;
+        for row in 0..plan.rows() {
+            let Cell { values, direction, .. } = plan.cell(row);
+            let entry = self.entry(row)?.unwrap_or_else(|| panic!("row {row} of a finished sweep"));
+            let (result, error) = match &entry.outcome {
+                Outcome::Done { result, .. } => (Some(result), None),
+                Outcome::Failed(why) => (None, Some(why.as_str())),
+            };
+            tally.failed += usize::from(error.is_some());
+            let measures = result.map_or_else(|| vec![String::new(); columns.len()], &cells);
+            assert_eq!(measures.len(), columns.len(), "cells and columns of a sweep");
+            let mut line: Vec<String> = values.iter().copied().map(number).collect();
+            line.push(direction.name().to_owned());
+            line.extend(measures);
+            line.push(error.unwrap_or_default().to_owned());
+            table.fields(line.iter().map(String::as_str))?;
+            let at = pointers.iter().copied().zip(values).collect();
+            rows.json(&Line { at, direction, result, error })?;
+        }
+        let mut seal = Part::create(&folder, SEAL)?;
+        let mut header = self.header.clone();
+        header.insert("rows".to_owned(), tally.rows.into());
+        header.insert("failed".to_owned(), tally.failed.into());
+        seal.write(&format!("{:#}\n", Value::from(header)))?;
+        for part in [table, rows, seal] {
+            part.publish()?;
+        }
+        self.remove()?;
+        Ok(tally)
+    }
+}
+
+/// The header of a finished sweep.
+pub(super) fn header_of(folder: &Path) -> Result<Map<String, Value>, SweepError> {
+    let path = folder.join(SEAL);
+    let read = || {
+        let mut header: Map<String, Value> = serde_json::from_str(&fs::read_to_string(&path)?)?;
+        header.remove("rows");
+        header.remove("failed");
+        Ok(header)
+    };
+    read().map_err(|source| SweepError::File { path: path.clone(), source })
+}
+
+/// Removes files of a folder that are there.
+pub(super) fn remove(folder: &Path, names: &[&str]) -> Result<(), SweepError> {
+    for path in names.iter().map(|name| folder.join(name)) {
+        match fs::remove_file(&path) {
+            Err(source) if source.kind() != io::ErrorKind::NotFound => return Err(SweepError::File { path, source }),
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// A file that is being written beside the place it is meant for.
+struct Part<'f> {
+    folder: &'f Path,
+    name: &'static str,
+    file: BufWriter<File>,
+}
+
+impl<'f> Part<'f> {
+    fn create(folder: &'f Path, name: &'static str) -> Result<Self, SweepError> {
+        let path = folder.join(format!("{name}.part"));
+        let file = File::create(&path).map_err(|source| SweepError::File { path, source })?;
+        Ok(Self { folder, name, file: BufWriter::new(file) })
+    }
+
+    fn error(&self, source: io::Error) -> SweepError {
+        SweepError::File { path: self.folder.join(self.name), source }
+    }
+
+    fn write(&mut self, text: &str) -> Result<(), SweepError> {
+        self.file.write_all(text.as_bytes()).map_err(|error| self.error(error))
+    }
+
+    /// A line of a table.
+    fn fields<'a>(&mut self, fields: impl Iterator<Item = &'a str>) -> Result<(), SweepError> {
+        let line = fields.map(quoted).collect::<Vec<_>>().join(",");
+        self.write(&(line + "\n"))
+    }
+
+    /// A line of JSON.
+    fn json(&mut self, line: &impl Serialize) -> Result<(), SweepError> {
+        let text = serde_json::to_string(line).map_err(|error| self.error(error.into()))?;
+        self.write(&(text + "\n"))
+    }
+
+    /// Puts the file in its place, once it is safe on disk.
+    fn publish(mut self) -> Result<(), SweepError> {
+        let part = self.folder.join(format!("{}.part", self.name));
+        let publish = |file: &mut BufWriter<File>| {
+            file.flush()?;
+            file.get_ref().sync_all()?;
+            fs::rename(part, self.folder.join(self.name))
+        };
+        publish(&mut self.file).map_err(|source| SweepError::File { path: self.folder.join(self.name), source })
+    }
+}
+
+/// A field as RFC 4180 asks.
+fn quoted(field: &str) -> String {
+    if field.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", field.replace('"', "\"\""))
+    } else {
+        field.to_owned()
+    }
+}

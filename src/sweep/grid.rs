@@ -1,0 +1,326 @@
+use serde::Serialize;
+
+use super::{Fault, GridError};
+
+/// Points of a grid at most.
+const MOST: usize = 1_000_000;
+/// Largest number on an axis; weighted with its count it is still a double.
+const LARGEST: f64 = 1e300;
+/// Smallest step of a range, of its larger end; values have 15 digits.
+const CLOSEST: f64 = 1e-12;
+/// How an axis is written.
+const FORM: &str = "POINTER=FROM:TO:COUNT, POINTER=FROM:TO:COUNT:log or POINTER=V1,V2,…";
+
+/// How the values of a range lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Spacing {
+    /// Equal differences.
+    Linear,
+    /// Equal ratios.
+    Geometric,
+}
+
+/// The values of an axis.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Values {
+    /// `count` values, the first `from`, the last `to`.
+    Range {
+        /// First value.
+        from: f64,
+        /// Last value; not the first.
+        to: f64,
+        /// How many, ≥ 2.
+        count: usize,
+        /// How they lie; geometric ranges have ends of one sign.
+        spacing: Spacing,
+    },
+    /// Values written out, at least one.
+    List {
+        /// In the order they are visited upwards.
+        values: Vec<f64>,
+    },
+}
+
+/// A number that is varied: its place, and the values it takes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Axis {
+    /// Where it stands, a JSON pointer such as `/train/speed_rpm`.
+    pub pointer: String,
+    /// The values it takes.
+    #[serde(flatten)]
+    pub values: Values,
+}
+
+impl Axis {
+    /// Reads `POINTER=FROM:TO:COUNT`, the same with `:log` for equal ratios, or `POINTER=V1,V2,…`.
+    ///
+    /// # Errors
+    /// Every fault found.
+    pub fn parse(text: &str) -> Result<Self, Vec<Fault>> {
+        // Numbers have no equals sign, keys may.
+        let Some((pointer, values)) = text.rsplit_once('=') else {
+            return Err(vec![Fault::new(text, "no equals sign", FORM)]);
+        };
+        let mut faults = Vec::new();
+        if !pointer.starts_with('/') {
+            let found = format!("{pointer:?} as pointer");
+            faults.push(Fault::new(text, found, "a JSON pointer, which starts with /, such as /train/speed_rpm"));
+        }
+        let values =
+            if values.contains(':') { range(text, values, &mut faults) } else { list(text, values, &mut faults) };
+        match values {
+            Some(values) if faults.is_empty() => Ok(Self { pointer: pointer.to_owned(), values }),
+            _ => Err(faults),
+        }
+    }
+
+    /// How many values; one at least.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        match &self.values {
+            Values::Range { count, .. } => *count,
+            Values::List { values } => values.len(),
+        }
+    }
+
+    /// Value `i` of n, from 0:
+    ///
+    /// ```text
+    /// linear      v_i = (from (n − 1 − i) + to i) / (n − 1)
+    /// geometric   v_i = ± 10^((lg |from| (n − 1 − i) + lg |to| i) / (n − 1))
+    /// ```
+    ///
+    /// with the ends as they were given, the others rounded in the 15th digit (of the larger end; of the value itself, for
+    /// equal ratios), so that 0.1 is the double a scene has for 0.1. Written from the other end a range has the same values.
+    ///
+    /// # Panics
+    /// If `i` is not below the number of values of a list.
+    #[must_use]
+    pub fn value(&self, i: usize) -> f64 {
+        match &self.values {
+            Values::List { values } => values[i],
+            Values::Range { from, .. } if i == 0 => *from,
+            Values::Range { to, count, .. } if i + 1 == *count => *to,
+            Values::Range { from, to, count, spacing } => {
+                let last = (count - 1) as f64;
+                let mean = |a: f64, b: f64| (a * (last - i as f64) + b * i as f64) / last;
+                match spacing {
+                    Spacing::Linear => rounded(mean(*from, *to), from.abs().max(to.abs())),
+                    Spacing::Geometric => {
+                        let value = from.signum() * 10f64.powf(mean(from.abs().log10(), to.abs().log10()));
+                        rounded(value, value.abs())
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// `value`, rounded in the 15th digit of `scale` > 0, the last that every double holds.
+fn rounded(value: f64, scale: f64) -> f64 {
+    // The sum makes the zero positive.
+    let decimals = 14 - scale.log10().floor() as i64;
+    let text = usize::try_from(decimals).ok().map(|decimals| format!("{value:.decimals$}"));
+    text.and_then(|text| text.parse().ok()).unwrap_or(value) + 0.0
+}
+
+/// A number of an axis; notes the fault if it is none.
+fn finite(argument: &str, word: &str, faults: &mut Vec<Fault>) -> Option<f64> {
+    let value = word.trim().parse::<f64>().ok().filter(|value| value.abs() <= LARGEST);
+    if value.is_none() {
+        faults.push(Fault::new(argument, format!("{word:?}"), format!("a number from -{LARGEST:e} to {LARGEST:e}")));
+    }
+    value
+}
+
+fn list(argument: &str, text: &str, faults: &mut Vec<Fault>) -> Option<Values> {
+    let values: Vec<Option<f64>> = text.split(',').map(|word| finite(argument, word, faults)).collect();
+    Some(Values::List { values: values.into_iter().collect::<Option<_>>()? })
+}
+
+fn range(argument: &str, text: &str, faults: &mut Vec<Fault>) -> Option<Values> {
+    let words: Vec<&str> = text.split(':').collect();
+    let (from, to, count, spacing) = match words[..] {
+        [from, to, count] => (from, to, count, Spacing::Linear),
+        [from, to, count, "log"] => (from, to, count, Spacing::Geometric),
+        _ => {
+            faults.push(Fault::new(argument, format!("{text:?}"), FORM));
+            return None;
+        }
+    };
+    let (from, to) = (finite(argument, from, faults), finite(argument, to, faults));
+    let count: Option<usize> = count.trim().parse().ok().filter(|count| (2..=MOST).contains(count)).or_else(|| {
+        let allowed = format!("a whole number of values from 2 to {MOST}; a single one is written POINTER=VALUE");
+        faults.push(Fault::new(argument, format!("{count:?} as count"), allowed));
+        None
+    });
+    let (from, to) = (from?, to?);
+    if let Some(count) = count.filter(|n| (from - to).abs() < CLOSEST * *n as f64 * from.abs().max(to.abs())) {
+        let allowed = format!("values that differ by {CLOSEST:e} of the larger one at least");
+        faults.push(Fault::new(argument, format!("{count} values from {from} to {to}"), allowed));
+    }
+    if spacing == Spacing::Geometric && (from == 0.0 || to == 0.0 || (from < 0.0) != (to < 0.0)) {
+        faults.push(Fault::new(
+            argument,
+            format!("{from} to {to} in equal ratios"),
+            "ends of one sign, none of them 0",
+        ));
+    }
+    Some(Values::Range { from, to, count: count?, spacing })
+}
+
+/// One or two axes; the last one runs fastest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    axes: Vec<Axis>,
+}
+
+impl Grid {
+    /// A grid over these axes.
+    ///
+    /// # Errors
+    /// [`GridError`] unless there are one or two axes, of different places, with no more than 10⁶ points together.
+    pub fn new(axes: Vec<Axis>) -> Result<Self, GridError> {
+        let mut faults = Vec::new();
+        if axes.is_empty() || axes.len() > 2 {
+            faults.push(Fault::new("the axes", format!("{} of them", axes.len()), "one or two"));
+        }
+        for (i, axis) in axes.iter().enumerate() {
+            if axes[..i].iter().any(|other| other.pointer == axis.pointer) {
+                faults.push(Fault::new(&axis.pointer, "a number varied by two axes", "one axis for each number"));
+            }
+        }
+        let points = axes.iter().fold(1usize, |points, axis| points.saturating_mul(axis.count()));
+        if !(1..=MOST).contains(&points) {
+            faults.push(Fault::new("the axes", format!("{points} points"), format!("1 to {MOST} points")));
+        }
+        if faults.is_empty() { Ok(Self { axes }) } else { Err(GridError(faults)) }
+    }
+
+    /// Reads the axes, each as [`Axis::parse`] does.
+    ///
+    /// # Errors
+    /// [`GridError`] with every fault of every axis.
+    pub fn parse(axes: &[impl AsRef<str>]) -> Result<Self, GridError> {
+        let (mut read, mut faults) = (Vec::new(), Vec::new());
+        for text in axes {
+            match Axis::parse(text.as_ref()) {
+                Ok(axis) => read.push(axis),
+                Err(found) => faults.extend(found),
+            }
+        }
+        if faults.is_empty() { Self::new(read) } else { Err(GridError(faults)) }
+    }
+
+    /// The axes.
+    #[must_use]
+    pub fn axes(&self) -> &[Axis] {
+        &self.axes
+    }
+
+    /// How many points; one at least.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        self.axes.iter().map(Axis::count).product()
+    }
+
+    /// Points along the last axis.
+    #[must_use]
+    pub fn line(&self) -> usize {
+        self.axes.last().map_or(1, Axis::count)
+    }
+
+    /// Index on every axis of point `i`, in the order of the axes.
+    #[must_use]
+    pub fn indices(&self, mut i: usize) -> Vec<usize> {
+        let mut indices: Vec<usize> = Vec::with_capacity(self.axes.len());
+        for axis in self.axes.iter().rev() {
+            indices.push(i % axis.count());
+            i /= axis.count();
+        }
+        indices.reverse();
+        indices
+    }
+
+    /// Value on every axis of point `i`.
+    #[must_use]
+    pub fn values(&self, i: usize) -> Vec<f64> {
+        self.axes.iter().zip(self.indices(i)).map(|(axis, at)| axis.value(at)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn values(text: &str) -> Vec<f64> {
+        let axis = Axis::parse(text).unwrap();
+        (0..axis.count()).map(|i| axis.value(i)).collect()
+    }
+
+    #[test]
+    fn an_axis_is_read() {
+        assert_eq!(values("/a=0:1:5"), [0.0, 0.25, 0.5, 0.75, 1.0]);
+        assert_eq!(values("/a=0.05:0.3:26")[18], 0.23);
+        assert_eq!(values("/a=-0.3:0.3:7"), [-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3]);
+        assert_eq!(values("/a=1:1000:4:log"), [1.0, 10.0, 100.0, 1000.0]);
+        assert_eq!(values("/a=-1:-100:3:log"), [-1.0, -10.0, -100.0]);
+        assert_eq!(values("/a=3,1,2.5"), [3.0, 1.0, 2.5]);
+        assert_eq!(values("/a=7"), [7.0]);
+        assert_eq!(Axis::parse("/a=b/c=1").unwrap().pointer, "/a=b/c");
+    }
+
+    #[test]
+    fn every_fault_of_every_axis_is_named() {
+        let error =
+            Grid::parse(&["train/x=0:nan:1", "/b", "/c=5:0:3:log", "/d=1,inf,", "/e=1:2", "/f=2:2:3"]).unwrap_err();
+        let found: Vec<(&str, &str)> = error.0.iter().map(|f| (&*f.argument, &*f.found)).collect();
+        assert_eq!(
+            found,
+            [
+                ("train/x=0:nan:1", "\"train/x\" as pointer"),
+                ("train/x=0:nan:1", "\"nan\""),
+                ("train/x=0:nan:1", "\"1\" as count"),
+                ("/b", "no equals sign"),
+                ("/c=5:0:3:log", "5 to 0 in equal ratios"),
+                ("/d=1,inf,", "\"inf\""),
+                ("/d=1,inf,", "\"\""),
+                ("/e=1:2", "\"1:2\""),
+                ("/f=2:2:3", "3 values from 2 to 2"),
+            ]
+        );
+        let many = ["/a=1", "/b=0:1:1001", "/a=0:1:1001"];
+        assert_eq!(Grid::parse(&many).unwrap_err().0.len(), 3, "three axes, one twice, too many points");
+        assert!(Grid::parse(&[] as &[&str]).is_err());
+    }
+
+    #[test]
+    fn the_last_axis_runs_fastest() {
+        let grid = Grid::parse(&["/a=1,2", "/b=10:30:3"]).unwrap();
+        let points: Vec<Vec<f64>> = (0..grid.points()).map(|i| grid.values(i)).collect();
+        assert_eq!(points, [[1.0, 10.0], [1.0, 20.0], [1.0, 30.0], [2.0, 10.0], [2.0, 20.0], [2.0, 30.0]]);
+        assert_eq!(grid.indices(4), [1, 1]);
+    }
+
+    proptest! {
+        #[test]
+        fn a_range_has_its_ends_and_reads_the_same_backwards(
+            a in -1e6f64..1e6, b in -1e6f64..1e6, count in 2usize..60, log in any::<bool>()
+        ) {
+            let (a, b) = if log { (a.abs() + 1e-3, b.abs() + 1e-3) } else { (a, b) };
+            // Farther apart than the smallest step allowed.
+            prop_assume!((a - b).abs() > 1e-3);
+            let tail = if log { ":log" } else { "" };
+            let up = values(&format!("/a={a}:{b}:{count}{tail}"));
+            let mut down = values(&format!("/a={b}:{a}:{count}{tail}"));
+            down.reverse();
+            prop_assert_eq!(&up, &down);
+            prop_assert_eq!((up[0], up[count - 1]), (a, b));
+            prop_assert!(up.windows(2).all(|w| (w[1] - w[0]) * (b - a).signum() > 0.0));
+        }
+    }
+}

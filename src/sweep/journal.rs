@@ -1,0 +1,250 @@
+use std::{
+    fs::{self, File, TryLockError},
+    io::{self, BufRead, BufReader, Read, Seek, SeekFrom, Write},
+    marker::PhantomData,
+    ops::Range,
+    path::{Path, PathBuf},
+};
+
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde_json::{Map, Value};
+
+use super::{
+    SweepError,
+    files::{self, RESULTS, SEAL},
+};
+
+/// The journal's name.
+pub(super) const NAME: &str = "sweep.journal";
+
+/// How a sweep begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Begin {
+    /// In a folder that is empty, or not there.
+    New,
+    /// Anew, in any folder; an earlier sweep there is removed.
+    Replace,
+    /// Where an earlier one was broken off; from the start if there is none.
+    Resume,
+}
+
+/// A row that has been computed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Entry<R, S> {
+    /// Number of the row.
+    pub row: usize,
+    /// What came of it.
+    pub outcome: Outcome<R, S>,
+}
+
+/// What came of a row.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Outcome<R, S> {
+    /// It was computed.
+    Done {
+        /// The row.
+        result: R,
+        /// Where it ended; the neighbour may start there.
+        end: S,
+    },
+    /// It failed, and why. The neighbour starts fresh.
+    Failed(String),
+}
+
+/// The rows of a sweep as they finish, in a file: a header, then one JSON object a line, in the order of finishing.
+///
+/// The file is locked while it is open; the system takes the lock away with the process, however that ends. A line is
+/// written at once and is complete when its end of line is there; what a killed process left of a line is dropped.
+#[derive(Debug)]
+pub struct Journal<R, S> {
+    pub(super) folder: PathBuf,
+    pub(super) header: Map<String, Value>,
+    path: PathBuf,
+    file: File,
+    /// Where the complete lines end.
+    end: u64,
+    /// Where the line of each row is.
+    lines: Vec<Option<Range<u64>>>,
+    /// How many rows have one.
+    kept: usize,
+    kind: PhantomData<fn() -> (R, S)>,
+}
+
+impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R, S> {
+    /// Opens the journal of a sweep with `rows` rows in `folder`, created if need be. `header` is what the sweep is known
+    /// by: everything that its rows depend on. `None` if the sweep is to be resumed, and is finished.
+    ///
+    /// # Errors
+    /// [`SweepError`] if the folder is occupied, in use or holds another sweep, if the journal is damaged, or if a file
+    /// cannot be read or written. Nothing is changed then.
+    pub fn open(
+        folder: &Path,
+        begin: Begin,
+        header: Map<String, Value>,
+        rows: usize,
+    ) -> Result<Option<Self>, SweepError> {
+        let path = folder.join(NAME);
+        let unfinished = path.exists();
+        match begin {
+            Begin::New if unfinished => return Err(SweepError::Unfinished(folder.to_owned())),
+            Begin::New if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) => {
+                return Err(SweepError::Occupied(folder.to_owned()));
+            }
+            Begin::Resume if !unfinished && folder.join(SEAL).exists() => {
+                same(folder, &files::header_of(folder)?, &header)?;
+                return Ok(None);
+            }
+            _ => {}
+        }
+        let fail = |source| SweepError::File { path: path.clone(), source };
+        fs::create_dir_all(folder).map_err(|source| SweepError::File { path: folder.to_owned(), source })?;
+        let file = File::options().read(true).write(true).create(true).truncate(false).open(&path).map_err(fail)?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => return Err(SweepError::InUse(folder.to_owned())),
+            // A file system without locks: nothing better can be had there.
+            Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => {}
+            Err(TryLockError::Error(error)) => return Err(fail(error)),
+            Ok(()) => {}
+        }
+        let mut journal = Self {
+            folder: folder.to_owned(),
+            header,
+            path: path.clone(),
+            file,
+            end: 0,
+            lines: vec![None; rows],
+            kept: 0,
+            kind: PhantomData,
+        };
+        if begin != Begin::Replace {
+            journal.read_in()?;
+        }
+        if journal.end > 0 && begin == Begin::New {
+            return Err(SweepError::Unfinished(folder.to_owned()));
+        }
+        // Whatever stands behind the last complete line; everything, if the sweep begins anew.
+        journal.file.set_len(journal.end).map_err(fail)?;
+        if journal.end == 0 {
+            // What an earlier sweep left must not be taken for this one's, even if this one is killed.
+            files::remove(folder, &RESULTS)?;
+            let header = Value::from(journal.header.clone()).to_string();
+            journal.line(&header)?;
+        }
+        Ok(Some(journal))
+    }
+
+    /// How many rows are kept.
+    #[must_use]
+    pub fn kept(&self) -> usize {
+        self.kept
+    }
+
+    /// Row `row`, if it is kept.
+    ///
+    /// # Errors
+    /// [`SweepError::File`] if it cannot be read.
+    pub fn entry(&mut self, row: usize) -> Result<Option<Entry<R, S>>, SweepError> {
+        let Some(at) = self.lines[row].clone() else { return Ok(None) };
+        let read = |file: &mut File| {
+            // OK to convert: a line that was held in memory.
+            let mut text = vec![0; (at.end - at.start) as usize];
+            file.seek(SeekFrom::Start(at.start))?;
+            file.read_exact(&mut text)?;
+            Ok(serde_json::from_slice(&text)?)
+        };
+        read(&mut self.file).map(Some).map_err(|source| SweepError::File { path: self.path.clone(), source })
+    }
+
+    /// Keeps a row, and gives it back as a resumed sweep would read it.
+    ///
+    /// # Errors
+    /// [`SweepError::File`] if it cannot be written; the journal ends with its last complete line then.
+    pub(super) fn keep(&mut self, entry: Entry<R, S>) -> Result<Entry<R, S>, SweepError> {
+        let row = entry.row;
+        // JSON has neither infinities nor NaN.
+        let read_back = serde_json::to_string(&entry).and_then(|text| Ok((serde_json::from_str(&text)?, text)));
+        let (entry, text) = match read_back {
+            Ok(whole) => whole,
+            Err(error) => {
+                let failed = Entry {
+                    row,
+                    outcome: Outcome::Failed(format!("a result with a number that is not finite ({error})")),
+                };
+                let text = serde_json::to_string(&failed)
+                    .map_err(|error| SweepError::File { path: self.path.clone(), source: error.into() })?;
+                (failed, text)
+            }
+        };
+        let at = self.line(&text)?;
+        self.lines[row] = Some(at);
+        self.kept += 1;
+        Ok(entry)
+    }
+
+    /// Appends a line and says where it is.
+    fn line(&mut self, text: &str) -> Result<Range<u64>, SweepError> {
+        let start = self.end;
+        let write = |file: &mut File| {
+            file.seek(SeekFrom::Start(start))?;
+            file.write_all(format!("{text}\n").as_bytes())
+        };
+        write(&mut self.file).map_err(|source| {
+            // Best effort: a tail without an end of line is dropped when the journal is read.
+            let _ = self.file.set_len(start);
+            SweepError::File { path: self.path.clone(), source }
+        })?;
+        self.end += text.len() as u64 + 1;
+        Ok(start..start + text.len() as u64)
+    }
+
+    /// Reads what the file holds: the header, which must be this one's, and rows.
+    fn read_in(&mut self) -> Result<(), SweepError> {
+        let damaged = |line, reason| SweepError::Damaged { path: self.path.clone(), line, reason };
+        let (mut reader, mut line) = (BufReader::new(&self.file), Vec::new());
+        for number in 1.. {
+            line.clear();
+            let read = reader.read_until(b'\n', &mut line);
+            read.map_err(|source| SweepError::File { path: self.path.clone(), source })?;
+            let Some(text) = line.strip_suffix(b"\n") else { break };
+            if number == 1 {
+                let header = serde_json::from_slice(text).map_err(|error| damaged(1, error.to_string()))?;
+                same(&self.folder, &header, &self.header)?;
+            } else {
+                let entry: Entry<R, S> =
+                    serde_json::from_slice(text).map_err(|error| damaged(number, error.to_string()))?;
+                let rows = self.lines.len();
+                let Some(place @ None) = self.lines.get_mut(entry.row) else {
+                    return Err(damaged(number, format!("row {} of {rows}, or for the second time", entry.row)));
+                };
+                *place = Some(self.end..self.end + text.len() as u64);
+                self.kept += 1;
+            }
+            self.end += line.len() as u64;
+        }
+        Ok(())
+    }
+
+    /// Removes the journal, which nothing depends on any more. The lock is held until it is gone.
+    pub(super) fn remove(self) -> Result<(), SweepError> {
+        files::remove(&self.folder, &[NAME])
+    }
+}
+
+impl<R, S> Drop for Journal<R, S> {
+    /// Gives the lock back at once: a process that is just being started may hold a copy of the file for a moment.
+    fn drop(&mut self) {
+        let _ = self.file.unlock();
+    }
+}
+
+/// Whether two headers are the same; an error names every entry that differs.
+fn same(folder: &Path, was: &Map<String, Value>, is: &Map<String, Value>) -> Result<(), SweepError> {
+    let keys = was.keys().chain(is.keys().filter(|key| !was.contains_key(*key)));
+    let text = |value: Option<&Value>| value.map_or("nothing".to_owned(), Value::to_string);
+    let differences: Vec<String> = keys
+        .filter(|key| was.get(*key) != is.get(*key))
+        .map(|key| format!("{key}: {} there, {} here", text(was.get(key)), text(is.get(key))))
+        .collect();
+    if differences.is_empty() { Ok(()) } else { Err(SweepError::Mismatch { path: folder.to_owned(), differences }) }
+}

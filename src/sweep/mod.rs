@@ -1,0 +1,47 @@
+//! Sweeps: the same work at every point of a grid, kept row by row.
+//!
+//! A [`Grid`] is one or two [`Axis`] of numbers; a [`Plan`] says in which order its points are visited and which of them
+//! start from the end of a neighbour; [`run`] visits them on several threads; a [`Journal`] keeps each row as it
+//! finishes and becomes the final files when none is missing. What a row is, what is handed from a point to its
+//! neighbour, and what happens at a point is the caller's.
+//!
+//! The final files depend on the plan and the work alone: not on the number of threads, nor on how often the sweep was
+//! broken off.
+//!
+//! ```
+//! use std::sync::atomic::AtomicBool;
+//!
+//! use flank::sweep::{Begin, Cell, Ending, Grid, Journal, Plan, Seeding, Work, run};
+//!
+//! // Where Newton's method for x² = a ends, each time started from the root before.
+//! let newton = |cell: &Cell, seed: Option<&f64>| -> Result<(f64, f64), String> {
+//!     let x = (0..60).fold(*seed.unwrap_or(&1.0), |x, _| (x + cell.values[0] / x) / 2.0);
+//!     Ok((x, x))
+//! };
+//! let plan = Plan::new(Grid::parse(&["/a=1:9:9"])?, Seeding::Up);
+//! let folder = tempfile::tempdir()?;
+//! let never = AtomicBool::new(false);
+//!
+//! let mut journal = Journal::open(folder.path(), Begin::New, plan.header(), plan.rows())?.expect("a new sweep is open");
+//! let work = Work { point: newton, progress: |_done, _total| (), interrupted: &never, threads: 2 };
+//! assert_eq!(run(&plan, &mut journal, &work)?, Ending::Complete);
+//! journal.finish(&plan, &["root"], |root| vec![root.to_string()])?;
+//!
+//! let table = std::fs::read_to_string(folder.path().join("sweep.csv"))?;
+//! assert_eq!(table.lines().last(), Some("9.0,up,3,"));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod error;
+mod files;
+mod grid;
+mod journal;
+mod plan;
+mod run;
+
+pub use error::{Fault, GridError, SweepError};
+pub use files::{Tally, number};
+pub use grid::{Axis, Grid, Spacing, Values};
+pub use journal::{Begin, Entry, Journal, Outcome};
+pub use plan::{Cell, Direction, Plan, Seeding};
+pub use run::{Ending, Work, run};

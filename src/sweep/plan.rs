@@ -1,0 +1,155 @@
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::Grid;
+
+/// Where the points of a sweep start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Seeding {
+    /// Each alone.
+    Fresh,
+    /// Each from the end of the one before it along the last axis.
+    Up,
+    /// Each from the end of the one after it along the last axis.
+    Down,
+    /// Up and down, two rows a point: coexisting branches show where the two differ.
+    Both,
+}
+
+/// How a row was reached.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Direction {
+    /// Alone.
+    Fresh,
+    /// Along the last axis, from its first value to its last.
+    Up,
+    /// From its last value to its first.
+    Down,
+}
+
+impl Direction {
+    /// Its name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fresh => "fresh",
+            Self::Up => "up",
+            Self::Down => "down",
+        }
+    }
+}
+
+/// What is done for one row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cell {
+    /// Number of the row in grid order, from 0.
+    pub row: usize,
+    /// Index on every axis.
+    pub indices: Vec<usize>,
+    /// Value on every axis.
+    pub values: Vec<f64>,
+    /// How the row is reached.
+    pub direction: Direction,
+}
+
+/// The rows of a sweep and the chains they are computed in.
+///
+/// Rows are in grid order; with [`Seeding::Both`] each point has two, up before down. A chain is a list of rows of which
+/// each starts from the end of the one before; its first starts fresh. There are no other ties between rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    grid: Grid,
+    seeding: Seeding,
+}
+
+impl Plan {
+    /// Visits `grid` as `seeding` says.
+    #[must_use]
+    pub fn new(grid: Grid, seeding: Seeding) -> Self {
+        Self { grid, seeding }
+    }
+
+    /// The grid.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// What the files of the sweep are known by, besides what the caller adds: axes and seeding.
+    #[must_use]
+    pub fn header(&self) -> Map<String, Value> {
+        let mut header = Map::new();
+        header.insert("axes".to_owned(), json!(self.grid.axes()));
+        header.insert("seeding".to_owned(), json!(self.seeding));
+        header
+    }
+
+    fn ways(&self) -> &'static [Direction] {
+        match self.seeding {
+            Seeding::Fresh => &[Direction::Fresh],
+            Seeding::Up => &[Direction::Up],
+            Seeding::Down => &[Direction::Down],
+            Seeding::Both => &[Direction::Up, Direction::Down],
+        }
+    }
+
+    /// How many rows; one at least.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.grid.points() * self.ways().len()
+    }
+
+    /// Row number `row`, below [`rows`](Self::rows).
+    #[must_use]
+    pub fn cell(&self, row: usize) -> Cell {
+        let (point, way) = (row / self.ways().len(), row % self.ways().len());
+        Cell { row, indices: self.grid.indices(point), values: self.grid.values(point), direction: self.ways()[way] }
+    }
+
+    /// How many chains.
+    #[must_use]
+    pub fn chains(&self) -> usize {
+        match self.seeding {
+            Seeding::Fresh => self.rows(),
+            _ => self.rows() / self.grid.line(),
+        }
+    }
+
+    /// The rows of chain number `chain`, in their order.
+    pub fn chain(&self, chain: usize) -> impl Iterator<Item = usize> + use<> {
+        let (ways, length) = (self.ways(), self.rows() / self.chains());
+        let (first, way) = (chain / ways.len() * length, chain % ways.len());
+        (0..length).map(move |i| {
+            let point = first + if ways[way] == Direction::Down { length - 1 - i } else { i };
+            point * ways.len() + way
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chains(seeding: Seeding) -> Vec<Vec<usize>> {
+        let plan = Plan::new(Grid::parse(&["/a=1,2", "/b=1,2,3"]).unwrap(), seeding);
+        (0..plan.chains()).map(|chain| plan.chain(chain).collect()).collect()
+    }
+
+    #[test]
+    fn chains_run_along_the_last_axis() {
+        assert_eq!(chains(Seeding::Fresh), [[0], [1], [2], [3], [4], [5]]);
+        assert_eq!(chains(Seeding::Up), [[0, 1, 2], [3, 4, 5]]);
+        assert_eq!(chains(Seeding::Down), [[2, 1, 0], [5, 4, 3]]);
+        assert_eq!(chains(Seeding::Both), [[0, 2, 4], [5, 3, 1], [6, 8, 10], [11, 9, 7]]);
+    }
+
+    #[test]
+    fn with_both_directions_a_point_has_two_rows() {
+        let plan = Plan::new(Grid::parse(&["/a=1,2"]).unwrap(), Seeding::Both);
+        let rows: Vec<(f64, Direction)> =
+            (0..plan.rows()).map(|i| (plan.cell(i).values[0], plan.cell(i).direction)).collect();
+        assert_eq!(rows, [(1.0, Direction::Up), (1.0, Direction::Down), (2.0, Direction::Up), (2.0, Direction::Down)]);
+    }
+}
