@@ -156,21 +156,31 @@ impl Scene {
     /// # Errors
     /// [`SceneError`] if the pointer leads nowhere or the scene no longer holds.
     pub fn with(&self, pointer: &str, value: Value) -> Result<Self, SceneError> {
+        self.with_all([(pointer, value)])
+    }
+
+    /// The same scene with other values at several JSON pointers.
+    ///
+    /// # Errors
+    /// [`SceneError`] if a pointer leads nowhere or the scene no longer holds with all of them.
+    pub fn with_all<'a>(&self, changes: impl IntoIterator<Item = (&'a str, Value)>) -> Result<Self, SceneError> {
         let mut given = self.given.clone();
-        let mut place = &mut given;
-        for key in pointer.split('/').skip(1).map(|key| key.replace("~1", "/").replace("~0", "~")) {
-            let next = match place {
-                // What a preset or a default brings is not written yet.
-                Value::Object(object) => Some(object.entry(key).or_insert_with(|| Value::Object(Map::new()))),
-                Value::Array(items) => key.parse::<usize>().ok().and_then(|i| items.get_mut(i)),
-                _ => None,
-            };
-            place = next.ok_or_else(|| {
-                let fault = Fault::new(pointer, "a pointer that leads nowhere", "a place in the scene");
-                SceneError::new(&self.name, vec![fault.remedy("check the pointer against the resolved scene")])
-            })?;
+        for (pointer, value) in changes {
+            let mut place = &mut given;
+            for key in pointer.split('/').skip(1).map(|key| key.replace("~1", "/").replace("~0", "~")) {
+                let next = match place {
+                    // What a preset or a default brings is not written yet.
+                    Value::Object(object) => Some(object.entry(key).or_insert_with(|| Value::Object(Map::new()))),
+                    Value::Array(items) => key.parse::<usize>().ok().and_then(|i| items.get_mut(i)),
+                    _ => None,
+                };
+                place = next.ok_or_else(|| {
+                    let fault = Fault::new(pointer, "a pointer that leads nowhere", "a place in the scene");
+                    SceneError::new(&self.name, vec![fault.remedy("check the pointer against the resolved scene")])
+                })?;
+            }
+            *place = value;
         }
-        *place = value;
         Self::from_value(given, &self.name)
     }
 
@@ -178,6 +188,12 @@ impl Scene {
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// The scene as it was written.
+    #[must_use]
+    pub fn given(&self) -> &Value {
+        &self.given
     }
 
     /// The scene with every default written out.
