@@ -93,3 +93,56 @@ fn explore() {
     ));
     println!("{:?}", t.elapsed());
 }
+#[test]
+fn timing() {
+    let heavy = stage("reference-heavy", 500.0);
+    let n = 300;
+    let t = std::time::Instant::now();
+    for i in 0..n {
+        std::hint::black_box(heavy.with(KP, (1e8 + i as f64).into()).unwrap());
+    }
+    println!("with {:?}", t.elapsed() / n);
+    let t = std::time::Instant::now();
+    for _ in 0..n {
+        std::hint::black_box(heavy.build().unwrap());
+    }
+    println!("build {:?}", t.elapsed() / n);
+    let spec = heavy.build().unwrap().spec;
+    let t = std::time::Instant::now();
+    for _ in 0..n {
+        std::hint::black_box(flank::train::equilibrium(&spec).unwrap());
+    }
+    println!("eq {:?}", t.elapsed() / n);
+    let t = std::time::Instant::now();
+    for _ in 0..n {
+        std::hint::black_box(
+            flank::train::planetary::families(&spec, &flank::train::bonded_stiffness(&spec, None)).unwrap(),
+        );
+    }
+    println!("fam {:?}", t.elapsed() / n);
+}
+#[test]
+fn six() {
+    let heavy = stage("reference-heavy", 500.0);
+    let t = std::time::Instant::now();
+    show(&ask(
+        &heavy,
+        &[
+            &format!("{KP}=1e7:1e9"),
+            "/train/sun/translation/stiffness_n_per_m=1e4:1e9",
+            "/train/ring/translation/stiffness_n_per_m=1e8:1e10",
+            "/train/sun/rotation/stiffness_n_per_m=1e6:1e9",
+            "/train/carrier/rotation/stiffness_n_per_m=1e7:1e11",
+            "/train/carrier/rotary_mass_kg=1:100",
+        ],
+        &[
+            "translational:1=412",
+            "translational:2=889",
+            "translational:3=1791",
+            "rotational:2=919",
+            "rotational:3=1046",
+            "force:sun-planet 1=774",
+        ],
+    ));
+    println!("{:?}", t.elapsed());
+}

@@ -6,6 +6,7 @@ use flank::{
     engine::EngineError,
     integrate::IntegrateError,
     scene::SceneError,
+    study::identify::IdentifyError,
     train::{AssembleError, StartError},
 };
 use miette::Diagnostic;
@@ -16,6 +17,9 @@ pub enum CliError {
     /// The scene cannot be used.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// The identification cannot be done.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
     /// The train cannot be assembled.
     #[error(transparent)]
     Train(#[from] AssembleError),

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::{
     Parameter, Quantity, Target,
-    fit::with,
+    fit::places,
     reading::{ReadingError, Train},
 };
 use crate::{
@@ -16,21 +16,16 @@ use crate::{
 /// passes for one of numbers.
 const INSIDE: f64 = 0.618_034;
 
-/// The scene's own values of the parameters.
-pub(super) fn check(scene: &Scene, parameters: &[Parameter], targets: &[Target]) -> Result<Vec<f64>, Vec<Fault>> {
+/// The scene's own values of the parameters, or all that is wrong with parameters and targets.
+///
+/// # Errors
+/// Every fault found, its place the parameter or target as it is written.
+pub fn check(scene: &Scene, parameters: &[Parameter], targets: &[Target]) -> Result<Vec<f64>, Vec<Fault>> {
     let mut faults = Vec::new();
-    if parameters.is_empty() {
-        let fault = Fault::new("--vary", "nothing to find", "at least one number");
-        faults.push(fault.remedy("name one: POINTER=LOW:HIGH"));
-    }
-    if targets.is_empty() {
-        let fault = Fault::new("--target", "nothing to find it from", "at least one target");
-        faults.push(fault.remedy("name one: QUANTITY=VALUE"));
-    }
     let mut own = Vec::new();
     let mut known: Vec<&str> = Vec::new();
     for parameter in parameters {
-        let place = format!("--vary {parameter}");
+        let place = parameter.to_string();
         let before = faults.len();
         for pointer in &parameter.pointers {
             if known.contains(&pointer.as_str()) {
@@ -95,7 +90,11 @@ fn choices(place: &Value) -> String {
 fn outside(scene: &Scene, parameter: &Parameter, place: &str) -> Option<Fault> {
     let inside = parameter.low + INSIDE * (parameter.high - parameter.low);
     [parameter.low, parameter.high, inside].into_iter().find_map(|value| {
-        let refused = with(scene, std::slice::from_ref(parameter), &[value]).err()?;
+        let refused = scene
+            .with_all(
+                places(std::slice::from_ref(parameter), &[value]).into_iter().map(|(at, value)| (at, value.into())),
+            )
+            .err()?;
         let why = refused.faults.first()?;
         let found = format!("{value:?}, for which the scene is refused: {} at {}", why.found, why.pointer);
         Some(Fault::new(place, &found, &why.allowed).remedy("choose bounds that hold only values a scene may have"))
@@ -111,7 +110,7 @@ fn unreadable(scene: &Scene, targets: &[Target]) -> Vec<Fault> {
     let train = Train::new(&spec);
     let mut faults = Vec::new();
     for target in targets {
-        let place = format!("--target {target}");
+        let place = target.to_string();
         if !(target.wanted.is_finite() && target.sigma.is_finite() && target.sigma > 0.0) {
             let remedy = "write VALUE:SIGMA, SIGMA > 0";
             faults.push(Fault::new(&place, "no value with a standard deviation", "finite numbers").remedy(remedy));

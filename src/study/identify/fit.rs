@@ -7,17 +7,20 @@ use basin::{
     Residual, TrustRegionReflective,
 };
 use nalgebra::DMatrix;
-use serde_json::Value;
 
 use super::{
     Parameter, Quantity, Target,
     reading::{Reading, ReadingError, Train, is_linear},
 };
-use crate::scene::{Scene, SceneError};
+use crate::scene::Scene;
 
 /// Steps of the differences for `∂r/∂x`: with x a logarithm the truncation, `h²/6`, is about the rounding of a natural
 /// frequency over h.
 const STEP: f64 = 1e-5;
+/// A descent ends where `∂χ²/∂x` is this small: rounding of the differences is of this order where a misfit is left.
+const GRADIENT: f64 = 1e-7;
+/// It also ends where a step lowers χ² by less than this share.
+const PROGRESS: f64 = 1e-8;
 /// Steps a descent may take; those that converge take a few tens.
 const ITERATIONS: u64 = 200;
 /// A minimum this close to a bound, as a share of the range, is tried on the bound: the method stays off it.
@@ -45,13 +48,10 @@ pub(super) struct Point {
     pub converged: bool,
 }
 
-/// The scene with these numbers written in.
-pub(super) fn with<'a>(scene: &Scene, parameters: &'a [Parameter], values: &[f64]) -> Result<Scene, SceneError> {
-    let places = |(p, value): (&'a Parameter, &f64)| {
-        let value = Value::from(*value);
-        p.pointers.iter().map(move |pointer| (pointer.as_str(), value.clone()))
-    };
-    scene.with_all(parameters.iter().zip(values).flat_map(places))
+/// Every place of the parameters with its value.
+pub(super) fn places<'a>(parameters: &'a [Parameter], values: &[f64]) -> Vec<(&'a str, f64)> {
+    let of = |(p, value): (&'a Parameter, &f64)| p.pointers.iter().map(|at| (at.as_str(), *value)).collect::<Vec<_>>();
+    parameters.iter().zip(values).flat_map(of).collect()
 }
 
 impl<'a> Fit<'a> {
@@ -94,7 +94,7 @@ impl<'a> Fit<'a> {
 
     /// Every target as read at these coordinates; none where the numbers make no train.
     pub fn readings(&self, x: &[f64]) -> Option<Vec<Reading>> {
-        let spec = with(self.scene, self.parameters, &self.values(x)).ok()?.build().ok()?.spec;
+        let spec = self.scene.build_with(places(self.parameters, &self.values(x))).ok()?.spec;
         let train = Train::new(&spec);
         let read: Result<Vec<Reading>, ReadingError> = self.targets.iter().map(|target| train.read(target)).collect();
         read.ok()
@@ -111,7 +111,10 @@ impl<'a> Fit<'a> {
     /// The minimum a descent from `start` ends in; none if there is no train at the start.
     pub fn descend(&self, start: &[f64]) -> Option<Point> {
         self.readings(start)?;
-        let run = Executor::from_start(self.derivable(), TrustRegionReflective::new(), start.to_vec());
+        let method = TrustRegionReflective::new()
+            .with_absolute_scaled_gradient_tolerance(GRADIENT)
+            .with_relative_cost_change_tolerance(PROGRESS);
+        let run = Executor::from_start(self.derivable(), method, start.to_vec());
         let ended = run.max_iter(ITERATIONS).run().ok()?;
         let converged = ended.report.termination.is_converged();
         let mut point = self.point(ended.param(), converged)?;

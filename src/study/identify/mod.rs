@@ -34,11 +34,12 @@ mod reading;
 mod result;
 mod uniqueness;
 
+pub use check::check;
 use fit::{Fit, Point};
 pub use question::{Parameter, Quantity, Target};
 pub use reading::ReadingError;
 pub use result::{Found, Identification, Met, Side, Solution};
-pub use uniqueness::{Direction, Uniqueness};
+pub use uniqueness::{Direction, Move, Uniqueness};
 
 use crate::scene::{Fault, Scene};
 
@@ -79,7 +80,11 @@ pub fn identify_watched(
     targets: &[Target],
     watch: &mut dyn FnMut(usize, usize) -> bool,
 ) -> Result<Option<Identification>, IdentifyError> {
-    let own = check::check(scene, parameters, targets).map_err(|faults| IdentifyError { faults })?;
+    if parameters.is_empty() || targets.is_empty() {
+        let fault = Fault::new("", "no number to find, or no target to find it from", "at least one of each");
+        return Err(IdentifyError { faults: vec![fault] });
+    }
+    let own = check(scene, parameters, targets).map_err(|faults| IdentifyError { faults })?;
     let fit = Fit::new(scene, parameters, targets);
     let mut points: Vec<Point> = Vec::with_capacity(STARTS);
     for k in 0..STARTS {

@@ -17,7 +17,7 @@ pub struct Parameter {
 
 impl fmt::Display for Parameter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}={:?}:{:?}", self.name(), self.low, self.high)
+        write!(f, "{}={}:{}", self.name(), short(self.low), short(self.high))
     }
 }
 
@@ -114,7 +114,7 @@ impl Target {
 
 impl fmt::Display for Target {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}={:?}:{:?}", self.quantity, self.wanted, self.sigma)
+        write!(f, "{}={}:{}", self.quantity, short(self.wanted), short(self.sigma))
     }
 }
 
@@ -159,6 +159,11 @@ fn read_quantity(text: &str) -> Result<Quantity, String> {
         "force" if !which.is_empty() => Ok(Quantity::Force(which.to_owned())),
         _ => Err(format!("\"{text}\" as a quantity")),
     }
+}
+
+/// A number as people write it, to all its digits.
+fn short(number: f64) -> String {
+    if number == 0.0 || (1e-3..1e6).contains(&number.abs()) { number.to_string() } else { format!("{number:e}") }
 }
 
 fn finite(word: &str) -> Option<f64> {

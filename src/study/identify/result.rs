@@ -101,8 +101,7 @@ impl Identification {
     pub(super) fn new(fit: &Fit, own: &[f64], distinct: &[Point], poorer: usize, starts: usize) -> Self {
         let best = &distinct[0];
         let (values, jacobian) = (fit.values(&best.x), fit.jacobian(&best.x));
-        let names: Vec<String> = fit.parameters.iter().map(Parameter::name).collect();
-        let (uniqueness, variances) = Uniqueness::new(&jacobian, &names);
+        let (uniqueness, variances) = Uniqueness::new(&jacobian, fit.parameters);
         // dp/dx.
         let scale = |(p, value): (&Parameter, &f64)| if p.is_logarithmic() { *value } else { p.high - p.low };
         let scales: Vec<f64> = fit.parameters.iter().zip(&values).map(scale).collect();

@@ -5,6 +5,8 @@ use std::fmt;
 use nalgebra::DMatrix;
 use serde::Serialize;
 
+use super::Parameter;
+
 /// Singular values below this share of the largest are rounding: that of natural frequencies, some 1e-13, over the
 /// step of the differences, 1e-5, with room to spare.
 const RANK: f64 = 1e-6;
@@ -35,20 +37,30 @@ pub struct Uniqueness {
     pub correlation: Vec<Vec<Option<f64>>>,
 }
 
-/// Numbers that move together.
+/// Numbers that move together, the one that moves most first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Direction {
-    /// Pointers of the numbers, the one that moves most first.
-    pub numbers: Vec<String>,
-    /// How far each moves for 1 % of the first one, %.
-    pub percent: Vec<f64>,
-    /// How far the first may move within one standard deviation of the targets, %; none for a free direction.
+    /// The numbers, at least one.
+    pub moves: Vec<Move>,
+    /// How far the first may move within one standard deviation of the targets, to first order, %; none for a free
+    /// direction.
     pub within_sigma_percent: Option<f64>,
 }
 
+/// A number's part in a direction.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Move {
+    /// Pointers of the number.
+    pub number: String,
+    /// How far it moves for 1 % of the first one, %.
+    pub percent: f64,
+    /// Whether this is a share of its range, and not of its value.
+    pub of_range: bool,
+}
+
 impl Uniqueness {
-    /// From the Jacobian and the names of its columns, with the variance of each coordinate it determines.
-    pub(super) fn new(jacobian: &DMatrix<f64>, names: &[String]) -> (Self, Vec<Option<f64>>) {
+    /// From the Jacobian, with the variance of each coordinate it determines.
+    pub(super) fn new(jacobian: &DMatrix<f64>, parameters: &[Parameter]) -> (Self, Vec<Option<f64>>) {
         let (targets, unknowns) = jacobian.shape();
         // Rows of zeros change nothing but make the decomposition give every direction.
         let square = jacobian.clone().resize_vertically(targets.max(unknowns), 0.0);
@@ -66,11 +78,12 @@ impl Uniqueness {
         let correlate = |i: usize, j: usize| Some(covariance[(i, j)] / (variances[i]? * variances[j]?).sqrt());
         let correlation = (0..unknowns).map(|i| (0..unknowns).map(|j| correlate(i, j)).collect()).collect();
         let weak = (0..rank).filter(|i| singular_values[*i] * WEAK < 1.0).map(|i| {
-            let mut direction = Direction::new(v.column(i).iter().copied(), names);
+            let mut direction = Direction::new(v.column(i).iter().copied(), parameters);
             direction.within_sigma_percent = Some(100.0 * v.column(i).amax() / singular_values[i]);
             direction
         });
-        let free = echelon(null).column_iter().map(|column| Direction::new(column.iter().copied(), names)).collect();
+        let free =
+            echelon(null).column_iter().map(|column| Direction::new(column.iter().copied(), parameters)).collect();
         let weak = weak.collect();
         (Self { unknowns, targets, rank, singular_values, free, weak, correlation }, variances)
     }
@@ -83,40 +96,32 @@ impl Uniqueness {
 }
 
 impl Direction {
-    fn new(column: impl Iterator<Item = f64>, names: &[String]) -> Self {
-        let mut parts: Vec<(String, f64)> = names.iter().cloned().zip(column).collect();
-        parts.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-        let first = parts.first().map_or(1.0, |part| part.1);
-        parts.iter_mut().for_each(|part| part.1 /= first);
-        parts.retain(|part| part.1.abs() >= SMALL);
-        let (numbers, percent) = parts.into_iter().unzip();
-        Self { numbers, percent, within_sigma_percent: None }
+    fn new(column: impl Iterator<Item = f64>, parameters: &[Parameter]) -> Self {
+        let part = |(p, percent): (&Parameter, f64)| Move { number: p.name(), percent, of_range: !p.is_logarithmic() };
+        let mut moves: Vec<Move> = parameters.iter().zip(column).map(part).collect();
+        moves.sort_by(|a, b| b.percent.abs().total_cmp(&a.percent.abs()));
+        let first = moves[0].percent;
+        moves.iter_mut().for_each(|part| part.percent /= first);
+        moves.retain(|part| part.percent.abs() >= SMALL);
+        Self { moves, within_sigma_percent: None }
     }
 }
 
 /// The same space by columns that each have a number of their own: Gauss–Jordan elimination with complete pivoting.
 fn echelon(mut space: DMatrix<f64>) -> DMatrix<f64> {
-    let mut taken: Vec<usize> = Vec::new();
+    let mut own: Vec<usize> = Vec::new();
     for i in 0..space.ncols() {
-        let mut pivot = (i, 0);
-        for column in i..space.ncols() {
-            for row in (0..space.nrows()).filter(|row| !taken.contains(row)) {
-                if space[(row, column)].abs() > space[(pivot.1, pivot.0)].abs() || taken.contains(&pivot.1) {
-                    pivot = (column, row);
-                }
-            }
-        }
-        let (column, row) = pivot;
-        taken.push(row);
+        let places = (i..space.ncols()).flat_map(|column| (0..space.nrows()).map(move |row| (row, column)));
+        let left = places.filter(|(row, _)| !own.contains(row));
+        let Some((row, column)) = left.max_by(|a, b| space[*a].abs().total_cmp(&space[*b].abs())) else { break };
+        own.push(row);
         space.swap_columns(i, column);
-        let scale = space[(row, i)];
-        space.column_mut(i).unscale_mut(scale);
+        let pivot = space.column(i) / space[(row, i)];
         for other in (0..space.ncols()).filter(|other| *other != i) {
             let factor = space[(row, other)];
-            let subtracted = space.column(i) * factor;
-            let mut column = space.column_mut(other);
-            column -= subtracted;
+            space.column_mut(other).axpy(-factor, &pivot, 1.0);
         }
+        space.set_column(i, &pivot);
     }
     space
 }
@@ -125,17 +130,17 @@ impl fmt::Display for Uniqueness {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (unknowns, targets) = (counted(self.unknowns, "number"), counted(self.targets, "target"));
         if self.is_unique() {
-            write!(f, "Unique near the solution: {targets} determine {unknowns}.")?;
+            write!(f, "Unique near the solution: {unknowns} from {targets}.")?;
         } else {
-            let count = counted(self.unknowns - self.rank, "direction");
-            let verb = if self.unknowns - self.rank == 1 { "leaves" } else { "leave" };
-            write!(f, "Not unique: {targets} determine {} of {unknowns}; {count} {verb} every target:", self.rank)?;
+            let left = self.unknowns - self.rank;
+            write!(f, "Not unique: {unknowns} from {targets}, which see {} direction(s). ", self.rank)?;
+            write!(f, "Every target stays where it is, to first order, in {}:", counted(left, "direction"))?;
         }
         for direction in &self.free {
             write!(f, "\n  {direction}")?;
         }
         if !self.weak.is_empty() {
-            write!(f, "\nWeakly determined; within one standard deviation of the targets:")?;
+            write!(f, "\nWeakly determined: within one standard deviation of the targets may move")?;
         }
         for direction in &self.weak {
             write!(f, "\n  {direction}")?;
@@ -146,18 +151,21 @@ impl fmt::Display for Uniqueness {
 
 impl fmt::Display for Direction {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let moves = |(name, percent): (&String, &f64)| format!("{name} by {percent:+.2} %");
-        let parts: Vec<String> = self.numbers.iter().zip(&self.percent).map(moves).collect();
-        match (self.within_sigma_percent, &parts[..]) {
-            (Some(reach), _) => {
-                write!(f, "{} by +-{reach:.0} %", self.numbers[0])?;
-                let others = parts.iter().skip(1).cloned().collect::<Vec<_>>().join(", ");
-                if others.is_empty() { Ok(()) } else { write!(f, ", for each +1 % of it {others}") }
-            }
-            (None, [_, _, ..]) => write!(f, "{}", parts.join(" with ")),
-            (None, _) => write!(f, "{} alone", self.numbers[0]),
+        let first = &self.moves[0];
+        match self.within_sigma_percent {
+            Some(reach) => write!(f, "{} by +-{reach:.0} %{}", first.number, of_range(first))?,
+            None if self.moves.len() == 1 => return write!(f, "{}, by any amount", first.number),
+            None => write!(f, "{} by +1 %{}", first.number, of_range(first))?,
         }
+        let per = if self.within_sigma_percent.is_some() { " per +1 %" } else { "" };
+        self.moves[1..]
+            .iter()
+            .try_for_each(|part| write!(f, ", {} by {:+.2} %{}{per}", part.number, part.percent, of_range(part)))
     }
+}
+
+fn of_range(part: &Move) -> &'static str {
+    if part.of_range { " of its range" } else { "" }
 }
 
 fn counted(count: usize, what: &str) -> String {
