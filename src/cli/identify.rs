@@ -23,7 +23,7 @@ pub struct Arguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
     /// Numbers to find: JSON pointers (several joined by commas stay equal) with their bounds
-    #[arg(long, value_name = "POINTER=LOW:HIGH", num_args = 1.., required = true, allow_hyphen_values = true)]
+    #[arg(long, value_name = "POINTER=LOW:HIGH", num_args = 1.., required = true)]
     vary: Vec<String>,
     /// Values to meet: rotational:N, translational:N, planet:N, mode:N, frequency (the nearest one) in Hz,
     /// force:CONTACT in N; with a standard deviation as VALUE:SIGMA, else 1 %
@@ -146,9 +146,9 @@ fn targets(out: &mut String, found: &Identification) -> std::fmt::Result {
     write!(out, "{table}")
 }
 
-/// A difference, as nothing where it is nothing beside `scale`.
+/// A difference to four decimals; nothing where that, or a millionth of `scale`, is more than it is.
 fn rounded(value: f64, scale: f64) -> String {
-    if value.abs() <= 1e-6 * scale.abs() { "0".to_owned() } else { format!("{value:+.4}") }
+    if value.abs() < f64::max(5e-5, 1e-6 * scale.abs()) { "0".to_owned() } else { format!("{value:+.4}") }
 }
 
 fn sensitivity(out: &mut String, found: &Identification) -> std::fmt::Result {
@@ -157,7 +157,7 @@ fn sensitivity(out: &mut String, found: &Identification) -> std::fmt::Result {
     let head: Vec<String> = std::iter::once(String::new()).chain(columns).collect();
     let mut table = Table::new(&head.iter().map(String::as_str).collect::<Vec<_>>());
     for (target, row) in found.targets.iter().zip(&found.sensitivity) {
-        let cells = row.iter().map(|cell| cell.map_or("-".to_owned(), |percent| format!("{percent:+.4}")));
+        let cells = row.iter().map(|cell| cell.map_or("-".to_owned(), |percent| rounded(percent, 1.0)));
         table.row(std::iter::once(target.quantity.clone()).chain(cells).collect());
     }
     write!(out, "{table}")?;
@@ -178,7 +178,7 @@ fn solutions(out: &mut String, found: &Identification) -> std::fmt::Result {
         write!(out, "{table}")?;
     } else if count > 1 {
         writeln!(out, "{count} distinct solutions of equal quality were found:")?;
-        let mut table = Table::new(&[]);
+        let mut table = Table::default();
         for (i, parameter) in found.parameters.iter().enumerate() {
             let values = found.solutions.iter().map(|solution| number(solution.values[i]));
             let name = format!("[{}] {}", i + 1, parameter.pointers.join(","));

@@ -4,7 +4,7 @@ use std::convert::Infallible;
 
 use basin::{
     BoundedFiniteDiff, BoxBounds, ConstraintDescription, ConstraintSet, Constraints, Executor, Jacobian, Method,
-    Residual, TrustRegionReflective,
+    Residual, Termination, TrustRegionReflective,
 };
 use nalgebra::DMatrix;
 
@@ -17,12 +17,13 @@ use crate::scene::Scene;
 /// Steps of the differences for `∂r/∂x`: with x a logarithm the truncation, `h²/6`, is about the rounding of a natural
 /// frequency over h.
 const STEP: f64 = 1e-5;
-/// A descent ends where `∂χ²/∂x` is this small: rounding of the differences is of this order where a misfit is left.
-const GRADIENT: f64 = 1e-7;
+/// A descent ends where `∂(χ²/2)/∂x`, times the distance to the bound it points to, is this small: that is the rounding
+/// of the differences where misfits of a few standard deviations are left.
+const GRADIENT: f64 = 1e-5;
 /// It also ends where a step lowers χ² by less than this share.
 const PROGRESS: f64 = 1e-8;
 /// Steps a descent may take; those that converge take a few tens.
-const ITERATIONS: u64 = 200;
+const ITERATIONS: u64 = 100;
 /// A minimum this close to a bound, as a share of the range, is tried on the bound: the method stays off it.
 const AT_BOUND: f64 = 1e-4;
 
@@ -44,7 +45,7 @@ pub(super) struct Point {
     pub readings: Vec<Reading>,
     /// `Σ r²`.
     pub chi_square: f64,
-    /// Whether the gradient vanished there.
+    /// Whether the descent came to rest there.
     pub converged: bool,
 }
 
@@ -116,7 +117,8 @@ impl<'a> Fit<'a> {
             .with_relative_cost_change_tolerance(PROGRESS);
         let run = Executor::from_start(self.derivable(), method, start.to_vec());
         let ended = run.max_iter(ITERATIONS).run().ok()?;
-        let converged = ended.report.termination.is_converged();
+        // A step too small to change any number is rest too.
+        let converged = matches!(ended.report.termination, Termination::Converged(_) | Termination::Stalled(_));
         let mut point = self.point(ended.param(), converged)?;
         for i in 0..point.x.len() {
             let (x, reach) = (point.x[i], AT_BOUND * (self.high[i] - self.low[i]));

@@ -52,10 +52,15 @@ const SAME: f64 = 1e-3;
 
 /// An identification that cannot be done, with everything that is wrong with the question.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("the identification has {} fault(s){}", faults.len(), faults.iter().map(|fault| format!("\n{fault}")).collect::<String>())]
+#[error("{}", report(faults))]
 pub struct IdentifyError {
     /// All faults found, at least one. Their places are parameters and targets as they are written.
     pub faults: Vec<Fault>,
+}
+
+fn report(faults: &[Fault]) -> String {
+    let many = if faults.len() == 1 { "1 fault".to_owned() } else { format!("{} faults", faults.len()) };
+    faults.iter().fold(format!("the identification has {many}"), |text, fault| format!("{text}\n{fault}"))
 }
 
 /// Finds the values of `parameters` for which `scene` comes closest to `targets`.

@@ -18,7 +18,7 @@ pub struct Identification {
     pub targets: Vec<Met>,
     /// `Σ ((got − wanted)/σ)²`.
     pub chi_square: f64,
-    /// Whether the descent ended where the gradient vanishes (on a bound: points outward).
+    /// Whether the descent came to rest: the gradient vanishes, points out of a bound, or no step lowers χ².
     pub converged: bool,
     /// Relative change of each target for a relative change of each number, % per %, `[targets × numbers]`; none where
     /// the target is 0.

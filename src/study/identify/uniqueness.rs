@@ -132,15 +132,14 @@ impl fmt::Display for Uniqueness {
         if self.is_unique() {
             write!(f, "Unique near the solution: {unknowns} from {targets}.")?;
         } else {
-            let left = self.unknowns - self.rank;
-            write!(f, "Not unique: {unknowns} from {targets}, which see {} direction(s). ", self.rank)?;
-            write!(f, "Every target stays where it is, to first order, in {}:", counted(left, "direction"))?;
+            let left = counted(self.unknowns - self.rank, "direction");
+            write!(f, "Not unique: {unknowns} from {targets}. No target changes, to first order, along {left}:")?;
         }
         for direction in &self.free {
             write!(f, "\n  {direction}")?;
         }
         if !self.weak.is_empty() {
-            write!(f, "\nWeakly determined: within one standard deviation of the targets may move")?;
+            write!(f, "\nWeakly determined: the standard deviations of the targets let move")?;
         }
         for direction in &self.weak {
             write!(f, "\n  {direction}")?;
@@ -153,14 +152,18 @@ impl fmt::Display for Direction {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let first = &self.moves[0];
         match self.within_sigma_percent {
-            Some(reach) => write!(f, "{} by +-{reach:.0} %{}", first.number, of_range(first))?,
-            None if self.moves.len() == 1 => return write!(f, "{}, by any amount", first.number),
+            // Beyond that, first order says no more than "far".
+            Some(reach) if reach > 100.0 => write!(f, "{} by more than its own size", first.number)?,
+            Some(reach) => write!(f, "{} by {reach:.0} %{}", first.number, of_range(first))?,
+            None if self.moves.len() == 1 => return write!(f, "{} by any amount", first.number),
             None => write!(f, "{} by +1 %{}", first.number, of_range(first))?,
         }
-        let per = if self.within_sigma_percent.is_some() { " per +1 %" } else { "" };
-        self.moves[1..]
-            .iter()
-            .try_for_each(|part| write!(f, ", {} by {:+.2} %{}{per}", part.number, part.percent, of_range(part)))
+        if self.within_sigma_percent.is_some() && self.moves.len() > 1 {
+            write!(f, "; for each +1 %{} of it", of_range(first))?;
+        }
+        let part = |part: &Move| format!("{} by {:+.2} %{}", part.number, part.percent, of_range(part));
+        let others = self.moves[1..].iter().map(part).collect::<Vec<_>>().join(", ");
+        if others.is_empty() { Ok(()) } else { write!(f, ", {others}") }
     }
 }
 
