@@ -57,8 +57,8 @@
 //! | [`event`] | where the first guard falls on a step, and the record of it |
 //! | [`engine`] | flow, first event, jump, again; observers, outcomes, accumulating impacts |
 //! | [`analysis`] | measures taken during a run: contacts, energy, event rows, trajectories |
-//! | [`study`] | steady motions, their change with the numbers of a scene |
 //! | [`sweep`] | the same work at every point of a grid, kept row by row |
+//! | [`study`] | steady motions, their change with the numbers of a scene, identification of such numbers |
 //! | [`plot`] | figures as data, and their pictures |
 //! | [`poly`], [`linalg`] | first roots of polynomials; natural modes |
 //!

@@ -247,3 +247,70 @@ fn an_interrupt_leaves_valid_files() {
     assert!(summary["outcome"]["cycle"].as_i64().unwrap() > 0);
     assert!(rows(&out).len() > 10);
 }
+
+/// Words of a shell command, quotes and continued lines taken away.
+fn words(command: &str) -> Vec<String> {
+    let mut quoted = false;
+    let split = |c: char| {
+        quoted ^= c == '"';
+        !quoted && c.is_whitespace()
+    };
+    let joined = command.replace("\\\n", " ");
+    joined.split(split).filter(|word| !word.is_empty()).map(|word| word.replace('"', "")).collect()
+}
+
+#[test]
+fn identifications_in_the_documents_give_what_is_printed_there() {
+    let root = env!("CARGO_MANIFEST_DIR");
+    let page = fs::read_to_string(format!("{root}/docs/IDENTIFY.md")).unwrap();
+    let mut found = 0;
+    for part in page.split("```sh\n").skip(1) {
+        let (command, rest) = part.split_once("```").unwrap();
+        let printed = rest.split_once("```text\n").unwrap().1.split_once("```").unwrap().0;
+        let done = Command::cargo_bin("flank").unwrap().current_dir(root).args(&words(command)[1..]).assert().code(0);
+        let out = text(&done.get_output().stdout);
+        assert!(out.contains(printed), "{printed}\nis not in\n{out}");
+        found += 1;
+    }
+    assert_eq!(found, 2);
+}
+
+#[test]
+fn an_identification_writes_its_answer_and_the_scene_it_leads_to() {
+    let folder = with_scene(
+        r#"{ "flank": 1, "train": { "kind": "planetary", "preset": "lin-parker" }, "run": { "t_end_s": 1 } }"#,
+    );
+    let pointer = "/train/planet/translation/stiffness_n_per_m";
+    let (vary, out) = (format!("{pointer}=1e7:1e9"), folder.path().join("out"));
+    let ask = ["identify", "scene.json", "--vary", &vary, "--target", "translational:2=1200", "--out", "out"];
+    flank(&folder, &ask).code(0);
+    let (answer, scene) = (fs::read(out.join("identify.json")).unwrap(), fs::read(out.join("scene.json")).unwrap());
+    let read: Value = serde_json::from_slice(&answer).unwrap();
+    let value = read["parameters"][0]["found"].as_f64().unwrap();
+    let written: Value = serde_json::from_slice(&scene).unwrap();
+    assert_eq!(written.pointer(pointer).and_then(Value::as_f64), Some(value));
+    assert!((read["targets"][0]["got"].as_f64().unwrap() - 1200.0).abs() < 1e-6);
+    assert_eq!(read["scene"]["sha256"].as_str().unwrap().len(), 64);
+    // The scene it leads to has the frequency, and a folder in use is left alone.
+    let checked = flank(&folder, &["check", "out/scene.json"]).code(0);
+    assert!(text(&checked.get_output().stdout).contains("1200 (2 times)"));
+    flank(&folder, &ask).code(2);
+    flank(&folder, &[&ask[..], &["--force", "--quiet"]].concat()).code(0).stdout("");
+    assert_eq!(fs::read(out.join("identify.json")).unwrap(), answer);
+    assert_eq!(fs::read(out.join("scene.json")).unwrap(), scene);
+}
+
+#[test]
+fn a_wrong_question_is_answered_with_every_fault_and_no_file() {
+    let folder = with_scene(
+        r#"{ "flank": 1, "train": { "kind": "planetary", "preset": "lin-parker" }, "run": { "t_end_s": 1 } }"#,
+    );
+    let vary = ["--vary", "/train/moon/mass_kg=1:2", "/train/sun/mass_kg=2:1"];
+    let target = ["--target", "planet:1=700", "force:sun-moon=1", "speed=3"];
+    let done = flank(&folder, &[&["identify", "scene.json", "--out", "out"], &vary[..], &target[..]].concat()).code(2);
+    let told = text(&done.get_output().stderr);
+    for word in ["5 faults", "/train/moon", "lower bound", "0 planet", "ring-planet 3", "\"speed\" as a quantity"] {
+        assert!(told.contains(word), "{word} is not in {told}");
+    }
+    assert!(!folder.path().join("out").exists());
+}

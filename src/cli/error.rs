@@ -8,6 +8,7 @@ use flank::{
     scene::SceneError,
     study::StudyError,
     sweep::{GridError, SweepError},
+    study::identify::IdentifyError,
     train::{AssembleError, StartError},
 };
 use miette::Diagnostic;
@@ -18,6 +19,9 @@ pub enum CliError {
     /// The scene cannot be used.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// The identification cannot be done.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
     /// The train cannot be assembled.
     #[error(transparent)]
     Train(#[from] AssembleError),

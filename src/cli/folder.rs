@@ -1,4 +1,4 @@
-//! The folder a run writes into.
+//! The folder a command writes into.
 
 use std::{
     fs::{self, File},
@@ -28,7 +28,7 @@ impl Folder {
         fs::create_dir_all(path).map_err(|error| CliError::path(path, error))?;
         let folder = Self { path: path.to_owned() };
         // What an earlier run left must not be taken for this one's, even if this one is killed.
-        for name in [SUMMARY, "events.jsonl", "trajectory.csv"] {
+        for name in [SUMMARY, "events.jsonl", "trajectory.csv", "identify.json", "scene.json"] {
             match fs::remove_file(folder.path.join(name)) {
                 Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
                     return Err(CliError::path(&folder.path.join(name), error));
@@ -56,8 +56,13 @@ impl Folder {
 
     /// Writes the measures: complete, or not at all.
     pub fn summary(&self, summary: &impl Serialize) -> Result<(), CliError> {
-        let (path, part) = (self.path.join(SUMMARY), self.path.join("summary.json.part"));
-        let text = serde_json::to_string_pretty(summary).map_err(|error| CliError::path(&path, error.into()))? + "\n";
+        self.complete(SUMMARY, summary)
+    }
+
+    /// Writes a JSON file: complete, or not at all.
+    pub fn complete(&self, name: &str, content: &impl Serialize) -> Result<(), CliError> {
+        let (path, part) = (self.path.join(name), self.path.join(format!("{name}.part")));
+        let text = serde_json::to_string_pretty(content).map_err(|error| CliError::path(&path, error.into()))? + "\n";
         fs::write(&part, text).and_then(|()| fs::rename(&part, &path)).map_err(|error| CliError::path(&path, error))
     }
 }

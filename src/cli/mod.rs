@@ -4,6 +4,7 @@ mod check;
 mod error;
 mod folder;
 mod geometry;
+mod identify;
 mod progress;
 mod report;
 mod run;
@@ -38,6 +39,8 @@ enum Command {
     Sweep(sweep::Arguments),
     /// Show what a scene builds: freedoms, contacts, natural frequencies, integrators, warnings
     Check(check::Arguments),
+    /// Find numbers of a scene from natural frequencies and static contact forces
+    Identify(identify::Arguments),
     /// Print the JSON Schema of scenes
     Schema,
     /// Look at scenes
@@ -69,6 +72,7 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
     match arguments.command {
         Command::Run(arguments) => return run::execute(&arguments),
         Command::Sweep(arguments) => return sweep::execute(&arguments),
+        Command::Identify(arguments) => return identify::execute(&arguments),
         Command::Check(arguments) => check::execute(&arguments)?,
         Command::Schema => schema::execute()?,
         Command::Scene(command) => scene::execute(&command)?,

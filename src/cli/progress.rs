@@ -53,6 +53,11 @@ fn bar(length: u64, template: &str, quiet: bool) -> ProgressBar {
     bar
 }
 
+/// A bar that counts things as they come.
+pub fn counting(things: &str, quiet: bool) -> ProgressBar {
+    bar(0, &format!("{{bar:40}} {{pos}} of {{len}} {things}  {{per_sec}}  {{eta}} left"), quiet)
+}
+
 /// Shows how many rows of a sweep are done, how fast they come, and the time left.
 pub struct Rows(ProgressBar);
 

@@ -21,12 +21,14 @@ pub struct Fault {
 }
 
 impl Fault {
-    pub(super) fn new(pointer: &str, found: impl Into<String>, allowed: impl Into<String>) -> Self {
+    /// A fault without a remedy.
+    pub fn new(pointer: &str, found: impl Into<String>, allowed: impl Into<String>) -> Self {
         Self { pointer: pointer.to_owned(), found: found.into(), allowed: allowed.into(), remedy: String::new() }
     }
 
     /// The same fault with a remedy.
-    pub(super) fn remedy(mut self, remedy: impl Into<String>) -> Self {
+    #[must_use]
+    pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
         self.remedy = remedy.into();
         self
     }

@@ -191,6 +191,12 @@ impl Scene {
         &self.name
     }
 
+    /// The scene as it was written.
+    #[must_use]
+    pub fn given(&self) -> &Value {
+        &self.given
+    }
+
     /// The scene with every default written out.
     #[must_use]
     pub fn resolved(&self) -> &Value {
@@ -216,6 +222,27 @@ impl Scene {
     /// None for a scene that has been read; the type is there for scenes built in other ways later.
     pub fn build(&self) -> Result<Built, SceneError> {
         build::build(&self.resolved).map_err(|faults| SceneError::new(&self.name, faults))
+    }
+
+    /// Builds the scene with other numbers at JSON pointers of the resolved scene: what [`with_all`](Self::with_all)
+    /// and [`build`](Self::build) give together, several times as fast.
+    ///
+    /// The ranges of keys are not checked again: for numbers between others that hold.
+    ///
+    /// # Errors
+    /// [`SceneError`] if there is no number at a pointer, or no train with these numbers.
+    pub fn build_with<'a>(&self, numbers: impl IntoIterator<Item = (&'a str, f64)>) -> Result<Built, SceneError> {
+        let mut resolved = self.resolved.clone();
+        for (pointer, number) in numbers {
+            match resolved.pointer_mut(pointer).filter(|place| place.is_number()) {
+                Some(place) => *place = number.into(),
+                None => {
+                    let fault = Fault::new(pointer, "a pointer to no number", "a number of the resolved scene");
+                    return Err(SceneError::new(&self.name, vec![fault]));
+                }
+            }
+        }
+        build::build(&resolved).map_err(|faults| SceneError::new(&self.name, faults))
     }
 }
 

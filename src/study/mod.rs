@@ -1,13 +1,15 @@
 //! What a scene does once its transient is gone, and how that changes with its numbers.
 //!
 //! [`Case`] is a scene ready to run. [`steady`](mod@steady) runs it until its motion is periodic and measures it;
-//! [`record`](mod@record) keeps a stretch of motion for pictures.
+//! [`record`](mod@record) keeps a stretch of motion for pictures. [`identify`](mod@identify) finds numbers of a scene from
+//! what a train does.
 
 mod case;
 mod error;
 pub mod figures;
 pub mod plan;
 pub mod published;
+pub mod identify;
 pub mod record;
 pub mod steady;
 pub mod threshold;

@@ -8,7 +8,7 @@ use crate::gear::contact::Law;
 use crate::linalg::{EigenError, Modes, natural_modes};
 
 /// `K + Σ k̄_j g_j g_jᵀ`, N/m, `[n × n]`: supports and every mesh at its mean stiffness, or at the stiffnesses
-/// given, one per contact (for a power law the tangent `n K^{1/n} F^{1−1/n}` at the force F).
+/// given, one per contact (as from [`tangent_stiffness`]).
 #[must_use]
 pub fn bonded_stiffness(spec: &Spec, contacts: Option<&[f64]>) -> DMatrix<f64> {
     let mut total = spec.stiffness.clone();
@@ -95,6 +95,20 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, TrainError> {
             _ => best = Some((residual, position)),
         }
     }
+}
+
+/// Stiffness of every contact for small motions about an equilibrium, N/m: the mean stiffness of a linear law,
+/// `n K^{1/n} F^{1−1/n}` of a power law under the force F (0 where nothing presses on it).
+#[must_use]
+pub fn tangent_stiffness(spec: &Spec, at: &Equilibrium) -> Vec<f64> {
+    let tangent = |(contact, force): (&ContactSpec, &f64)| match contact.law {
+        Law::Power(law) => {
+            let n = law.exponent.value();
+            n * contact.stiffness.mean().powf(n.recip()) * force.powf(1.0 - n.recip())
+        }
+        _ => contact.stiffness.mean(),
+    };
+    spec.contacts.iter().zip(&at.forces).map(tangent).collect()
 }
 
 /// Force and its slope at penetration p on the drive flank, at mean stiffness.

@@ -27,7 +27,7 @@ pub use automaton::{Start, StartError};
 pub use body::{Body, Damping, Support};
 pub use contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, piece, with_contact};
 pub use error::TrainError;
-pub use linear::{Equilibrium, bonded_modes, bonded_stiffness, equilibrium};
+pub use linear::{Equilibrium, bonded_modes, bonded_stiffness, equilibrium, tangent_stiffness};
 pub use mesh::{Mesh, mesh_damping};
 pub use pair::{GearPair, KahramanSingh};
 pub use planetary::{Freedoms, Load, Phasing, Planet, Planetary, StageGeometry, Teeth, Warning};

@@ -1,0 +1,185 @@
+//! The least-squares problem, and descents into its minima.
+
+use std::convert::Infallible;
+
+use basin::{
+    BoundedFiniteDiff, BoxBounds, ConstraintDescription, ConstraintSet, Constraints, Executor, Jacobian, Method,
+    Residual, Termination, TrustRegionReflective,
+};
+use nalgebra::DMatrix;
+
+use super::{
+    Parameter, Quantity, Target,
+    reading::{Reading, ReadingError, Train, is_linear},
+};
+use crate::scene::Scene;
+
+/// Steps of the differences for `∂r/∂x`: with x a logarithm the truncation, `h²/6`, is about the rounding of a natural
+/// frequency over h.
+const STEP: f64 = 1e-5;
+/// A descent ends where `∂(χ²/2)/∂x`, times the distance to the bound it points to, is this small: that is the rounding
+/// of the differences where misfits of a few standard deviations are left.
+const GRADIENT: f64 = 1e-5;
+/// It also ends where a step lowers χ² by less than this share.
+const PROGRESS: f64 = 1e-8;
+/// Steps a descent may take; those that converge take a few tens.
+const ITERATIONS: u64 = 100;
+/// A minimum this close to a bound, as a share of the range, is tried on the bound: the method stays off it.
+const AT_BOUND: f64 = 1e-4;
+
+/// The problem in coordinates x: `ln p` of numbers sought in their logarithm, the share of the range of others.
+pub(super) struct Fit<'a> {
+    pub scene: &'a Scene,
+    pub parameters: &'a [Parameter],
+    pub targets: &'a [Target],
+    low: Vec<f64>,
+    high: Vec<f64>,
+}
+
+/// Where a descent ended.
+#[derive(Clone, Debug)]
+pub(super) struct Point {
+    /// Coordinates.
+    pub x: Vec<f64>,
+    /// The targets as read there.
+    pub readings: Vec<Reading>,
+    /// `Σ r²`.
+    pub chi_square: f64,
+    /// Whether the descent came to rest there.
+    pub converged: bool,
+}
+
+/// Every place of the parameters with its value.
+pub(super) fn places<'a>(parameters: &'a [Parameter], values: &[f64]) -> Vec<(&'a str, f64)> {
+    let of = |(p, value): (&'a Parameter, &f64)| p.pointers.iter().map(|at| (at.as_str(), *value)).collect::<Vec<_>>();
+    parameters.iter().zip(values).flat_map(of).collect()
+}
+
+impl<'a> Fit<'a> {
+    pub fn new(scene: &'a Scene, parameters: &'a [Parameter], targets: &'a [Target]) -> Self {
+        let ends = |end: fn(&Parameter) -> f64| parameters.iter().map(|p| coordinate(p, end(p))).collect();
+        Self { scene, parameters, targets, low: ends(|p| p.low), high: ends(|p| p.high) }
+    }
+
+    /// Values at coordinates, exact on a bound.
+    pub fn values(&self, x: &[f64]) -> Vec<f64> {
+        let value = |(i, p): (usize, &Parameter)| match x[i] {
+            x if x <= self.low[i] => p.low,
+            x if x >= self.high[i] => p.high,
+            x if p.is_logarithmic() => x.exp().clamp(p.low, p.high),
+            x => (p.low + x * (p.high - p.low)).clamp(p.low, p.high),
+        };
+        self.parameters.iter().enumerate().map(value).collect()
+    }
+
+    /// Coordinates of values, brought within the bounds.
+    pub fn clipped(&self, values: &[f64]) -> Vec<f64> {
+        let inside = self.parameters.iter().zip(values).map(|(p, v)| coordinate(p, v.clamp(p.low, p.high)));
+        inside.collect()
+    }
+
+    /// Point k ≥ 1 of a sequence that fills the bounds evenly: shares `frac(½ + k φ⁻ʲ)` with φ the root of
+    /// `φ^{n+1} = φ + 1` (Roberts, 2018: the golden ratio in n dimensions).
+    pub fn spread(&self, k: usize) -> Vec<f64> {
+        let n = self.parameters.len() as f64;
+        let phi = (0..64).fold(2.0f64, |phi, _| (1.0 + phi).powf((n + 1.0).recip()));
+        let share = |j: usize| (0.5 + k as f64 * phi.powi(-(j as i32 + 1))).fract();
+        (0..self.parameters.len()).map(|j| self.low[j] + share(j) * (self.high[j] - self.low[j])).collect()
+    }
+
+    /// Largest difference of two points in any number, as a share of its range.
+    pub fn distance(&self, a: &Point, b: &Point) -> f64 {
+        let share = |i: usize| (a.x[i] - b.x[i]).abs() / (self.high[i] - self.low[i]);
+        (0..a.x.len()).map(share).fold(0.0, f64::max)
+    }
+
+    /// Every target as read at these coordinates; none where the numbers make no train.
+    pub fn readings(&self, x: &[f64]) -> Option<Vec<Reading>> {
+        let spec = self.scene.build_with(places(self.parameters, &self.values(x))).ok()?.spec;
+        let train = Train::new(&spec);
+        let read: Result<Vec<Reading>, ReadingError> = self.targets.iter().map(|target| train.read(target)).collect();
+        read.ok()
+    }
+
+    /// Contacts whose stiffness depends on their load, by name.
+    pub fn tangent_contacts(&self) -> Vec<String> {
+        let frequencies = self.targets.iter().any(|target| !matches!(target.quantity, Quantity::Force(_)));
+        let contacts = self.scene.build().map(|built| built.spec.contacts).unwrap_or_default();
+        let tangent = contacts.into_iter().filter(|contact| frequencies && !is_linear(contact));
+        tangent.map(|contact| contact.name).collect()
+    }
+
+    /// The minimum a descent from `start` ends in; none if there is no train at the start.
+    pub fn descend(&self, start: &[f64]) -> Option<Point> {
+        self.readings(start)?;
+        let method = TrustRegionReflective::new()
+            .with_absolute_scaled_gradient_tolerance(GRADIENT)
+            .with_relative_cost_change_tolerance(PROGRESS);
+        let run = Executor::from_start(self.derivable(), method, start.to_vec());
+        let ended = run.max_iter(ITERATIONS).run().ok()?;
+        // A step too small to change any number is rest too.
+        let converged = matches!(ended.report.termination, Termination::Converged(_) | Termination::Stalled(_));
+        let mut point = self.point(ended.param(), converged)?;
+        for i in 0..point.x.len() {
+            let (x, reach) = (point.x[i], AT_BOUND * (self.high[i] - self.low[i]));
+            let bound = [self.low[i], self.high[i]].into_iter().find(|bound| (x - bound).abs() <= reach);
+            let moved = bound.and_then(|bound| {
+                let mut x = point.x.clone();
+                x[i] = bound;
+                self.point(&x, converged)
+            });
+            if let Some(moved) = moved.filter(|moved| moved.chi_square <= point.chi_square) {
+                point = moved;
+            }
+        }
+        Some(point)
+    }
+
+    fn point(&self, x: &[f64], converged: bool) -> Option<Point> {
+        let readings = self.readings(x)?;
+        let chi_square = self.misfit(&readings).iter().map(|r| r * r).sum();
+        Some(Point { x: x.to_vec(), readings, chi_square, converged })
+    }
+
+    fn misfit(&self, readings: &[Reading]) -> Vec<f64> {
+        readings.iter().zip(self.targets).map(|(got, target)| (got.value - target.wanted) / target.sigma).collect()
+    }
+
+    /// `∂r/∂x` `[targets × parameters]`, by central differences, one-sided at a bound.
+    pub fn jacobian(&self, x: &[f64]) -> DMatrix<f64> {
+        let jacobian = match self.derivable().jacobian(&x.to_vec()) {
+            Ok(jacobian) => jacobian,
+            Err(impossible) => match impossible {},
+        };
+        DMatrix::from_fn(self.targets.len(), self.parameters.len(), |i, j| jacobian.get(i, j))
+    }
+
+    fn derivable(&self) -> BoundedFiniteDiff<&Self> {
+        BoundedFiniteDiff::new(self, self.low.clone(), self.high.clone())
+            .jacobian_method(Method::Central)
+            .with_step(STEP)
+    }
+}
+
+fn coordinate(parameter: &Parameter, value: f64) -> f64 {
+    if parameter.is_logarithmic() { value.ln() } else { (value - parameter.low) / (parameter.high - parameter.low) }
+}
+
+impl Residual for &Fit<'_> {
+    type Param = Vec<f64>;
+    type Output = Vec<f64>;
+    type Error = Infallible;
+
+    fn residual(&self, x: &Vec<f64>) -> Result<Vec<f64>, Infallible> {
+        // The method takes a step back from where there is no train.
+        Ok(self.readings(x).map_or(vec![f64::NAN; self.targets.len()], |readings| self.misfit(&readings)))
+    }
+}
+
+impl Constraints for &Fit<'_> {
+    type Set = ConstraintSet<BoxBounds<Vec<f64>>>;
+
+    fn constraints(&self) -> <Self::Set as ConstraintDescription>::Borrowed<'_> {
+        ConstraintSet::new().with_bounds(BoxBounds::new(Some(&self.low), Some(&self.high)))
+    }
+}

@@ -1,0 +1,116 @@
+//! Identification: numbers of a scene from natural frequencies and static contact forces.
+//!
+//! The chosen numbers p are found by bounded nonlinear least squares,
+//!
+//! ```text
+//! min ½ Σ r_i²,    r_i = (q_i(p) − wanted_i)/σ_i,    low ≤ p ≤ high
+//! ```
+//!
+//! with a trust-region reflective method (Branch, Coleman & Li, SIAM J. Sci. Comput. 21, 1999) from the scene's own
+//! values and from points spread over the bounds. Numbers whose lower bound is positive are sought in their logarithm.
+//! How well the targets determine them follows from the singular values of `∂r/∂p` at the solution; a direction that
+//! no target sees is named, never hidden behind the one point that came out.
+//!
+//! ```
+//! use flank::{
+//!     scene::Scene,
+//!     study::identify::{Parameter, Target, identify},
+//! };
+//!
+//! let stage = r#"{ "flank": 1, "train": { "kind": "planetary", "preset": "lin-parker" }, "run": { "cycles": 1 } }"#;
+//! let scene = Scene::from_json(stage, "stage")?;
+//! let bearing: Parameter = "/train/planet/translation/stiffness_n_per_m=1e7:1e9".parse()?;
+//! let target: Target = "translational:2=1200".parse()?;
+//! let found = identify(&scene, &[bearing], &[target])?;
+//! assert!((found.targets[0].got - 1200.0).abs() < 1e-6);
+//! assert!(found.uniqueness.is_unique());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod check;
+mod fit;
+mod question;
+mod reading;
+mod result;
+mod uniqueness;
+
+pub use check::check;
+use fit::{Fit, Point};
+pub use question::{Parameter, Quantity, Target};
+pub use reading::ReadingError;
+pub use result::{Found, Identification, Met, Side, Solution};
+pub use uniqueness::{Direction, Move, Uniqueness};
+
+use crate::scene::{Fault, Scene};
+
+/// Points a fit starts from, the scene's own among them.
+const STARTS: usize = 32;
+/// Solutions whose χ² differs by less are of equal quality: no target differs by more than a hundredth of its σ.
+const EQUAL: f64 = 1e-4;
+/// Solutions that differ by less than this share of their bounds, in every number, are one.
+const SAME: f64 = 1e-3;
+
+/// An identification that cannot be done, with everything that is wrong with the question.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{}", report(faults))]
+pub struct IdentifyError {
+    /// All faults found, at least one. Their places are parameters and targets as they are written.
+    pub faults: Vec<Fault>,
+}
+
+fn report(faults: &[Fault]) -> String {
+    let many = if faults.len() == 1 { "1 fault".to_owned() } else { format!("{} faults", faults.len()) };
+    faults.iter().fold(format!("the identification has {many}"), |text, fault| format!("{text}\n{fault}"))
+}
+
+/// Finds the values of `parameters` for which `scene` comes closest to `targets`.
+///
+/// The solution reported is the best of those found from all starts; among equal ones that from the scene's own values.
+///
+/// # Errors
+/// [`IdentifyError`] if a pointer leads to no number, bounds do not hold a scene, or a target names something that the
+/// train does not have: all faults at once.
+pub fn identify(scene: &Scene, parameters: &[Parameter], targets: &[Target]) -> Result<Identification, IdentifyError> {
+    let found = identify_watched(scene, parameters, targets, &mut |_, _| true)?;
+    Ok(found.expect("OK because nothing stops it"))
+}
+
+/// [`identify`], with `watch` told after each start how many of how many are done; none if it returns false.
+///
+/// # Errors
+/// Those of [`identify`].
+pub fn identify_watched(
+    scene: &Scene,
+    parameters: &[Parameter],
+    targets: &[Target],
+    watch: &mut dyn FnMut(usize, usize) -> bool,
+) -> Result<Option<Identification>, IdentifyError> {
+    if parameters.is_empty() || targets.is_empty() {
+        let fault = Fault::new("", "no number to find, or no target to find it from", "at least one of each");
+        return Err(IdentifyError { faults: vec![fault] });
+    }
+    let own = check(scene, parameters, targets).map_err(|faults| IdentifyError { faults })?;
+    let fit = Fit::new(scene, parameters, targets);
+    let mut points: Vec<Point> = Vec::with_capacity(STARTS);
+    for k in 0..STARTS {
+        let start = if k == 0 { fit.clipped(&own) } else { fit.spread(k) };
+        points.extend(fit.descend(&start));
+        if !watch(k + 1, STARTS) {
+            return Ok(None);
+        }
+    }
+    if points.is_empty() {
+        let fault = Fault::new("--vary", "no start that makes a train with all targets", "bounds that hold one")
+            .remedy("bring the bounds closer to values that are known to work");
+        return Err(IdentifyError { faults: vec![fault] });
+    }
+    let least = points.iter().map(|p| p.chi_square).fold(f64::INFINITY, f64::min);
+    let (equal, poorer): (Vec<Point>, Vec<Point>) = points.into_iter().partition(|p| p.chi_square <= least + EQUAL);
+    let mut distinct: Vec<Point> = Vec::new();
+    for point in equal {
+        if !distinct.iter().any(|known| fit.distance(known, &point) <= SAME) {
+            distinct.push(point);
+        }
+    }
+    Ok(Some(Identification::new(&fit, &own, &distinct, poorer.len(), STARTS)))
+}

@@ -1,0 +1,171 @@
+//! What is sought, and what it is sought from, as people write it.
+
+use std::{fmt, str::FromStr};
+
+use crate::{scene::Fault, train::planetary::Family};
+
+/// A number of a scene to be found, or several that are to be the same.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// JSON pointers to the places it stands at, at least one; the first gives its start.
+    pub pointers: Vec<String>,
+    /// Lower bound. If positive, the number is sought in its logarithm.
+    pub low: f64,
+    /// Upper bound.
+    pub high: f64,
+}
+
+impl fmt::Display for Parameter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}={}:{}", self.name(), short(self.low), short(self.high))
+    }
+}
+
+impl Parameter {
+    /// Its pointers, joined by commas.
+    #[must_use]
+    pub fn name(&self) -> String {
+        self.pointers.join(",")
+    }
+
+    /// Whether it is sought in its logarithm.
+    #[must_use]
+    pub fn is_logarithmic(&self) -> bool {
+        self.low > 0.0
+    }
+}
+
+impl FromStr for Parameter {
+    type Err = Fault;
+
+    /// Reads `POINTER=LOW:HIGH` or, for numbers that are to be the same, `POINTER,POINTER=LOW:HIGH`.
+    fn from_str(text: &str) -> Result<Self, Fault> {
+        let fault = |found: &str, remedy: &str| Fault::new(text, found, "POINTER=LOW:HIGH").remedy(remedy);
+        let example = "write for example /train/sun_mesh/stiffness=1e8:1e9";
+        let (pointers, bounds) = text.rsplit_once('=').ok_or_else(|| fault("no =", example))?;
+        let (low, high) = bounds.split_once(':').ok_or_else(|| fault("bounds without a colon", example))?;
+        let number =
+            |word: &str| finite(word).ok_or_else(|| fault(&format!("\"{word}\" as a bound"), "write a number"));
+        let (low, high) = (number(low)?, number(high)?);
+        if low >= high {
+            return Err(fault("a lower bound that is not below the upper one", "write the lower bound first"));
+        }
+        let pointers: Vec<String> = pointers.split(',').map(|pointer| pointer.trim().to_owned()).collect();
+        if let Some(wrong) = pointers.iter().find(|pointer| !pointer.starts_with('/')) {
+            return Err(fault(&format!("\"{wrong}\" as a pointer"), "start a pointer with /, as in /train/speed_rpm"));
+        }
+        Ok(Self { pointers, low, high })
+    }
+}
+
+/// Something that a train has and a measurement gives.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// A natural frequency of a family, Hz: its different frequencies counted from 1, a free motion (0 Hz) included.
+    Family(Family, usize),
+    /// A natural frequency of any train, Hz: counted from 1, repeated ones as often as they occur.
+    Mode(usize),
+    /// The natural frequency nearest to the wanted value, Hz.
+    Nearest,
+    /// The static force of a contact, by name, N.
+    Force(String),
+}
+
+impl Quantity {
+    /// Its unit.
+    #[must_use]
+    pub fn unit(&self) -> &'static str {
+        if matches!(self, Self::Force(_)) { "N" } else { "Hz" }
+    }
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Family(family, number) => write!(f, "{family}:{number}"),
+            Self::Mode(number) => write!(f, "mode:{number}"),
+            Self::Nearest => write!(f, "frequency"),
+            Self::Force(contact) => write!(f, "force:{contact}"),
+        }
+    }
+}
+
+/// A value that a quantity should have.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Target {
+    /// The quantity.
+    pub quantity: Quantity,
+    /// Its wanted value, in its unit.
+    pub wanted: f64,
+    /// Standard deviation of the wanted value, in the same unit, > 0.
+    pub sigma: f64,
+}
+
+/// Standard deviation of a target that states none, relative to its value.
+const SIGMA: f64 = 0.01;
+
+impl Target {
+    /// A target with a standard deviation of 1 % of its value.
+    #[must_use]
+    pub fn new(quantity: Quantity, wanted: f64) -> Self {
+        Self { quantity, wanted, sigma: SIGMA * wanted.abs() }
+    }
+}
+
+impl fmt::Display for Target {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}={}:{}", self.quantity, short(self.wanted), short(self.sigma))
+    }
+}
+
+impl FromStr for Target {
+    type Err = Fault;
+
+    /// Reads `QUANTITY=VALUE`, `QUANTITY=VALUE:SIGMA` or `QUANTITY=VALUE±SIGMA` (`+-` for `±`), the quantity one of
+    /// `rotational:N`, `translational:N`, `planet:N`, `mode:N`, `frequency`, `force:CONTACT`.
+    fn from_str(text: &str) -> Result<Self, Fault> {
+        let allowed = "QUANTITY=VALUE or QUANTITY=VALUE:SIGMA";
+        let fault = |found: &str, remedy: &str| Fault::new(text, found, allowed).remedy(remedy);
+        let example = "write for example rotational:2=919 or \"force:sun-planet 1=774\"";
+        let (quantity, value) = text.rsplit_once('=').ok_or_else(|| fault("no =", example))?;
+        let (value, sigma) = ["±", "+-", ":"]
+            .iter()
+            .find_map(|mark| value.split_once(mark))
+            .map_or((value, None), |(value, sigma)| (value, Some(sigma)));
+        let number =
+            |word: &str| finite(word).ok_or_else(|| fault(&format!("\"{word}\" as a number"), "write a number"));
+        let quantity = read_quantity(quantity.trim()).map_err(|found| fault(&found, example))?;
+        let target = Self::new(quantity, number(value)?);
+        let sigma = sigma.map_or(Ok(target.sigma), number)?;
+        if sigma <= 0.0 {
+            return Err(fault("no standard deviation > 0", "write one behind the value, as in mode:1=0:0.1"));
+        }
+        Ok(Self { sigma, ..target })
+    }
+}
+
+fn read_quantity(text: &str) -> Result<Quantity, String> {
+    let (kind, which) = text.split_once(':').unwrap_or((text, ""));
+    let number = || match which.parse::<usize>() {
+        Ok(number) if number > 0 => Ok(number),
+        _ => Err(format!("\"{which}\" as the number of a mode, counted from 1")),
+    };
+    if let Some(family) = Family::ALL.into_iter().find(|family| family.name() == kind) {
+        return Ok(Quantity::Family(family, number()?));
+    }
+    match kind {
+        "mode" => Ok(Quantity::Mode(number()?)),
+        "frequency" if which.is_empty() => Ok(Quantity::Nearest),
+        "force" if !which.is_empty() => Ok(Quantity::Force(which.to_owned())),
+        _ => Err(format!("\"{text}\" as a quantity")),
+    }
+}
+
+/// A number as people write it, to all its digits.
+fn short(number: f64) -> String {
+    if number == 0.0 || (1e-3..1e6).contains(&number.abs()) { number.to_string() } else { format!("{number:e}") }
+}
+
+fn finite(word: &str) -> Option<f64> {
+    word.trim().parse().ok().filter(|number: &f64| number.is_finite())
+}

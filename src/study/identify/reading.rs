@@ -1,0 +1,157 @@
+//! Quantities of a train.
+
+use std::cell::OnceCell;
+
+use nalgebra::DMatrix;
+use thiserror::Error;
+
+use super::{Quantity, Target};
+use crate::{
+    gear::contact::Law,
+    linalg::{EigenError, Modes, natural_modes},
+    train::{
+        ContactSpec, Equilibrium, Spec, TrainError, bonded_stiffness, equilibrium,
+        planetary::{FamilyError, FamilyModes, families},
+        tangent_stiffness,
+    },
+};
+
+/// Why a train does not have a quantity.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ReadingError {
+    /// No static equilibrium.
+    #[error(transparent)]
+    Static(#[from] TrainError),
+    /// No natural modes.
+    #[error(transparent)]
+    Modes(#[from] EigenError),
+    /// No families of modes.
+    #[error(transparent)]
+    Families(#[from] FamilyError),
+    /// A power-law contact that no load presses on has no stiffness.
+    #[error("contact {contact} carries no static load: its power law has no tangent stiffness there")]
+    Unloaded {
+        /// The contact.
+        contact: String,
+    },
+    /// Fewer modes than asked for.
+    #[error("the train has {count} {what} frequencies")]
+    Count {
+        /// Which modes.
+        what: String,
+        /// How many there are.
+        count: usize,
+    },
+    /// A contact that is not there.
+    #[error("the train has no contact of this name, but {}", known.join(", "))]
+    Contact {
+        /// The contacts there are.
+        known: Vec<String>,
+    },
+}
+
+/// A value, and for the nearest frequency which one it is.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Reading {
+    pub value: f64,
+    pub matched: Option<String>,
+}
+
+/// A train, linear about its static equilibrium. Each part is solved when it is first asked for: a target that cannot
+/// be read must not keep others from being read.
+pub(super) struct Train<'a> {
+    spec: &'a Spec,
+    statics: OnceCell<Result<Equilibrium, TrainError>>,
+    stiffness: OnceCell<Result<DMatrix<f64>, ReadingError>>,
+    modes: OnceCell<Result<Modes, ReadingError>>,
+    families: OnceCell<Result<Vec<FamilyModes>, ReadingError>>,
+}
+
+impl<'a> Train<'a> {
+    pub fn new(spec: &'a Spec) -> Self {
+        let (statics, stiffness) = (OnceCell::new(), OnceCell::new());
+        Self { spec, statics, stiffness, modes: OnceCell::new(), families: OnceCell::new() }
+    }
+
+    /// The value of a target's quantity.
+    pub fn read(&self, target: &Target) -> Result<Reading, ReadingError> {
+        let plain = |value| Reading { value, matched: None };
+        match &target.quantity {
+            Quantity::Family(family, number) => {
+                let part = self.families()?.iter().find(|part| part.family == *family);
+                let hertz = part.map_or(Vec::new(), FamilyModes::hertz);
+                nth(&hertz, *number, family.name()).map(plain)
+            }
+            Quantity::Mode(number) => nth(&self.modes()?.hertz(), *number, "natural").map(plain),
+            Quantity::Nearest => self.nearest(target.wanted),
+            Quantity::Force(name) => {
+                let Some(j) = self.spec.contacts.iter().position(|contact| contact.name == *name) else {
+                    let known = self.spec.contacts.iter().map(|contact| contact.name.clone()).collect();
+                    return Err(ReadingError::Contact { known });
+                };
+                Ok(plain(self.statics()?.forces[j]))
+            }
+        }
+    }
+
+    fn nearest(&self, wanted: f64) -> Result<Reading, ReadingError> {
+        let named: Vec<(f64, String)> = match self.families() {
+            Ok(parts) => {
+                let label = |part: &FamilyModes, i: usize| Quantity::Family(part.family, i + 1).to_string();
+                let rows =
+                    parts.iter().flat_map(|p| p.hertz().into_iter().enumerate().map(move |(i, f)| (f, label(p, i))));
+                rows.collect()
+            }
+            Err(_) => {
+                let hertz = self.modes()?.hertz();
+                hertz.into_iter().enumerate().map(|(i, f)| (f, Quantity::Mode(i + 1).to_string())).collect()
+            }
+        };
+        let least = named.into_iter().min_by(|a, b| (a.0 - wanted).abs().total_cmp(&(b.0 - wanted).abs()));
+        let (value, name) = least.ok_or_else(|| count("natural", 0))?;
+        Ok(Reading { value, matched: Some(name) })
+    }
+
+    fn statics(&self) -> Result<&Equilibrium, TrainError> {
+        self.statics.get_or_init(|| equilibrium(self.spec)).as_ref().map_err(Clone::clone)
+    }
+
+    /// `K` with every contact closed, N/m: linear contacts at their mean stiffness, power laws at their tangent.
+    fn stiffness(&self) -> Result<&DMatrix<f64>, ReadingError> {
+        let solve = || {
+            if self.spec.contacts.iter().all(is_linear) {
+                return Ok(bonded_stiffness(self.spec, None));
+            }
+            let tangents = tangent_stiffness(self.spec, self.statics()?);
+            match tangents.iter().position(|k| *k <= 0.0) {
+                Some(j) => Err(ReadingError::Unloaded { contact: self.spec.contacts[j].name.clone() }),
+                None => Ok(bonded_stiffness(self.spec, Some(&tangents))),
+            }
+        };
+        self.stiffness.get_or_init(solve).as_ref().map_err(Clone::clone)
+    }
+
+    fn modes(&self) -> Result<&Modes, ReadingError> {
+        let solve = || Ok(natural_modes(self.stiffness()?, &self.spec.mass)?);
+        self.modes.get_or_init(solve).as_ref().map_err(Clone::clone)
+    }
+
+    fn families(&self) -> Result<&Vec<FamilyModes>, ReadingError> {
+        let solve = || Ok(families(self.spec, self.stiffness()?)?);
+        self.families.get_or_init(solve).as_ref().map_err(Clone::clone)
+    }
+}
+
+/// Whether a contact's stiffness does not depend on its load.
+pub(super) fn is_linear(contact: &ContactSpec) -> bool {
+    matches!(contact.law, Law::Bilateral(_) | Law::KelvinVoigt(..))
+}
+
+/// The value with this number, counted from 1.
+fn nth(values: &[f64], number: usize, what: &str) -> Result<f64, ReadingError> {
+    values.get(number - 1).copied().ok_or_else(|| count(what, values.len()))
+}
+
+fn count(what: &str, count: usize) -> ReadingError {
+    ReadingError::Count { what: what.to_owned(), count }
+}

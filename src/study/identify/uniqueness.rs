@@ -1,0 +1,176 @@
+//! What the targets determine, and what they leave open.
+
+use std::fmt;
+
+use nalgebra::DMatrix;
+use serde::Serialize;
+
+use super::Parameter;
+
+/// Singular values below this share of the largest are rounding: that of natural frequencies, some 1e-13, over the
+/// step of the differences, 1e-5, with room to spare.
+const RANK: f64 = 1e-6;
+/// A direction along which one standard deviation of the targets lets a number move by more than this is weak.
+const WEAK: f64 = 0.5;
+/// Shares of a direction smaller than this are not worth a word.
+const SMALL: f64 = 0.02;
+/// A number takes part in a free direction if its share is larger: null vectors carry the rounding of the Jacobian.
+const TAKES_PART: f64 = 1e-4;
+
+/// How well the numbers are determined near the solution: by the singular values of `∂r/∂x` `[targets × numbers]`, with
+/// r in standard deviations and x the logarithms of the numbers (shares of their range where a bound is not positive).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Uniqueness {
+    /// Numbers sought.
+    pub unknowns: usize,
+    /// Targets.
+    pub targets: usize,
+    /// Directions that the targets see.
+    pub rank: usize,
+    /// Singular values, falling, one per number: standard deviations for a factor e (or the whole range).
+    pub singular_values: Vec<f64>,
+    /// Directions that leave every target where it is, to first order. Each has one number of its own (the first).
+    pub free: Vec<Direction>,
+    /// Directions that the targets see, but little.
+    pub weak: Vec<Direction>,
+    /// Correlation of the numbers' errors; none beside a number that is not determined.
+    pub correlation: Vec<Vec<Option<f64>>>,
+}
+
+/// Numbers that move together, the one that moves most first.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Direction {
+    /// The numbers, at least one.
+    pub moves: Vec<Move>,
+    /// How far the first may move within one standard deviation of the targets, to first order, %; none for a free
+    /// direction.
+    pub within_sigma_percent: Option<f64>,
+}
+
+/// A number's part in a direction.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Move {
+    /// Pointers of the number.
+    pub number: String,
+    /// How far it moves for 1 % of the first one, %.
+    pub percent: f64,
+    /// Whether this is a share of its range, and not of its value.
+    pub of_range: bool,
+}
+
+impl Uniqueness {
+    /// From the Jacobian, with the variance of each coordinate it determines.
+    pub(super) fn new(jacobian: &DMatrix<f64>, parameters: &[Parameter]) -> (Self, Vec<Option<f64>>) {
+        let (targets, unknowns) = jacobian.shape();
+        // Rows of zeros change nothing but make the decomposition give every direction.
+        let square = jacobian.clone().resize_vertically(targets.max(unknowns), 0.0);
+        let svd = square.svd(false, true);
+        let v = svd.v_t.map_or(DMatrix::zeros(unknowns, unknowns), |v_t| v_t.transpose());
+        let singular_values: Vec<f64> = svd.singular_values.iter().copied().collect();
+        let floor = RANK * singular_values.first().copied().unwrap_or(0.0);
+        let rank = singular_values.iter().filter(|s| **s > floor).count();
+        let null = v.columns_range(rank..).into_owned();
+        let seen = (0..rank).map(|i| v.column(i) / singular_values[i]);
+        let covariance =
+            seen.fold(DMatrix::zeros(unknowns, unknowns), |sum, column| sum + &column * column.transpose());
+        let determined = |j: usize| null.row(j).norm() <= TAKES_PART;
+        let variances: Vec<Option<f64>> = (0..unknowns).map(|j| determined(j).then(|| covariance[(j, j)])).collect();
+        let correlate = |i: usize, j: usize| Some(covariance[(i, j)] / (variances[i]? * variances[j]?).sqrt());
+        let correlation = (0..unknowns).map(|i| (0..unknowns).map(|j| correlate(i, j)).collect()).collect();
+        let weak = (0..rank).filter(|i| singular_values[*i] * WEAK < 1.0).map(|i| {
+            let mut direction = Direction::new(v.column(i).iter().copied(), parameters);
+            direction.within_sigma_percent = Some(100.0 * v.column(i).amax() / singular_values[i]);
+            direction
+        });
+        let free =
+            echelon(null).column_iter().map(|column| Direction::new(column.iter().copied(), parameters)).collect();
+        let weak = weak.collect();
+        (Self { unknowns, targets, rank, singular_values, free, weak, correlation }, variances)
+    }
+
+    /// Whether no direction is free.
+    #[must_use]
+    pub fn is_unique(&self) -> bool {
+        self.rank == self.unknowns
+    }
+}
+
+impl Direction {
+    fn new(column: impl Iterator<Item = f64>, parameters: &[Parameter]) -> Self {
+        let part = |(p, percent): (&Parameter, f64)| Move { number: p.name(), percent, of_range: !p.is_logarithmic() };
+        let mut moves: Vec<Move> = parameters.iter().zip(column).map(part).collect();
+        moves.sort_by(|a, b| b.percent.abs().total_cmp(&a.percent.abs()));
+        let first = moves[0].percent;
+        moves.iter_mut().for_each(|part| part.percent /= first);
+        moves.retain(|part| part.percent.abs() >= SMALL);
+        Self { moves, within_sigma_percent: None }
+    }
+}
+
+/// The same space by columns that each have a number of their own: Gauss–Jordan elimination with complete pivoting.
+fn echelon(mut space: DMatrix<f64>) -> DMatrix<f64> {
+    let mut own: Vec<usize> = Vec::new();
+    for i in 0..space.ncols() {
+        let places = (i..space.ncols()).flat_map(|column| (0..space.nrows()).map(move |row| (row, column)));
+        let left = places.filter(|(row, _)| !own.contains(row));
+        let Some((row, column)) = left.max_by(|a, b| space[*a].abs().total_cmp(&space[*b].abs())) else { break };
+        own.push(row);
+        space.swap_columns(i, column);
+        let pivot = space.column(i) / space[(row, i)];
+        for other in (0..space.ncols()).filter(|other| *other != i) {
+            let factor = space[(row, other)];
+            space.column_mut(other).axpy(-factor, &pivot, 1.0);
+        }
+        space.set_column(i, &pivot);
+    }
+    space
+}
+
+impl fmt::Display for Uniqueness {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (unknowns, targets) = (counted(self.unknowns, "number"), counted(self.targets, "target"));
+        if self.is_unique() {
+            write!(f, "Unique near the solution: {unknowns} from {targets}.")?;
+        } else {
+            let left = counted(self.unknowns - self.rank, "direction");
+            write!(f, "Not unique: {unknowns} from {targets}. No target changes, to first order, along {left}:")?;
+        }
+        for direction in &self.free {
+            write!(f, "\n  {direction}")?;
+        }
+        if !self.weak.is_empty() {
+            write!(f, "\nWeakly determined: the standard deviations of the targets let move")?;
+        }
+        for direction in &self.weak {
+            write!(f, "\n  {direction}")?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Direction {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let first = &self.moves[0];
+        match self.within_sigma_percent {
+            // Beyond that, first order says no more than "far".
+            Some(reach) if reach > 100.0 => write!(f, "{} by more than its own size", first.number)?,
+            Some(reach) => write!(f, "{} by {reach:.0} %{}", first.number, of_range(first))?,
+            None if self.moves.len() == 1 => return write!(f, "{} by any amount", first.number),
+            None => write!(f, "{} by +1 %{}", first.number, of_range(first))?,
+        }
+        if self.within_sigma_percent.is_some() && self.moves.len() > 1 {
+            write!(f, "; for each +1 %{} of it", of_range(first))?;
+        }
+        let part = |part: &Move| format!("{} by {:+.2} %{}", part.number, part.percent, of_range(part));
+        let others = self.moves[1..].iter().map(part).collect::<Vec<_>>().join(", ");
+        if others.is_empty() { Ok(()) } else { write!(f, ", {others}") }
+    }
+}
+
+fn of_range(part: &Move) -> &'static str {
+    if part.of_range { " of its range" } else { "" }
+}
+
+fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
