@@ -22,6 +22,8 @@ mod palette;
 #[cfg(feature = "plot")]
 mod panel;
 #[cfg(feature = "plot")]
+mod report;
+#[cfg(feature = "plot")]
 mod scale;
 #[cfg(feature = "plot")]
 mod text;
@@ -31,4 +33,5 @@ pub use figure::{Axis, Band, Figure, Guide, Note, Panel, Series, Style};
 pub use {
     draw::{png, svg},
     palette::Theme,
+    report::{Cell, Item, Report, Section, Table, Verdict},
 };
