@@ -87,7 +87,7 @@ impl Verdict {
         match self {
             Self::Ok => ("ok", "✓"),
             Self::Deviates => ("deviates", "≠"),
-            Self::Contradicts => ("contradicts", "⚡"),
+            Self::Contradicts => ("contradicts", "⇄"),
         }
     }
 }
