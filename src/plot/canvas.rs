@@ -1,0 +1,131 @@
+//! A sheet measured in pixels, on top of plotters' SVG backend.
+
+use plotters::{
+    coord::Shift,
+    element::DashedPathElement,
+    prelude::*,
+    style::text_anchor::{HPos, Pos, VPos},
+};
+
+use super::{
+    palette::{Colours, Rgb},
+    text,
+};
+
+pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// Drawing into a string does not fail.
+pub(super) type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+
+/// A point, px from the upper left corner.
+pub(super) type Point = [f64; 2];
+
+/// Plotters counts in whole units. With ten of them to a pixel, curves are smooth.
+pub(super) const UNIT: f64 = 10.0;
+
+pub(super) fn units(px: f64) -> i32 {
+    (px * UNIT).round() as i32
+}
+
+/// Which point of a text lies where it is put.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Anchor {
+    Left,
+    Middle,
+    Right,
+    /// Written upwards, its end here.
+    UpEnd,
+}
+
+/// How a line is drawn: colour, width (px), and the lengths of dashes and gaps.
+#[derive(Clone, Copy)]
+pub(super) struct Pen {
+    pub colour: Rgb,
+    pub width: f64,
+    pub dash: Option<[f64; 2]>,
+}
+
+impl Pen {
+    pub fn solid(colour: Rgb, width: f64) -> Self {
+        Self { colour, width, dash: None }
+    }
+
+    fn style(self) -> ShapeStyle {
+        rgb(self.colour).stroke_width(units(self.width).max(1) as u32)
+    }
+}
+
+pub(super) fn rgb((r, g, b): Rgb) -> RGBColor {
+    RGBColor(r, g, b)
+}
+
+/// Words of one size and colour.
+pub(super) fn font(size: f64, colour: Rgb, bold: bool) -> TextStyle<'static> {
+    let style = if bold { FontStyle::Bold } else { FontStyle::Normal };
+    // The backend divides sizes by this.
+    let font = FontDesc::new(FontFamily::Name(text::FAMILY), size * UNIT * 1.24, style);
+    TextStyle { color: rgb(colour).to_backend_color(), ..TextStyle::from(font) }
+}
+
+/// A sheet.
+pub(super) struct Canvas<'a> {
+    pub area: Area<'a>,
+    pub colours: &'static Colours,
+}
+
+impl Canvas<'_> {
+    pub fn line(&self, points: &[Point], pen: Pen) -> Drawn {
+        let mut path: Vec<(i32, i32)> = points.iter().map(|[x, y]| (units(*x), units(*y))).collect();
+        path.dedup();
+        if path.len() < 2 {
+            return Ok(());
+        }
+        match pen.dash {
+            None => self.area.draw(&PathElement::new(path, pen.style())),
+            Some([dash, gap]) => self.area.draw(&DashedPathElement::new(path, units(dash), units(gap), pen.style())),
+        }
+    }
+
+    /// A disc, or a ring if it is `open`.
+    pub fn dot(&self, [x, y]: Point, radius: f64, colour: Rgb, open: bool) -> Drawn {
+        let style = if open { rgb(colour).stroke_width(units(1.4) as u32) } else { rgb(colour).filled() };
+        self.area.draw(&Circle::new((units(x), units(y)), units(radius), style))
+    }
+
+    pub fn rectangle(&self, [x0, y0]: Point, [x1, y1]: Point, colour: Rgb, opacity: f64) -> Drawn {
+        let corners = [(units(x0), units(y0)), (units(x1), units(y1))];
+        self.area.draw(&Rectangle::new(corners, rgb(colour).mix(opacity).filled()))
+    }
+
+    /// A line of text; the point is at half its height.
+    pub fn text(&self, words: &str, at: Point, anchor: Anchor, size: f64, colour: Rgb, bold: bool) -> Drawn {
+        let words = text::clean(words);
+        if words.trim().is_empty() {
+            return Ok(());
+        }
+        let horizontal = match anchor {
+            Anchor::Left => HPos::Left,
+            Anchor::Middle => HPos::Center,
+            Anchor::Right | Anchor::UpEnd => HPos::Right,
+        };
+        let mut style = font(size, colour, bold).pos(Pos::new(horizontal, VPos::Center));
+        if anchor == Anchor::UpEnd {
+            style = style.transform(FontTransform::Rotate270);
+        }
+        self.area.draw(&Text::new(words, (units(at[0]), units(at[1])), style))
+    }
+
+    /// A line of text on a patch of paper, so that it can be read on top of curves.
+    pub fn patched(&self, words: &str, at: Point, anchor: Anchor, size: f64, colour: Rgb) -> Drawn {
+        let (along, across) = (text::width(&text::clean(words), size, false), 0.6 * size);
+        let [x, y] = at;
+        let corners = match anchor {
+            Anchor::Left => [[x - 1.0, y - across], [x + along + 1.0, y + across]],
+            Anchor::Middle => [[x - along / 2.0 - 1.0, y - across], [x + along / 2.0 + 1.0, y + across]],
+            Anchor::Right => [[x - along - 1.0, y - across], [x + 1.0, y + across]],
+            Anchor::UpEnd => [[x - 0.5 * size, y - 1.0], [x + 0.5 * size, y + along + 1.0]],
+        };
+        self.rectangle(corners[0], corners[1], self.colours.paper, 0.8)?;
+        self.text(words, at, anchor, size, colour, false)
+    }
+}

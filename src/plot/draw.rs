@@ -1,0 +1,150 @@
+use std::sync::{Arc, OnceLock};
+
+use plotters::prelude::*;
+use resvg::{
+    tiny_skia::{Pixmap, Transform},
+    usvg::{Options, Tree, fontdb::Database},
+};
+
+use super::{
+    Figure, Theme,
+    canvas::{Anchor, Canvas, Drawn, UNIT, rgb},
+    legend::{self, Entry},
+    panel::Sheet,
+    text,
+};
+
+/// Room around the figure and between its panels, px.
+const EDGE: f64 = 14.0;
+const GAP: f64 = 12.0;
+const TITLE: f64 = 15.0;
+const LEGEND: f64 = 11.5;
+
+/// Height of a line of text over its size.
+const LEADING: f64 = 1.45;
+
+/// The figure as SVG: title, legend, panels. Equal figures give equal bytes.
+///
+/// Values without a place on their axis (not finite, above 1e300, not positive on a logarithmic axis) are left out,
+/// and the panel says how many.
+#[must_use]
+pub fn svg(figure: &Figure, theme: Theme) -> String {
+    let page = Page::new(figure);
+    let mut drawn = String::new();
+    page.draw(&mut drawn, theme).expect("drawing into a string does not fail");
+    // The backend's units become pixels; the rest of the root element is inherited by all shapes.
+    let body = drawn.split_once('>').map_or("", |(_root, body)| body);
+    let [width, height] = page.size;
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {} \
+         {}\" stroke-linejoin=\"round\" stroke-linecap=\"round\">\n<title>{}</title>\n<desc>{}</desc>{body}",
+        width * UNIT,
+        height * UNIT,
+        escaped(&figure.title),
+        escaped(&figure.caption),
+    )
+}
+
+/// The light picture of [`svg`] as PNG, `scale` pixels to one of the SVG's. The letters are those of a bundled font,
+/// DejaVu Sans: no machine needs fonts of its own.
+///
+/// # Panics
+/// If `scale` is not in 0.01..=20.
+#[must_use]
+pub fn png(figure: &Figure, scale: f64) -> Vec<u8> {
+    assert!((0.01..=20.0).contains(&scale), "a picture of scale {scale}: 0.01 to 20 are possible");
+    static FONTS: OnceLock<Arc<Database>> = OnceLock::new();
+    let fonts = FONTS.get_or_init(|| {
+        let mut fonts = Database::new();
+        fonts.load_font_data(dejavu::sans::regular().to_vec());
+        fonts.load_font_data(dejavu::sans::bold().to_vec());
+        Arc::new(fonts)
+    });
+    let options = Options { fontdb: Arc::clone(fonts), ..Options::default() };
+    let tree = Tree::from_str(&svg(figure, Theme::Light), &options).expect("an SVG of our own is sound");
+    let pixels = |length: f32| (f64::from(length) * scale).round().max(1.0) as u32;
+    let size = tree.size();
+    let mut pixmap = Pixmap::new(pixels(size.width()), pixels(size.height())).expect("the size is not zero");
+    resvg::render(&tree, Transform::from_scale(scale as f32, scale as f32), &mut pixmap.as_mut());
+    pixmap.encode_png().expect("encoding into memory does not fail")
+}
+
+/// Where everything goes.
+struct Page<'a> {
+    figure: &'a Figure,
+    /// px.
+    size: [f64; 2],
+    title: Vec<String>,
+    legend: Vec<Vec<Entry<'a>>>,
+    /// Upper edge of the panels.
+    top: f64,
+    columns: usize,
+    cell: [f64; 2],
+}
+
+impl<'a> Page<'a> {
+    fn new(figure: &'a Figure) -> Self {
+        let columns = figure.columns.clamp(1, figure.panels.len().max(1));
+        let rows = figure.panels.len().div_ceil(columns);
+        let width: f64 = match columns {
+            1 => 820.0,
+            2 => 1000.0,
+            _ => 310.0 * columns as f64,
+        };
+        let room = width - 2.0 * EDGE;
+        let title = text::wrapped(&text::clean(&figure.title), TITLE, true, room);
+        let legend = legend::rows(&figure.panels, LEGEND, room);
+        let title_height = title.len() as f64 * TITLE * LEADING;
+        let legend_height = if legend.is_empty() { 0.0 } else { legend.len() as f64 * LEGEND * LEADING + 4.0 };
+        let top = EDGE + title_height + legend_height;
+        let across = (room - GAP * (columns - 1) as f64) / columns as f64;
+        let high = match (figure.panels.iter().any(|panel| panel.equal_scales), rows, columns) {
+            (true, _, 1) => 620.0,
+            (true, ..) => across,
+            (_, 1, 1) => 460.0,
+            (_, _, 1) => 280.0,
+            _ => (0.68 * across).max(230.0),
+        };
+        let size = [width, top + rows as f64 * (high + GAP) - GAP + EDGE];
+        Self { figure, size: size.map(f64::round), title, legend, top, columns, cell: [across, high] }
+    }
+
+    fn draw(&self, into: &mut String, theme: Theme) -> Drawn {
+        let [width, height] = self.size.map(|length| (length * UNIT) as u32);
+        let colours = theme.colours();
+        let canvas = Canvas { area: SVGBackend::with_string(into, (width, height)).into_drawing_area(), colours };
+        canvas.area.fill(&rgb(colours.paper))?;
+        let mut y = EDGE + TITLE * LEADING / 2.0;
+        for line in &self.title {
+            canvas.text(line, [EDGE, y], Anchor::Left, TITLE, colours.ink, true)?;
+            y += TITLE * LEADING;
+        }
+        y += (LEGEND - TITLE) * LEADING / 2.0;
+        for row in &self.legend {
+            legend::draw(&canvas, row, [EDGE, y], LEGEND)?;
+            y += LEGEND * LEADING;
+        }
+        // Frames below each other start at the same x.
+        let panels = &self.figure.panels;
+        for column in 0..self.columns {
+            let own = || (column..panels.len()).step_by(self.columns);
+            let left = own().map(|i| self.sheet(i, 0.0).left()).fold(0.0, f64::max);
+            for i in own() {
+                self.sheet(i, left).draw(&canvas)?;
+            }
+        }
+        canvas.area.present()
+    }
+
+    fn sheet(&self, i: usize, left: f64) -> Sheet<'a> {
+        let (row, column) = ((i / self.columns) as f64, (i % self.columns) as f64);
+        let [across, high] = self.cell;
+        let corner = [EDGE + column * (across + GAP), self.top + row * (high + GAP)];
+        Sheet::new(&self.figure.panels[i], corner, self.cell, left)
+    }
+}
+
+/// Text inside an XML element.
+pub(super) fn escaped(words: &str) -> String {
+    text::clean(words).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}

@@ -1,0 +1,64 @@
+//! The rectangle that curves are drawn in.
+
+use super::canvas::Point;
+
+/// Edges of the rectangle, px.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame {
+    pub x0: f64,
+    pub x1: f64,
+    /// The upper edge.
+    pub y0: f64,
+    pub y1: f64,
+}
+
+impl Frame {
+    pub fn holds(&self, [x, y]: Point) -> bool {
+        // A tenth of a pixel for rounding.
+        (self.x0 - 0.1..=self.x1 + 0.1).contains(&x) && (self.y0 - 0.1..=self.y1 + 0.1).contains(&y)
+    }
+
+    /// The part of a segment inside (Liang and Barsky, 1984).
+    pub fn clip(&self, [ax, ay]: Point, [bx, by]: Point) -> Option<[Point; 2]> {
+        let (dx, dy) = (bx - ax, by - ay);
+        let (mut from, mut to) = (0.0f64, 1.0f64);
+        for (slope, room) in [(-dx, ax - self.x0), (dx, self.x1 - ax), (-dy, ay - self.y0), (dy, self.y1 - ay)] {
+            if slope < 0.0 {
+                from = from.max(room / slope);
+            } else if slope > 0.0 {
+                to = to.min(room / slope);
+            } else if room < 0.0 {
+                return None;
+            }
+        }
+        (from <= to).then(|| [[ax + from * dx, ay + from * dy], [ax + to * dx, ay + to * dy]])
+    }
+
+    /// The pieces of a polyline inside.
+    pub fn clipped(&self, line: &[Point]) -> Vec<Vec<Point>> {
+        let mut pieces: Vec<Vec<Point>> = Vec::new();
+        for ends in line.windows(2) {
+            let Some([a, b]) = self.clip(ends[0], ends[1]) else { continue };
+            match pieces.last_mut() {
+                Some(piece) if piece.last() == Some(&a) => piece.push(b),
+                _ => pieces.push(vec![a, b]),
+            }
+        }
+        pieces
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_end_at_the_frame() {
+        let frame = Frame { x0: 0.0, x1: 10.0, y0: 0.0, y1: 10.0 };
+        let zigzag = [[-5.0, 5.0], [5.0, 5.0], [5.0, 15.0], [7.0, 15.0], [7.0, 5.0], [8.0, 5.0]];
+        let pieces = frame.clipped(&zigzag);
+        assert_eq!(pieces, [vec![[0.0, 5.0], [5.0, 5.0], [5.0, 10.0]], vec![[7.0, 10.0], [7.0, 5.0], [8.0, 5.0]]]);
+        assert_eq!(frame.clip([-1.0, 3.0], [3.0, -1.0]), Some([[0.0, 2.0], [2.0, 0.0]]));
+        assert_eq!(frame.clip([-1.0, 0.5], [0.5, -1.0]), None);
+    }
+}

@@ -1,0 +1,72 @@
+/// Colours of the page around a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Theme {
+    /// On white.
+    #[default]
+    Light,
+    /// On near-black.
+    Dark,
+}
+
+/// Red, green, blue.
+pub(super) type Rgb = (u8, u8, u8);
+
+/// The colours of one theme.
+pub(super) struct Colours {
+    pub paper: Rgb,
+    pub ink: Rgb,
+    /// Guides, their names and ticks.
+    pub muted: Rgb,
+    pub grid: Rgb,
+    /// Okabe and Ito, "Color universal design" (2008), told apart by all kinds of colour vision; the most legible on
+    /// this paper come first.
+    pub series: [Rgb; 8],
+    /// Shades of bands, laid on the paper with `band_opacity`.
+    pub bands: [Rgb; 6],
+    pub band_opacity: f64,
+}
+
+const ORANGE: Rgb = (0xe6, 0x9f, 0x00);
+const SKY: Rgb = (0x56, 0xb4, 0xe9);
+const GREEN: Rgb = (0x00, 0x9e, 0x73);
+const YELLOW: Rgb = (0xf0, 0xe4, 0x42);
+const BLUE: Rgb = (0x00, 0x72, 0xb2);
+const VERMILION: Rgb = (0xd5, 0x5e, 0x00);
+const PURPLE: Rgb = (0xcc, 0x79, 0xa7);
+const GREY: Rgb = (0x80, 0x86, 0x8e);
+
+const BANDS: [Rgb; 6] = [ORANGE, SKY, GREEN, PURPLE, YELLOW, GREY];
+
+const LIGHT: Colours = Colours {
+    paper: (0xff, 0xff, 0xff),
+    ink: (0x1f, 0x23, 0x28),
+    muted: (0x5f, 0x68, 0x73),
+    grid: (0xe4, 0xe7, 0xeb),
+    series: [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, (0, 0, 0), GREY],
+    bands: BANDS,
+    band_opacity: 0.2,
+};
+
+const DARK: Colours = Colours {
+    paper: (0x15, 0x18, 0x1c),
+    ink: (0xe6, 0xe8, 0xeb),
+    muted: (0x9d, 0xa7, 0xb3),
+    grid: (0x2b, 0x31, 0x38),
+    series: [SKY, (0xf0, 0x7f, 0x2e), (0x1c, 0xb8, 0x8b), PURPLE, ORANGE, YELLOW, (0xff, 0xff, 0xff), GREY],
+    bands: BANDS,
+    band_opacity: 0.24,
+};
+
+impl Theme {
+    pub(super) fn colours(self) -> &'static Colours {
+        match self {
+            Self::Light => &LIGHT,
+            Self::Dark => &DARK,
+        }
+    }
+}
+
+/// `#rrggbb`.
+pub(super) fn hex((r, g, b): Rgb) -> String {
+    format!("#{r:02x}{g:02x}{b:02x}")
+}

@@ -1,0 +1,203 @@
+//! One panel on a sheet.
+
+use plotters::prelude::*;
+
+use super::{
+    canvas::{Anchor, Canvas, Drawn, Pen, Point, font, rgb, units},
+    figure::{Panel, Series, Style},
+    frame::Frame,
+    legend,
+    scale::{Scale, axis_label, drawable},
+    text,
+};
+
+pub(super) const SMALL: f64 = 10.5;
+const LABEL: f64 = 11.5;
+
+/// Between the edge of a cell and its frame, px, without the tick labels at the left.
+const TOP: f64 = 10.0;
+const RIGHT: f64 = 12.0;
+const BOTTOM: f64 = 40.0;
+const LEFT: f64 = 34.0;
+
+/// A panel, its scales and its place.
+pub(super) struct Sheet<'a> {
+    pub(super) panel: &'a Panel,
+    corner: Point,
+    cell: [f64; 2],
+    heading: Vec<String>,
+    pub(super) x: Scale,
+    pub(super) y: Scale,
+    pub(super) frame: Frame,
+}
+
+/// The scales of a panel: they hold its series, and stems stand on zero.
+pub(super) fn scales(panel: &Panel) -> [Scale; 2] {
+    let isolated = |series: &Series| matches!(series.style, Style::Points | Style::Joined | Style::Marks);
+    let margin = if panel.equal_scales || panel.series.iter().any(isolated) { 0.03 } else { 0.0 };
+    let ground = panel.series.iter().any(|series| series.style == Style::Stems).then_some(0.0);
+    let x = Scale::fit(&panel.x, panel.series.iter().flat_map(|series| series.x.iter().copied()), margin);
+    let y = Scale::fit(&panel.y, panel.series.iter().flat_map(|series| series.y.iter().copied()).chain(ground), 0.06);
+    [x, y]
+}
+
+impl<'a> Sheet<'a> {
+    /// A panel in a cell; its frame starts `left` px from the edge, or farther if the tick labels need it.
+    pub fn new(panel: &'a Panel, corner: Point, cell: [f64; 2], left: f64) -> Self {
+        let [mut x, mut y] = scales(panel);
+        let heading = text::wrapped(&text::clean(&panel.title), LABEL, true, cell[0] - LEFT - RIGHT);
+        let top = TOP + heading.len() as f64 * 1.4 * LABEL;
+        let height = cell[1] - top - BOTTOM;
+        y = y.ticked((height / 42.0) as usize);
+        let label_width = |(_, label): (f64, String)| text::width(&label, SMALL, false);
+        let left = left.max(LEFT + y.labels().into_iter().map(label_width).fold(0.0, f64::max));
+        let width = cell[0] - left - RIGHT;
+        if panel.equal_scales && !x.logarithmic && !y.logarithmic {
+            let stretch = (x.high - x.low) / width / ((y.high - y.low) / height);
+            if stretch > 1.0 {
+                y = y.stretched(stretch)
+            } else {
+                x = x.stretched(1.0 / stretch)
+            }
+            y = y.ticked((height / 42.0) as usize);
+        }
+        x = x.ticked((width / 60.0) as usize);
+        let frame = Frame {
+            x0: corner[0] + left,
+            x1: corner[0] + left + width,
+            y0: corner[1] + top,
+            y1: corner[1] + top + height,
+        };
+        Self { panel, corner, cell, heading, x, y, frame }
+    }
+
+    /// From the edge of the cell to the frame, px.
+    pub fn left(&self) -> f64 {
+        self.frame.x0 - self.corner[0]
+    }
+
+    /// Place of a point on the sheet.
+    fn at(&self, x: f64, y: f64) -> Point {
+        let Frame { x0, x1, y0, y1 } = self.frame;
+        [x0 + self.x.place(x) * (x1 - x0), y1 - self.y.place(y) * (y1 - y0)]
+    }
+
+    /// The same, for a point that has a place.
+    pub(super) fn checked(&self, x: f64, y: f64) -> Option<Point> {
+        (drawable(x, self.x.logarithmic) && drawable(y, self.y.logarithmic)).then(|| self.at(x, y))
+    }
+
+    pub fn draw(&self, canvas: &Canvas<'_>) -> Drawn {
+        self.bands(canvas)?;
+        self.axes(canvas)?;
+        self.guides(canvas)?;
+        let mut left_out = 0;
+        for series in &self.panel.series {
+            left_out += self.series(canvas, series)?;
+        }
+        self.guide_names(canvas)?;
+        for note in &self.panel.notes {
+            if let Some([x, y]) = self.checked(note.at[0], note.at[1]) {
+                let fits = x + 6.0 + text::width(&note.text, SMALL, false) < self.frame.x1;
+                let (x, anchor) = if fits { (x + 6.0, Anchor::Left) } else { (x - 6.0, Anchor::Right) };
+                let y = (y - 9.0).max(self.frame.y0 + 8.0);
+                canvas.patched(&note.text, [x, y], anchor, SMALL, canvas.colours.ink)?;
+            }
+        }
+        if left_out > 0 {
+            let words = format!("{left_out} points have no place on these axes");
+            let at = [self.frame.x1 - 4.0, self.frame.y1 - 9.0];
+            canvas.patched(&words, at, Anchor::Right, SMALL, canvas.colours.muted)?;
+        }
+        Ok(())
+    }
+
+    /// Grid, frame, ticks, labels, heading.
+    fn axes(&self, canvas: &Canvas<'_>) -> Drawn {
+        let Frame { x0, x1, y0, y1 } = self.frame;
+        let colours = canvas.colours;
+        let [x, y] = self.corner;
+        let [width, height] = self.cell;
+        let cell = canvas.area.clone().shrink((units(x), units(y)), (units(width), units(height)));
+        let mut chart = ChartBuilder::on(&cell)
+            .margin_top(units(y0 - y))
+            .margin_right(units(x + width - x1))
+            .x_label_area_size(units(y + height - y1))
+            .y_label_area_size(units(x0 - x))
+            .build_cartesian_2d(self.x.clone(), self.y.clone())?;
+        let x_label = axis_label(&self.panel.x, self.x.exponent);
+        let y_label = axis_label(&self.panel.y, self.y.exponent);
+        let size = text::fitted(&x_label, LABEL, width).min(text::fitted(&y_label, LABEL, height));
+        chart
+            .configure_mesh()
+            .bold_line_style(rgb(colours.grid).stroke_width(units(0.8) as u32))
+            .axis_style(rgb(colours.muted).stroke_width(units(0.8) as u32))
+            .set_all_tick_mark_size(units(3.5))
+            .label_style(font(SMALL, colours.ink, false))
+            .axis_desc_style(font(size, colours.ink, false))
+            .x_desc(text::clean(&x_label))
+            .y_desc(text::clean(&y_label))
+            .draw()?;
+        for (line, words) in self.heading.iter().enumerate() {
+            let at = [x0, y + TOP + line as f64 * 1.4 * LABEL];
+            canvas.text(words, at, Anchor::Left, LABEL, colours.ink, true)?;
+        }
+        Ok(())
+    }
+
+    fn bands(&self, canvas: &Canvas<'_>) -> Drawn {
+        let colours = canvas.colours;
+        for band in &self.panel.bands {
+            let ends = band.x.map(|x| drawable(x, self.x.logarithmic).then(|| self.at(x, self.y.low)[0]));
+            let [Some(from), Some(to)] = ends else { continue };
+            let (from, to) = (from.max(self.frame.x0), to.min(self.frame.x1));
+            if from < to {
+                let shade = colours.bands[band.colour % colours.bands.len()];
+                canvas.rectangle([from, self.frame.y0], [to, self.frame.y1], shade, colours.band_opacity)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Draws a series and returns how many of its points have no place.
+    fn series(&self, canvas: &Canvas<'_>, series: &Series) -> Result<usize, DrawingAreaErrorKind<std::io::Error>> {
+        let colour = canvas.colours.series[series.colour % canvas.colours.series.len()];
+        let pairs = series.x.iter().copied().zip(series.y.iter().copied());
+        let points: Vec<Option<Point>> = pairs.map(|(x, y)| self.checked(x, y)).collect();
+        if let Some(pen) = legend::pen(series.style, colour) {
+            for run in points.split(Option::is_none) {
+                let run: Vec<Point> = run.iter().flatten().copied().collect();
+                for piece in self.frame.clipped(&run) {
+                    canvas.line(&piece, pen)?;
+                }
+            }
+        }
+        let inside: Vec<Point> = points.iter().flatten().copied().filter(|point| self.frame.holds(*point)).collect();
+        let many = inside.len() > 300;
+        match series.style {
+            Style::Points | Style::Joined => {
+                for point in inside {
+                    canvas.dot(point, if many { 1.2 } else { 2.4 }, colour, false)?;
+                }
+            }
+            Style::Marks => {
+                for point in inside {
+                    canvas.dot(point, if many { 2.0 } else { 3.4 }, colour, true)?;
+                }
+            }
+            Style::Stems => {
+                let foot = if self.y.logarithmic { self.frame.y1 } else { self.at(self.x.low, 0.0)[1] };
+                for point in points.iter().flatten() {
+                    for piece in self.frame.clipped(&[[point[0], foot], *point]) {
+                        canvas.line(&piece, Pen::solid(colour, 1.4))?;
+                    }
+                    if self.frame.holds(*point) && inside.len() <= 80 {
+                        canvas.dot(*point, 1.9, colour, false)?;
+                    }
+                }
+            }
+            Style::Line | Style::Hairline | Style::Dashed => {}
+        }
+        Ok(points.iter().filter(|point| point.is_none()).count())
+    }
+}

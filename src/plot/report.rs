@@ -1,0 +1,299 @@
+use std::fmt::Write;
+
+use serde_json::{Value, json};
+
+use super::{
+    Figure, Theme,
+    draw::escaped,
+    figure::{Axis, Guide, Panel, Series},
+    legend::{self, Entry},
+    palette::hex,
+    panel::scales,
+};
+
+/// What a study found, as one page that needs no network: text, tables, and figures to zoom and point at.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Report {
+    /// Title.
+    pub title: String,
+    /// Paragraphs at the top.
+    pub summary: Vec<String>,
+    /// Sections; their titles are the table of contents.
+    pub sections: Vec<Section>,
+    /// How the page came about, line by line, at the foot: version, scene and its hash, command.
+    pub provenance: Vec<String>,
+    /// Folder of the figures' files, seen from the page, where there are any: `id.svg`, `id.png`, `id.csv` and
+    /// `id.json` of each figure are linked there.
+    pub files: Option<String>,
+}
+
+/// A section of a report.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Section {
+    /// Title.
+    pub title: String,
+    /// Paragraphs, with an empty line between two; may be empty.
+    pub text: String,
+    /// What is shown, in order.
+    pub items: Vec<Item>,
+}
+
+/// Something shown in a section.
+#[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "a report holds dozens of them")]
+pub enum Item {
+    /// A figure.
+    Figure(Figure),
+    /// A table.
+    Table(Table),
+}
+
+/// A table of words.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table {
+    /// Title.
+    pub title: String,
+    /// Heads of the columns.
+    pub head: Vec<String>,
+    /// Rows of cells.
+    pub rows: Vec<Vec<Cell>>,
+    /// A line below; may be empty.
+    pub note: String,
+}
+
+/// A cell of a table.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Cell {
+    /// What stands in it.
+    pub text: String,
+    /// What it says of a comparison, if it does.
+    pub verdict: Option<Verdict>,
+}
+
+/// How a number compares with a published one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// They agree.
+    Ok,
+    /// They differ.
+    Deviates,
+    /// The source disagrees with itself.
+    Contradicts,
+}
+
+impl Verdict {
+    /// Class in the page, and a sign, so that colour is not all that tells.
+    fn class_and_sign(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Ok => ("ok", "✓"),
+            Self::Deviates => ("deviates", "≠"),
+            Self::Contradicts => ("contradicts", "⇄"),
+        }
+    }
+}
+
+impl Cell {
+    /// A cell with a verdict.
+    #[must_use]
+    pub fn judged(text: impl Into<String>, verdict: Verdict) -> Self {
+        Self { text: text.into(), verdict: Some(verdict) }
+    }
+}
+
+impl<T: Into<String>> From<T> for Cell {
+    fn from(text: T) -> Self {
+        Self { text: text.into(), verdict: None }
+    }
+}
+
+/// The page without its contents; the words between at signs are replaced, in this order.
+const PAGE: &str = include_str!("report.html");
+
+impl Report {
+    /// The page. Equal reports give equal bytes.
+    ///
+    /// Numbers of figures are rounded to a millionth of what their axis shows (on logarithmic axes to six digits); the
+    /// data files of [`Figure`] hold them in full. The script in the page is Plotly's, 4.7 MB.
+    #[must_use]
+    pub fn html(&self) -> String {
+        let mut page = String::new();
+        let mut rest = PAGE;
+        for (mark, part) in [
+            ("@title@", escaped(&self.title)),
+            ("@body@", self.body()),
+            ("@plotly@", plotly()),
+            ("@colours@", colours().to_string()),
+        ] {
+            let (before, after) = rest.split_once(mark).expect("the page has every mark once, in order");
+            page.push_str(before);
+            page.push_str(&part);
+            rest = after;
+        }
+        page + rest
+    }
+
+    fn body(&self) -> String {
+        let mut body = format!("<header>\n<h1>{}</h1>\n{}</header>\n", escaped(&self.title), paragraphs(&self.summary));
+        let contents = self.sections.iter().enumerate();
+        let contents: String = contents
+            .map(|(i, section)| format!("<li><a href=\"#section-{}\">{}</a></li>\n", i + 1, escaped(&section.title)))
+            .collect();
+        write!(body, "<nav aria-label=\"Contents\"><ol>\n{contents}</ol></nav>\n<main>\n").expect("a string grows");
+        body += &self.without_script();
+        for (i, section) in self.sections.iter().enumerate() {
+            let text: Vec<String> = section.text.split("\n\n").map(str::to_owned).collect();
+            let title = escaped(&section.title);
+            write!(body, "<section id=\"section-{}\">\n<h2>{title}</h2>\n{}", i + 1, paragraphs(&text))
+                .expect("a string grows");
+            for item in &section.items {
+                body += &match item {
+                    Item::Figure(figure) => self.figure(figure),
+                    Item::Table(table) => table_html(table),
+                };
+            }
+            body += "</section>\n";
+        }
+        body + "</main>\n<footer>\n" + &paragraphs(&self.provenance) + "</footer>\n"
+    }
+
+    fn figure(&self, figure: &Figure) -> String {
+        let id = escaped(&figure.id);
+        let links = self.files.as_ref().map_or_else(String::new, |folder| {
+            let link = |kind: &str| {
+                format!("<a href=\"{}/{id}.{}\">{kind}</a>", escaped(folder.trim_end_matches('/')), kind.to_lowercase())
+            };
+            format!("<p class=\"files\">{}</p>\n", ["SVG", "PNG", "CSV", "JSON"].map(link).join(" "))
+        });
+        // A script element ends at `</script`, wherever that stands.
+        let data = figure_data(figure).to_string().replace('<', "\\u003c");
+        format!(
+            "<figure id=\"{id}\">\n<h3>{}</h3>\n<div class=\"legend\"></div>\n<div class=\"plot\"></div>\n<script \
+             type=\"application/json\">{data}</script>\n<figcaption>{}</figcaption>\n{links}</figure>\n",
+            escaped(&figure.title),
+            escaped(&figure.caption),
+        )
+    }
+
+    /// What stands in place of the figures where no script runs.
+    fn without_script(&self) -> String {
+        let items = self.sections.iter().flat_map(|section| &section.items);
+        let figures = items.filter_map(|item| if let Item::Figure(figure) = item { Some(figure) } else { None });
+        let folder = self.files.as_ref().map(|folder| format!("{}/", folder.trim_end_matches('/'))).unwrap_or_default();
+        let names: Vec<String> = figures.map(|figure| escaped(&format!("{folder}{}.svg", figure.id))).collect();
+        let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        format!("<noscript><p>The figures of this page need JavaScript. As pictures: {names}.</p></noscript>\n")
+    }
+}
+
+fn paragraphs(lines: &[String]) -> String {
+    let lines = lines.iter().filter(|line| !line.trim().is_empty());
+    lines.fold(String::new(), |all, line| all + "<p>" + &escaped(line) + "</p>\n")
+}
+
+fn table_html(table: &Table) -> String {
+    let head: String = table.head.iter().map(|cell| format!("<th scope=\"col\">{}</th>", escaped(cell))).collect();
+    let cell = |cell: &Cell| match cell.verdict.map(Verdict::class_and_sign) {
+        None => format!("<td>{}</td>", escaped(&cell.text)),
+        Some((class, sign)) => format!("<td class=\"{class}\"><span>{sign}</span> {}</td>", escaped(&cell.text)),
+    };
+    let row = |row: &Vec<Cell>| format!("<tr>{}</tr>\n", row.iter().map(cell).collect::<String>());
+    let rows: String = table.rows.iter().map(row).collect();
+    let note = paragraphs(std::slice::from_ref(&table.note));
+    format!(
+        "<div class=\"table\">\n<h3>{}</h3>\n<div class=\"scroll\" tabindex=\"0\"><table>\n<thead><tr>{head}</tr></thead>\n\
+         <tbody>\n{rows}</tbody>\n</table></div>\n{note}</div>\n",
+        escaped(&table.title),
+    )
+}
+
+/// Plotly's script element; the crate hands it out in front of others that typeset formulas.
+fn plotly() -> String {
+    let scripts = plotly::Plot::offline_js_sources();
+    let end = "</script>";
+    let length = scripts.find(end).expect("there is a script") + end.len();
+    scripts[..length].trim_start().to_owned()
+}
+
+/// The colours of both themes, for the page's script.
+fn colours() -> Value {
+    let theme = |theme: Theme| {
+        let colours = theme.colours();
+        json!({
+            "paper": hex(colours.paper), "ink": hex(colours.ink), "muted": hex(colours.muted), "grid": hex(colours.grid),
+            "series": colours.series.map(hex), "bands": colours.bands.map(hex), "bandOpacity": colours.band_opacity,
+        })
+    };
+    json!({ "light": theme(Theme::Light), "dark": theme(Theme::Dark) })
+}
+
+/// A figure as the page's script reads it.
+fn figure_data(figure: &Figure) -> Value {
+    let entry = |entry: Entry<'_>| match entry {
+        Entry::Series(series) => json!({ "name": series.name, "style": series.style, "colour": series.colour }),
+        Entry::Band(band) => json!({ "name": band.name, "style": "band", "colour": band.colour }),
+    };
+    json!({
+        "columns": figure.columns.clamp(1, figure.panels.len().max(1)),
+        "legend": legend::entries(&figure.panels).into_iter().map(entry).collect::<Vec<_>>(),
+        "panels": figure.panels.iter().map(panel_data).collect::<Vec<_>>(),
+    })
+}
+
+fn panel_data(panel: &Panel) -> Value {
+    let [x, y] = scales(panel);
+    let axis = |axis: &Axis, low: f64, high: f64| json!({ "label": axis.label, "unit": axis.unit, "logarithmic": axis.logarithmic, "range": [low, high] });
+    let rounder = |low: f64, high: f64, logarithmic| move |value: f64| rounded(value, high - low, logarithmic);
+    let (round_x, round_y) = (rounder(x.low, x.high, x.logarithmic), rounder(y.low, y.high, y.logarithmic));
+    let series = |series: &Series| {
+        json!({
+            "name": series.name, "style": series.style, "colour": series.colour,
+            "x": series.x.iter().copied().map(round_x).collect::<Vec<_>>(),
+            "y": series.y.iter().copied().map(round_y).collect::<Vec<_>>(),
+        })
+    };
+    let guide = |guide: &Guide| match guide {
+        Guide::Vertical { x, name } => json!({ "x": x, "name": name }),
+        Guide::Horizontal { y, name } => json!({ "y": y, "name": name }),
+        Guide::Slanted { from, to, name } => json!({ "from": from, "to": to, "name": name }),
+    };
+    json!({
+        "title": panel.title,
+        "x": axis(&panel.x, x.low, x.high),
+        "y": axis(&panel.y, y.low, y.high),
+        "equal": panel.equal_scales,
+        "series": panel.series.iter().map(series).collect::<Vec<_>>(),
+        "bands": panel.bands,
+        "guides": panel.guides.iter().map(guide).collect::<Vec<_>>(),
+        "notes": panel.notes,
+    })
+}
+
+/// A value to a millionth of the span of its axis, or to six digits; `null` if it has no place there.
+fn rounded(value: f64, span: f64, logarithmic: bool) -> Value {
+    let short = if logarithmic {
+        format!("{value:.5e}")
+    } else {
+        format!("{value:.*}", (6.0 - span.log10().floor()).clamp(0.0, 320.0) as usize)
+    };
+    // An integer is shorter without its fraction.
+    match short.parse::<f64>() {
+        Ok(whole) if whole.fract() == 0.0 && whole.abs() < 1e9 => json!(whole as i64),
+        Ok(value) => json!(value),
+        Err(_) => Value::Null,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_the_page_are_short_and_near() {
+        assert_eq!(rounded(1.0 / 3.0, 1.0, false), json!(0.333_333));
+        assert_eq!(rounded(2.0, 1.0, false), json!(2));
+        assert_eq!(rounded(10.000_000_123_4, 1e-6, false), json!(10.000_000_123_4));
+        assert_eq!(rounded(1.234_567_89e-7, 10.0, true), json!(1.234_57e-7));
+        assert_eq!(rounded(-1e-9, 1.0, false), json!(0));
+        assert_eq!(rounded(f64::NAN, 1.0, false), Value::Null);
+    }
+}

@@ -1,0 +1,234 @@
+//! From values to places on an axis, and its ticks.
+
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+
+use super::figure::Axis;
+
+/// Beyond this a value is not drawn: the span of two could overflow.
+const HUGE: f64 = 1e300;
+
+/// A range of values laid along an axis.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Scale {
+    pub low: f64,
+    pub high: f64,
+    pub logarithmic: bool,
+    ticks: Vec<f64>,
+    /// Between ticks; none on a logarithmic axis with ticks at powers of ten.
+    step: Option<f64>,
+    /// Tick labels leave out this power of ten, a multiple of three; the axis label names it.
+    pub exponent: i32,
+}
+
+impl Scale {
+    /// The axis' own range, or one that holds all values that can be drawn, and `margin` of its length at each end.
+    pub fn fit(axis: &Axis, values: impl Iterator<Item = f64>, margin: f64) -> Self {
+        let logarithmic = axis.logarithmic;
+        let drawn = |value: &f64| drawable(*value, logarithmic);
+        let [low, high] = match axis.range {
+            Some([low, high]) if low < high && drawn(&low) && drawn(&high) => [low, high],
+            _ => {
+                let found = values
+                    .filter(drawn)
+                    .fold(None, |ends: Option<[f64; 2]>, v| Some(ends.map_or([v, v], |[a, b]| [a.min(v), b.max(v)])));
+                match (found, logarithmic) {
+                    (Some([low, high]), false) => widened(low, high, margin),
+                    (Some([low, high]), true) => widened(low.log10(), high.log10(), margin).map(|e| 10f64.powf(e)),
+                    (None, false) => [0.0, 1.0],
+                    (None, true) => [1.0, 10.0],
+                }
+            }
+        };
+        Self { low, high, logarithmic, ticks: Vec::new(), step: None, exponent: 0 }
+    }
+
+    /// The same scale about its middle, `factor` times as long. Linear only.
+    pub fn stretched(mut self, factor: f64) -> Self {
+        let middle = f64::midpoint(self.low, self.high);
+        let half = (self.high - self.low) / 2.0 * factor;
+        (self.low, self.high) = (middle - half, middle + half);
+        self
+    }
+
+    /// The same scale with about `count` ticks.
+    pub fn ticked(mut self, count: usize) -> Self {
+        let count = count.max(2);
+        if self.logarithmic {
+            self.ticks = decades(self.low, self.high, count);
+            if self.ticks.len() >= 2 {
+                return self;
+            }
+        }
+        let step = round_step((self.high - self.low) / count as f64);
+        let (first, last) = ((self.low / step - 1e-9).ceil(), (self.high / step + 1e-9).floor());
+        // A step of 1, 2 or 5 of a power of ten makes at most a few ticks more than asked for.
+        self.ticks = (0..=(last - first).clamp(0.0, 100.0) as usize).map(|i| (first + i as f64) * step).collect();
+        let largest = self.low.abs().max(self.high.abs());
+        if !(1e-3..1e5).contains(&largest) {
+            self.exponent = (largest.log10() / 3.0).floor() as i32 * 3;
+        }
+        self.step = Some(step);
+        self
+    }
+
+    /// Ticks and their labels.
+    pub fn labels(&self) -> Vec<(f64, String)> {
+        self.ticks.iter().map(|tick| (*tick, self.label(*tick))).collect()
+    }
+
+    fn label(&self, value: f64) -> String {
+        let Some(step) = self.step else { return power_of_ten(value) };
+        let decimals = (f64::from(self.exponent) - step.log10().floor()).clamp(0.0, 15.0) as usize;
+        let text = format!("{:.decimals$}", value / 10f64.powi(self.exponent));
+        // Rounded to zero from below.
+        if text.trim_start_matches(['-', '0', '.']).is_empty() { text.replace('-', "") } else { minus(&text) }
+    }
+
+    /// Place of a value: 0 at the low end, 1 at the high end.
+    pub fn place(&self, value: f64) -> f64 {
+        if self.logarithmic {
+            (value / self.low).log10() / (self.high / self.low).log10()
+        } else {
+            (value - self.low) / (self.high - self.low)
+        }
+    }
+}
+
+impl Ranged for Scale {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, (start, end): (i32, i32)) -> i32 {
+        start + (self.place(*value) * f64::from(end - start)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        // Light lines, between the ticks, are not drawn.
+        if hint.weight().allow_light_points() { Vec::new() } else { self.ticks.clone() }
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.low..self.high
+    }
+}
+
+impl ValueFormatter<f64> for Scale {
+    fn format_ext(&self, value: &f64) -> String {
+        self.label(*value)
+    }
+}
+
+/// Whether a value has a place on an axis.
+pub(super) fn drawable(value: f64, logarithmic: bool) -> bool {
+    value.abs() <= HUGE && !(logarithmic && value < f64::MIN_POSITIVE)
+}
+
+/// Label of an axis with its unit, and the power of ten that the tick labels leave out.
+pub(super) fn axis_label(axis: &Axis, exponent: i32) -> String {
+    let power = if exponent == 0 { String::new() } else { format!("10{}", superscript(exponent)) };
+    let unit = [power.as_str(), axis.unit.as_str()].into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>();
+    if unit.is_empty() { axis.label.clone() } else { format!("{} [{}]", axis.label, unit.join(" ")).trim().to_owned() }
+}
+
+/// Ends moved outwards by `margin` of the length, except from zero; a point becomes a stretch.
+fn widened(low: f64, high: f64, margin: f64) -> [f64; 2] {
+    let largest = low.abs().max(high.abs());
+    if high - low <= 1e-12 * largest {
+        let half = if largest > 1e-290 { 0.1 * largest } else { 1.0 };
+        return [low - half, high + half];
+    }
+    let extra = margin * (high - low);
+    [if low == 0.0 { low } else { low - extra }, if high == 0.0 { high } else { high + extra }]
+}
+
+/// The nearest of 1, 2, 5 times a power of ten.
+fn round_step(step: f64) -> f64 {
+    let power = 10f64.powf(step.log10().floor());
+    let digits = [1.0, 2.0, 5.0].into_iter().find(|d| step < 1.5 * d * power).unwrap_or(10.0);
+    digits * power
+}
+
+/// Powers of ten in a range, every n-th if there are too many, with 2 and 5 times them if there are few.
+fn decades(low: f64, high: f64, count: usize) -> Vec<f64> {
+    let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
+    let decades = (last - first) as usize;
+    let digits: &[f64] = if 3 * decades <= count + 2 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+    let every = decades.div_ceil(count).max(1);
+    let inside = |v: &f64| (low * (1.0 - 1e-9)..=high * (1.0 + 1e-9)).contains(v);
+    (first..=last)
+        .filter(|e| e.rem_euclid(every as i32) == 0)
+        .flat_map(|e| digits.iter().map(move |d| d * 10f64.powi(e)))
+        .filter(inside)
+        .collect()
+}
+
+fn power_of_ten(value: f64) -> String {
+    let exponent = (value.log10() + 1e-9).floor();
+    let digit = (value / 10f64.powf(exponent)).round();
+    if (-3.0..=4.0).contains(&exponent) {
+        return format!("{:.*}", (-exponent).max(0.0) as usize, value);
+    }
+    let power = format!("10{}", superscript(exponent as i32));
+    if digit == 1.0 { power } else { format!("{digit}·{power}") }
+}
+
+fn superscript(number: i32) -> String {
+    const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
+    number.to_string().chars().map(|c| c.to_digit(10).map_or('⁻', |digit| DIGITS[digit as usize])).collect()
+}
+
+/// With a minus sign in place of a hyphen.
+fn minus(text: &str) -> String {
+    text.replace('-', "−")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(low: f64, high: f64, logarithmic: bool) -> Vec<String> {
+        let axis = Axis { range: Some([low, high]), logarithmic, ..Axis::default() };
+        let scale = Scale::fit(&axis, std::iter::empty(), 0.0).ticked(5);
+        scale.labels().into_iter().map(|(_, text)| text).collect()
+    }
+
+    #[test]
+    fn ticks_are_round_numbers() {
+        assert_eq!(labels(0.0, 1.0, false), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
+        assert_eq!(labels(-3.0, 3.0, false), ["−3", "−2", "−1", "0", "1", "2", "3"]);
+        assert_eq!(labels(0.0, 0.05, false), ["0.00", "0.01", "0.02", "0.03", "0.04", "0.05"]);
+        assert_eq!(labels(0.0, 5e8, false), ["0", "100", "200", "300", "400", "500"]);
+        assert_eq!(labels(0.0, 2e-6, false), ["0.0", "0.5", "1.0", "1.5", "2.0"]);
+        assert_eq!(labels(1e-7, 1.0, true), ["10⁻⁶", "10⁻⁴", "0.01", "1"]);
+        assert_eq!(labels(1.0, 100.0, true), ["1", "2", "5", "10", "20", "50", "100"]);
+        assert_eq!(labels(3.0, 3.4, true), ["3.0", "3.1", "3.2", "3.3", "3.4"]);
+    }
+
+    #[test]
+    fn any_values_get_a_range() {
+        let fit = |values: &[f64], logarithmic| {
+            let axis = Axis { logarithmic, ..Axis::default() };
+            let scale = Scale::fit(&axis, values.iter().copied(), 0.05).ticked(5);
+            assert!(scale.low < scale.high && scale.low.is_finite() && scale.high.is_finite(), "{values:?}");
+            assert!(scale.ticks.len() < 20, "{values:?}");
+            (scale.low, scale.high)
+        };
+        assert_eq!(fit(&[], false), (0.0, 1.0));
+        assert_eq!(fit(&[], true), (1.0, 10.0));
+        assert_eq!(fit(&[-1.0, 0.0], true), (1.0, 10.0));
+        assert_eq!(fit(&[0.0], false), (-1.0, 1.0));
+        assert_eq!(fit(&[0.0, 10.0], false), (0.0, 10.5));
+        for values in [[1e-320, 1e-310], [1e299, 1e299], [-1e300, 1e300], [5.0, 5.0 + 1e-15], [f64::NAN, 2.0]] {
+            fit(&values, false);
+            fit(&values, true);
+        }
+    }
+
+    #[test]
+    fn the_axis_names_its_unit() {
+        assert_eq!(axis_label(&Axis::new("force", "N"), 0), "force [N]");
+        assert_eq!(axis_label(&Axis::new("stiffness", "N/m"), 6), "stiffness [10⁶ N/m]");
+        assert_eq!(axis_label(&Axis::new("part", ""), -6), "part [10⁻⁶]");
+        assert_eq!(axis_label(&Axis::new("part", ""), 0), "part");
+    }
+}

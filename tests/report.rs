@@ -1,0 +1,277 @@
+//! The report page in a real browser: no errors, no requests, every figure drawn, zoom, hover, dark mode, a phone.
+#![cfg(feature = "plot")]
+#![allow(clippy::unwrap_used, reason = "a test stops at what it did not expect")]
+
+mod figures;
+
+use std::{
+    env, fs,
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+    time::{Duration, Instant},
+};
+
+use flank::plot::{Cell, Figure, Item, Report, Section, Table, Verdict};
+use serde_json::Value;
+
+/// Watches the page from its first line on.
+const WATCH: &str = r#"<script>
+window.seen = { errors: [], blocked: [] };
+addEventListener("error", (event) => seen.errors.push(String(event.message)));
+addEventListener("unhandledrejection", (event) => seen.errors.push(String(event.reason)));
+addEventListener("securitypolicyviolation", (event) => seen.blocked.push(event.blockedURI + " " + event.violatedDirective));
+console.error = (...words) => seen.errors.push(words.join(" "));
+</script>"#;
+
+/// Uses the page as a reader would, and tells the page around it what happened.
+const USE: &str = r##"<script>
+(async () => {
+  const wait = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
+  const drawn = async () => { while (!document.documentElement.dataset.drawn) await wait(20); };
+  const mouse = (kind, target, x, y, buttons) => target.dispatchEvent(new MouseEvent(kind,
+    { bubbles: true, cancelable: true, view: window, clientX: x, clientY: y, button: 0, buttons }));
+  const all = (query, within) => [...(within || document).querySelectorAll(query)];
+  const tell = {};
+  try {
+    await drawn();
+    tell.width = innerWidth;
+    tell.overflow = document.documentElement.scrollWidth - innerWidth;
+    tell.tableScrolls = all(".scroll").some((box) => box.scrollWidth > box.clientWidth);
+    tell.figures = all("figure").map((figure) => ({
+      id: figure.id,
+      traces: all(".scatterlayer .trace", figure).length,
+      empty: all(".scatterlayer .trace", figure).filter((trace) => !trace.querySelector("path[d]")).length,
+      panels: all(".cartesianlayer > .subplot", figure).length,
+      columns: new Set(Object.entries(figure.querySelector(".plot").layout)
+        .filter(([name]) => name.startsWith("xaxis")).map(([, axis]) => axis.domain[0].toFixed(3))).size,
+      words: figure.textContent,
+      legend: all(".legend button", figure).map((entry) => entry.textContent),
+      bands: all(".shapelayer path", figure).length,
+    }));
+
+    const figure = document.getElementById("mesh-forces");
+    const plot = figure.querySelector(".plot");
+    plot.scrollIntoView();
+    const panel = () => figure.querySelector(".nsewdrag");
+    const range = () => plot.layout.xaxis.range.slice();
+    const ticks = () => all(".xaxislayer-above text", figure).map((tick) => tick.textContent).sort().join(" ");
+    const box = panel().getBoundingClientRect();
+    const middle = box.top + box.height / 2;
+
+    mouse("mousemove", panel(), box.left + box.width * 0.3, middle, 0);
+    await wait(500);
+    tell.hover = all(".hoverlayer .hovertext", figure).map((label) => label.textContent).join(" ");
+
+    tell.before = { range: range(), ticks: ticks() };
+    mouse("mousedown", panel(), box.left + box.width * 0.25, middle, 1);
+    await wait(50);
+    for (const part of [0.3, 0.4, 0.5]) { mouse("mousemove", document, box.left + box.width * part, middle, 1); await wait(50); }
+    mouse("mouseup", document, box.left + box.width * 0.5, middle, 0);
+    await wait(800);
+    tell.zoomed = { range: range(), ticks: ticks() };
+    figure.querySelector('[data-title="Reset axes"]').click();
+    await wait(800);
+    tell.reset = { range: range(), ticks: ticks() };
+
+    const count = () => all(".scatterlayer .trace path.js-line", figure).length;
+    tell.lines = [count()];
+    figure.querySelector(".legend button").click();
+    await wait(300);
+    tell.lines.push(count());
+
+    const colours = () => [getComputedStyle(document.body).backgroundColor, figure.querySelector(".main-svg").style.background,
+      getComputedStyle(figure.querySelector(".xtick text")).fill];
+    tell.colours = [colours()];
+    document.getElementById("theme").click();
+    await drawn();
+    tell.colours.push(colours());
+
+    tell.requests = performance.getEntriesByType("resource").map((entry) => entry.name);
+  } catch (error) {
+    seen.errors.push(String(error && error.stack || error));
+  }
+  parent.postMessage({ ...tell, ...seen }, "*");
+})();
+</script>"##;
+
+/// Two windows, as wide as a desk and as a phone, and what they tell.
+const WINDOWS: &str = r#"<!DOCTYPE html><meta charset="utf-8"><pre id="told"></pre>
+<iframe src="watched.html\#light" style="width:1200px;height:900px;border:0"></iframe>
+<iframe src="watched.html\#light" style="width:360px;height:800px;border:0"></iframe>
+<script>
+const told = [];
+addEventListener("message", (event) => {
+  told.push(event.data);
+  if (told.length === 2) {
+    told.sort((one, other) => other.width - one.width);
+    document.getElementById("told").textContent = encodeURIComponent(JSON.stringify(told));
+  }
+});
+</script>"#;
+
+/// A browser of Chromium's kin: the one that `FLANK_BROWSER` names, or the first in the path.
+fn browser() -> Option<PathBuf> {
+    if let Some(named) = env::var_os("FLANK_BROWSER") {
+        return Some(named.into());
+    }
+    let folders: Vec<PathBuf> = env::split_paths(&env::var_os("PATH")?).collect();
+    let names = ["chromium", "chromium-browser", "google-chrome"];
+    names.iter().flat_map(|name| folders.iter().map(move |folder| folder.join(name))).find(|path| path.is_file())
+}
+
+/// What the browser makes of a page, once its scripts are done.
+fn document(browser: &Path, folder: &Path, page: &str) -> String {
+    let out = folder.join("document.html");
+    let mut running = Command::new(browser)
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"])
+        .args(["--disable-component-update", "--disable-sync", "--no-first-run", "--window-size=1300,1000"])
+        .args(["--virtual-time-budget=120000", "--dump-dom"])
+        .arg(format!("--user-data-dir={}", folder.join("profile").display()))
+        .arg(format!("file://{}", folder.join(page).display()))
+        .stdout(fs::File::create(&out).unwrap())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap_or_else(|error| panic!("{}: {error}", browser.display()));
+    // A browser that hangs must not hang the tests; on a loaded machine it takes some 20 s.
+    let begin = Instant::now();
+    while running.try_wait().unwrap().is_none() {
+        if begin.elapsed() > Duration::from_secs(300) {
+            running.kill().unwrap();
+            panic!("{} did not come to an end", browser.display());
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    fs::read_to_string(out).unwrap()
+}
+
+fn percent_decoded(text: &str) -> String {
+    let mut bytes = Vec::new();
+    let mut rest = text.as_bytes();
+    while let [first, tail @ ..] = rest {
+        if *first == b'%' {
+            bytes.push(u8::from_str_radix(std::str::from_utf8(&tail[..2]).unwrap(), 16).unwrap());
+            rest = &tail[2..];
+        } else {
+            bytes.push(*first);
+            rest = tail;
+        }
+    }
+    String::from_utf8(bytes).unwrap()
+}
+
+fn report(figures: Vec<Figure>) -> Report {
+    let table = Table {
+        title: "Numbers".into(),
+        head: ["quantity", "published", "Flank", "difference", "place in the source", "verdict"]
+            .map(String::from)
+            .to_vec(),
+        rows: vec![vec![
+            "time apart at 500 rpm".into(),
+            "0.25".into(),
+            "0.254".into(),
+            "2 %".into(),
+            "figure 7".into(),
+            Cell::judged("agrees", Verdict::Ok),
+        ]],
+        note: String::new(),
+    };
+    let items = figures.into_iter().map(Item::Figure).chain([Item::Table(table)]).collect();
+    Report {
+        title: "Study".into(),
+        sections: vec![Section { title: "All".into(), text: String::new(), items }],
+        ..Report::default()
+    }
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
+}
+
+#[test]
+fn a_browser_shows_the_report() {
+    let Some(browser) = browser() else {
+        let wanted = env::var_os("CI").is_some() || env::var_os("FLANK_REQUIRE_BROWSER").is_some();
+        assert!(!wanted, "no chromium, chromium-browser or google-chrome in the path; FLANK_BROWSER can name one");
+        eprintln!("skipped: no browser found");
+        return;
+    };
+    let figures = figures::all();
+    let page = report(figures.clone()).html();
+    let (head, rest) = page.split_once("<head>").unwrap();
+    let (body, end) = rest.rsplit_once("</body>").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("watched.html"), format!("{head}<head>{WATCH}{body}{USE}</body>{end}")).unwrap();
+    fs::write(folder.path().join("windows.html"), WINDOWS.replace("\\#", "#")).unwrap();
+    let document = document(&browser, folder.path(), "windows.html");
+    let told = document.split_once("<pre id=\"told\">").unwrap().1.split_once("</pre>").unwrap().0;
+    assert!(!told.is_empty(), "the page did not get to its end");
+    let told: Value = serde_json::from_str(&percent_decoded(told)).unwrap();
+    let windows = told.as_array().unwrap();
+    assert_eq!(windows.iter().map(|window| window["width"].as_u64().unwrap()).collect::<Vec<_>>(), [1200, 360]);
+    for window in windows {
+        check(window, &figures);
+    }
+    // A table too wide for a phone scrolls in its own box.
+    assert_eq!([&windows[0]["tableScrolls"], &windows[1]["tableScrolls"]], [false, true]);
+}
+
+/// What must hold in a window of any width.
+fn check(window: &Value, figures: &[Figure]) {
+    assert_eq!(window["errors"], serde_json::json!([]));
+    assert_eq!(window["blocked"], serde_json::json!([]));
+    assert_eq!(window["requests"], serde_json::json!([]));
+    assert!(window["overflow"].as_f64().unwrap() <= 0.0, "{}", window["overflow"]);
+
+    let shown = window["figures"].as_array().unwrap();
+    assert_eq!(shown.len(), figures.len());
+    let narrow = window["width"].as_u64().unwrap() < 700;
+    for (shown, figure) in shown.iter().zip(figures) {
+        let id = &figure.id;
+        assert_eq!(shown["id"], id.as_str());
+        let series: usize = figure.panels.iter().map(|panel| panel.series.len()).sum();
+        assert_eq!(shown["traces"], series, "{id}");
+        assert_eq!(shown["empty"], 0, "{id}");
+        assert_eq!(shown["panels"], figure.panels.len(), "{id}");
+        assert_eq!(shown["columns"], if narrow { 1 } else { figure.columns }, "{id}");
+        let bands: usize = figure.panels.iter().map(|panel| panel.bands.len() + panel.guides.len()).sum();
+        assert_eq!(shown["bands"], bands, "{id}");
+        let (words, legend) = (shown["words"].as_str().unwrap(), shown["legend"].to_string());
+        for panel in &figure.panels {
+            for axis in [&panel.x, &panel.y] {
+                // A long label is broken into lines, which are joined without a space here.
+                let label =
+                    if axis.unit.is_empty() { axis.label.clone() } else { format!("{} [{}]", axis.label, axis.unit) };
+                assert!(words.replace(' ', "").contains(&label.replace(' ', "")), "{id}: `{label}`");
+            }
+            let names = panel.series.iter().map(|series| &series.name).chain(panel.bands.iter().map(|band| &band.name));
+            for name in names {
+                assert!(legend.contains(&format!("\"{name}\"")), "{id}: `{name}` in {legend}");
+            }
+        }
+    }
+
+    let hover = window["hover"].as_str().unwrap();
+    assert!(
+        hover.contains("mesh force") && hover.contains(" N") && hover.contains("time") && hover.contains(" ms"),
+        "{hover}"
+    );
+
+    // Dragged from a quarter to half of 20 ms, and back. A pixel is 0.1 ms on a phone.
+    let [before, zoomed, reset] = ["before", "zoomed", "reset"].map(|state| &window[state]);
+    assert_eq!(numbers(&before["range"]), [0.0, 20.0]);
+    for (end, expected) in numbers(&zoomed["range"]).into_iter().zip([5.0, 10.0]) {
+        assert!((end - expected).abs() < 0.2, "{end} for {expected}");
+    }
+    assert_ne!(before["ticks"], zoomed["ticks"]);
+    assert_eq!(before, reset);
+
+    let lines = numbers(&window["lines"]);
+    assert_eq!(lines[1], lines[0] - 1.0, "an entry of the legend hides its series");
+
+    let colours = window["colours"].as_array().unwrap();
+    for i in 0..3 {
+        assert_ne!(colours[0][i], colours[1][i]);
+    }
+    assert_eq!(colours[0][0], "rgb(255, 255, 255)");
+    assert_eq!(colours[1][0], colours[1][1]);
+}
