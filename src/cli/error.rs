@@ -94,6 +94,7 @@ impl CliError {
     pub fn report(self) -> ExitCode {
         let code = match self {
             Self::Run(_) | Self::Overflow(_) | Self::File(..) => 1,
+            Self::Study(StudyError::Run(_) | StudyError::Budget { .. } | StudyError::Overflow(_)) => 1,
             _ => 2,
         };
         eprintln!("{:?}", miette::Report::new(self));

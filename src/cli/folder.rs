@@ -28,7 +28,7 @@ impl Folder {
         fs::create_dir_all(path).map_err(|error| CliError::path(path, error))?;
         let folder = Self { path: path.to_owned() };
         // What an earlier run left must not be taken for this one's, even if this one is killed.
-        for name in [SUMMARY, "events.jsonl", "trajectory.csv", "identify.json", "scene.json"] {
+        for name in [SUMMARY, "events.jsonl", "trajectory.csv", "identify.json", "scene.json", "report.html", "study.json", "table.csv"] {
             match fs::remove_file(folder.path.join(name)) {
                 Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
                     return Err(CliError::path(&folder.path.join(name), error));
@@ -61,8 +61,14 @@ impl Folder {
 
     /// Writes a JSON file: complete, or not at all.
     pub fn complete(&self, name: &str, content: &impl Serialize) -> Result<(), CliError> {
+        let text = serde_json::to_string_pretty(content);
+        let text = text.map_err(|error| CliError::path(&self.path.join(name), error.into()))?;
+        self.bytes(name, (text + "\n").as_bytes())
+    }
+
+    /// Writes any file: complete, or not at all.
+    pub fn bytes(&self, name: &str, text: &[u8]) -> Result<(), CliError> {
         let (path, part) = (self.path.join(name), self.path.join(format!("{name}.part")));
-        let text = serde_json::to_string_pretty(content).map_err(|error| CliError::path(&path, error.into()))? + "\n";
         fs::write(&part, text).and_then(|()| fs::rename(&part, &path)).map_err(|error| CliError::path(&path, error))
     }
 }

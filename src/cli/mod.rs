@@ -11,6 +11,7 @@ mod run;
 mod scene;
 mod schema;
 mod session;
+mod study;
 mod summary;
 mod sweep;
 mod table;
@@ -35,6 +36,8 @@ pub struct Arguments {
 enum Command {
     /// Run a scene: events, measures, energy ledger
     Run(run::Arguments),
+    /// Make every figure and number of a study, with a report to look at
+    Study(study::Arguments),
     /// Measure the steady motion at every point of a grid of scene numbers
     Sweep(sweep::Arguments),
     /// Show what a scene builds: freedoms, contacts, natural frequencies, integrators, warnings
@@ -71,6 +74,7 @@ impl Done {
 pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
     match arguments.command {
         Command::Run(arguments) => return run::execute(&arguments),
+        Command::Study(arguments) => return study::execute(&arguments),
         Command::Sweep(arguments) => return sweep::execute(&arguments),
         Command::Identify(arguments) => return identify::execute(&arguments),
         Command::Check(arguments) => check::execute(&arguments)?,

@@ -1,3 +1,4 @@
+use super::identify::IdentifyError;
 use crate::{
     engine::EngineError,
     integrate::IntegrateError,
@@ -12,6 +13,9 @@ pub enum StudyError {
     /// The scene cannot be used.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// The identification cannot be done.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
     /// The train cannot be assembled.
     #[error(transparent)]
     Assemble(#[from] AssembleError),

@@ -10,6 +10,8 @@ pub mod figures;
 pub mod plan;
 pub mod published;
 pub mod identify;
+#[cfg(feature = "plot")]
+pub mod page;
 pub mod record;
 pub mod steady;
 pub mod threshold;

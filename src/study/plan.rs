@@ -36,12 +36,15 @@ pub enum Kind {
     History,
     /// Natural modes, drawn.
     Modes,
+    /// Identified numbers; a table, for the reference set only.
+    Identification,
 }
 
 impl Kind {
     /// All of them, in the order of a report.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Modes,
+        Self::Identification,
         Self::Forces,
         Self::Waterfall,
         Self::Harmonics,
@@ -67,6 +70,7 @@ impl Kind {
             Self::Trajectories => "trajectories",
             Self::History => "history",
             Self::Modes => "modes",
+            Self::Identification => "identification",
         }
     }
 }
@@ -74,8 +78,8 @@ impl Kind {
 /// What one figure came to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    /// The figure.
-    pub figure: Figure,
+    /// The figure, if it is one.
+    pub figure: Option<Figure>,
     /// The scene it was made from, in words, and its hash.
     pub scene: [String; 2],
     /// Published numbers beside Flank's, in the study of the reference set.
@@ -172,7 +176,7 @@ impl Plan {
     pub fn runs(&self, kind: Kind) -> usize {
         match kind {
             Kind::Forces | Kind::History => 1,
-            Kind::Modes => 0,
+            Kind::Modes | Kind::Identification => 1,
             Kind::Waterfall => self.waterfall_speeds().len(),
             Kind::Harmonics => self.heavy_speeds.len(),
             Kind::Cycles => self.shown_loads.len(),
@@ -204,7 +208,7 @@ impl Plan {
         let load = |scene: &Scene| load_pointer(scene).ok_or_else(|| lacks(scene, "load in N m"));
         let said = |rows: Vec<Comparison>| if self.published { rows } else { Vec::new() };
         let entry = |figure, scene: &Scene, words: &str, rows| Entry {
-            figure,
+            figure: Some(figure),
             scene: [format!("{}{}{words}", scene.name(), if words.is_empty() { "" } else { ", " }), scene.hash()],
             comparisons: said(rows),
         };
@@ -213,6 +217,14 @@ impl Plan {
             Kind::Modes => {
                 let (figure, rows) = figures::modes(&self.full()?, self.highest[1])?;
                 entry(figure, &self.full()?, "all freedoms", published::modes(&rows))
+            }
+            Kind::Identification => {
+                if !self.published {
+                    let missing = "only the reference set has printed values to identify it from; see flank identify";
+                    return Err(StudyError::Missing { name: self.heavy.name().to_owned(), missing: missing.to_owned() });
+                }
+                let scene = self.full()?;
+                Entry { figure: None, ..entry(Figure::default(), &scene, "all freedoms", published::identified()?) }
             }
             Kind::Forces => {
                 let (figure, found) = figures::forces(context, &self.heavy, self.highest[0])?;

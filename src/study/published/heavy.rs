@@ -8,6 +8,11 @@ use crate::{
 
 const FITTED: &str = "the error harmonics of the preset were fitted to this";
 
+/// A published number that the paper's own data contradict.
+fn contradicting(row: Comparison) -> Comparison {
+    Comparison { verdict: Verdict::Contradiction, ..row }
+}
+
 /// Figures 5 and 6.
 #[must_use]
 pub fn forces(found: &[Forces]) -> Vec<Comparison> {
@@ -21,13 +26,13 @@ pub fn forces(found: &[Forces]) -> Vec<Comparison> {
             .noting(FITTED)
     };
     vec![
-        numbers(
+        contradicting(numbers(
             "5b",
             "mesh frequency at 500 rev/min",
             (212.0, sun.mesh_frequency),
             "Hz",
             "n/60 Z_s Z_r/(Z_s + Z_r); 212 Hz belong to 506.6 rev/min",
-        ),
+        )),
         numbers(
             "5a",
             "sun-planet force: mean",
@@ -35,13 +40,13 @@ pub fn forces(found: &[Forces]) -> Vec<Comparison> {
             "N",
             "T_out = 500 N m shared with the springs of sun and carrier; without them 968 N",
         ),
-        numbers(
+        contradicting(numbers(
             "6a",
             "ring-planet force: mean",
             (750.0, ring.mean),
             "N",
             "in periodic motion the two means differ by the drag on a planet alone: 24 N would be needed",
-        ),
+        )),
         numbers("5a", "sun-planet force: amplitude", (168.0, amplitude(sun)), "N", FITTED),
         numbers("6a", "ring-planet force: amplitude", (118.0, amplitude(ring)), "N", FITTED),
         harmonics("5b", sun, "1 to 4, third highest", 3),

@@ -7,11 +7,13 @@
 mod contradictions;
 mod floating;
 mod heavy;
+mod identified;
 mod light;
 
 pub use contradictions::contradictions;
 pub use floating::{history, trajectories};
 pub use heavy::{forces, harmonics, modes, waterfall};
+pub use identified::identified;
 pub use light::{apart_by_load, apart_by_speed, cycles, threshold};
 
 use serde::Serialize;

@@ -1,0 +1,233 @@
+//! `flank study`.
+
+use std::path::{Path, PathBuf};
+
+use flank::{
+    plot::{self, Theme},
+    scene::Scene,
+    study::{
+        StudyError,
+        figures::Context,
+        page::Contents,
+        plan::{Entry, Kind, Plan},
+        published::{Comparison, contradictions},
+        steady::Rule,
+    },
+    sweep::{Axis, GridError},
+};
+use serde::Serialize;
+use serde_json::json;
+
+use super::{
+    CliError, Done,
+    folder::Folder,
+    print,
+    progress::{catch_interrupt, counting, interrupt},
+    table::Table,
+};
+
+/// Arguments of `flank study`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Scene file; the reference planetary set, beside its published numbers, if left out
+    scene: Option<PathBuf>,
+    /// Folder of report.html, the figures and their data
+    #[arg(long, value_name = "DIR", default_value = "study")]
+    out: PathBuf,
+    /// Make only these figures
+    #[arg(long, value_name = "FIG", num_args = 1.., value_parser = kind)]
+    only: Vec<Kind>,
+    /// Loads, N m: FROM:TO:COUNT or V1,V2,…
+    #[arg(long, value_name = "AXIS")]
+    loads: Option<String>,
+    /// Speeds, rev/min: FROM:TO:COUNT or V1,V2,…
+    #[arg(long, value_name = "AXIS")]
+    speeds: Option<String>,
+    /// Write into a folder that is not empty
+    #[arg(long)]
+    force: bool,
+    /// Threads; as many as there are cores if left out
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Print nothing
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+fn kind(word: &str) -> Result<Kind, String> {
+    Kind::ALL.into_iter().find(|kind| kind.id() == word).ok_or_else(|| {
+        let names: Vec<&str> = Kind::ALL.iter().map(|kind| kind.id()).collect();
+        format!("known figures: {}", names.join(", "))
+    })
+}
+
+/// `study.json`: where everything came from, and the table.
+#[derive(Serialize)]
+struct Summary<'a> {
+    flank: &'static str,
+    rule: Rule,
+    figures: Vec<serde_json::Value>,
+    missing: Vec<serde_json::Value>,
+    comparisons: Vec<&'a Comparison>,
+    contradictions: &'a [Comparison],
+}
+
+/// Makes a study.
+pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let plan = plan(arguments)?;
+    let folder = Folder::open(&arguments.out, arguments.force)?;
+    let figures = Folder::open(&arguments.out.join("figures"), true)?;
+    let asked: Vec<Kind> = Kind::ALL
+        .into_iter()
+        .filter(|kind| arguments.only.is_empty() || arguments.only.contains(kind))
+        .filter(|kind| plan.published || *kind != Kind::Identification || arguments.only.contains(kind))
+        .collect();
+
+    catch_interrupt();
+    let bar = counting("runs", arguments.quiet);
+    bar.set_length(asked.iter().map(|kind| plan.runs(*kind) as u64).sum());
+    let done = || bar.inc(1);
+    let context = Context { rule: Rule::default(), interrupted: interrupt(), done: &done };
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(arguments.threads.map_or(0, usize::from))
+        .build()
+        .map_err(|error| CliError::file("threads", std::io::Error::other(error)))?;
+
+    let mut contents = Contents { title: title(&plan), ..Contents::default() };
+    for kind in asked {
+        match pool.install(|| plan.make(kind, &context)) {
+            Ok(entry) => {
+                if let Some(figure) = &entry.figure {
+                    write(&figures, figure)?;
+                }
+                contents.entries.push((kind, entry));
+            }
+            Err(StudyError::Interrupted) => {
+                bar.finish_and_clear();
+                let kept = contents.entries.len();
+                let out = arguments.out.display();
+                return print(&format!("interrupted: {kept} figures are kept in {out}/figures; --only makes the others\n"))
+                    .map(|()| Done::Partly);
+            }
+            // A train without what a figure shows is no failure, unless that figure was asked for by name.
+            Err(StudyError::Missing { missing, .. }) if arguments.only.is_empty() => contents.missing.push((kind, missing)),
+            Err(error) => {
+                bar.finish_and_clear();
+                return Err(error.into());
+            }
+        }
+    }
+    bar.finish_and_clear();
+    if plan.published && arguments.only.is_empty() {
+        contents.contradictions = contradictions().map_err(StudyError::from)?;
+    }
+    contents.provenance = provenance(&contents, &context.rule);
+
+    folder.bytes("table.csv", csv(&contents).as_bytes())?;
+    folder.complete("study.json", &summary(&contents, context.rule))?;
+    folder.bytes("report.html", contents.report().html().as_bytes())?;
+    if !arguments.quiet {
+        print(&text(&contents, &arguments.out))?;
+    }
+    Ok(Done::Completely)
+}
+
+fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
+    let mut faults = Vec::new();
+    // An axis has a pointer in a sweep; here it has the name of its argument.
+    let mut values = |name: &str, text: &Option<String>| {
+        let axis = Axis::parse(&format!("/{name}={}", text.as_ref()?)).map_err(|found| faults.extend(found)).ok()?;
+        Some((0..axis.count()).map(|i| axis.value(i)).collect::<Vec<f64>>())
+    };
+    let (loads, speeds) = (values("loads", &arguments.loads), values("speeds", &arguments.speeds));
+    if !faults.is_empty() {
+        return Err(GridError(faults).into());
+    }
+    match &arguments.scene {
+        Some(path) => Ok(Plan::of(&Scene::from_file(path)?, loads, speeds)),
+        None => {
+            let mut plan = Plan::reference()?;
+            plan.loads = loads.unwrap_or(plan.loads);
+            if let Some(speeds) = speeds {
+                plan.heavy_speeds.clone_from(&speeds);
+                plan.speeds = speeds;
+            }
+            Ok(plan)
+        }
+    }
+}
+
+fn title(plan: &Plan) -> String {
+    if plan.published {
+        "Vibro-impact of the reference planetary set".to_owned()
+    } else {
+        format!("Study of {}", plan.light.name())
+    }
+}
+
+/// One figure in all its forms.
+fn write(folder: &Folder, figure: &plot::Figure) -> Result<(), CliError> {
+    let file = |kind: &str, bytes: &[u8]| folder.bytes(&format!("{}.{kind}", figure.id), bytes);
+    file("csv", figure.csv().as_bytes())?;
+    file("json", figure.json().as_bytes())?;
+    file("svg", plot::svg(figure, Theme::Light).as_bytes())?;
+    file("png", &plot::png(figure, 1.5))
+}
+
+fn provenance(contents: &Contents, rule: &Rule) -> Vec<String> {
+    let mut lines = vec![format!("flank {}", env!("CARGO_PKG_VERSION"))];
+    for (kind, Entry { scene: [words, hash], .. }) in &contents.entries {
+        lines.push(format!("{}: scene {words}; SHA-256 of the scene {hash}", kind.id()));
+    }
+    let settling = rule.settling;
+    lines.push(format!(
+        "Transients end when the motion is within {:e} (relative) of an orbit of at most {} periods, judged from the section at \
+         the start of each forcing period; after {} periods a motion counts as irregular.",
+        settling.tolerance, settling.longest_period, settling.most_cycles
+    ));
+    lines
+}
+
+fn summary(contents: &Contents, rule: Rule) -> Summary<'_> {
+    let figure = |(kind, entry): &(Kind, Entry)| {
+        json!({ "id": kind.id(), "scene": entry.scene[0], "scene_sha256": entry.scene[1] })
+    };
+    Summary {
+        flank: env!("CARGO_PKG_VERSION"),
+        rule,
+        figures: contents.entries.iter().map(figure).collect(),
+        missing: contents.missing.iter().map(|(kind, why)| json!({ "id": kind.id(), "why": why })).collect(),
+        comparisons: contents.comparisons(),
+        contradictions: &contents.contradictions,
+    }
+}
+
+fn rows(contents: &Contents) -> impl Iterator<Item = &Comparison> {
+    contents.comparisons().into_iter().chain(&contents.contradictions)
+}
+
+fn csv(contents: &Contents) -> String {
+    let quoted = |field: &str| format!("\"{}\"", field.replace('"', "\"\""));
+    let mut text = "figure,quantity,published,flank,verdict,note\r\n".to_owned();
+    for row in rows(contents) {
+        let fields = [row.place, &row.quantity, &row.published, &row.found, row.verdict.word(), &row.note];
+        text.push_str(&(fields.map(quoted).join(",") + "\r\n"));
+    }
+    text
+}
+
+fn text(contents: &Contents, out: &Path) -> String {
+    let mut text = format!("{}\n\n", contents.title);
+    let mut table = Table::new(&["", "published", "flank", "verdict"]);
+    for row in contents.comparisons() {
+        let name = format!("{:>5}  {}", row.place, row.quantity);
+        table.row(vec![name, row.published.clone(), row.found.clone(), row.verdict.word().to_owned()]);
+    }
+    if !contents.comparisons().is_empty() {
+        text += &format!("{table}\n");
+    }
+    for (kind, why) in &contents.missing {
+        text += &format!("not made: {} ({why})\n", kind.id());
+    }
+    text + &format!("{}\n", out.join("report.html").display())
+}

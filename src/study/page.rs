@@ -1,0 +1,141 @@
+//! The report of a study.
+
+use super::{
+    plan::{Entry, Kind},
+    published::{Comparison, Verdict},
+};
+use crate::plot::{self, Cell, Item, Report, Section, Table};
+
+/// What goes into a report.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Contents {
+    /// Title of the page.
+    pub title: String,
+    /// What was made, in the order made.
+    pub entries: Vec<(Kind, Entry)>,
+    /// What was asked for and cannot be had, and why.
+    pub missing: Vec<(Kind, String)>,
+    /// Where the source contradicts itself.
+    pub contradictions: Vec<Comparison>,
+    /// How the page came about, line by line.
+    pub provenance: Vec<String>,
+}
+
+/// Sections of a report and what belongs there.
+const SECTIONS: [(&str, &str, &[Kind]); 4] = [
+    (
+        "Modes and identified numbers",
+        "Natural frequencies and shapes of the train with every mesh closed.",
+        &[Kind::Modes, Kind::Identification],
+    ),
+    ("Heavy load", "Forces of meshes that stay in contact, and their spectra.", &[Kind::Forces, Kind::Waterfall, Kind::Harmonics]),
+    (
+        "Light load",
+        "Separation and impact: how long the teeth are apart, and what ends it.",
+        &[Kind::Cycles, Kind::ApartVsLoad, Kind::ApartVsSpeed, Kind::ThresholdVsSpeed],
+    ),
+    ("Floating bodies", "Paths of the centres and their spectra.", &[Kind::Trajectories, Kind::History]),
+];
+
+impl Contents {
+    /// All comparisons, in order.
+    #[must_use]
+    pub fn comparisons(&self) -> Vec<&Comparison> {
+        self.entries.iter().flat_map(|(_, entry)| &entry.comparisons).collect()
+    }
+
+    /// The page.
+    #[must_use]
+    pub fn report(&self) -> Report {
+        let mut sections = Vec::new();
+        if self.entries.iter().any(|(_, entry)| !entry.comparisons.is_empty()) {
+            sections.push(Section {
+                title: "Published, Flank, verdict".to_owned(),
+                text: "A number agrees within 5 %, in part within 15 %. A statement agrees if the computed motion bears it \
+                       out. Rows that were part of the fit that gave the presets say so: they are no test. Nothing was \
+                       tuned to this page."
+                    .to_owned(),
+                items: vec![Item::Table(table("All comparisons", "", &self.comparisons()))],
+            });
+        }
+        for (title, text, kinds) in SECTIONS {
+            let mut items = Vec::new();
+            for (kind, entry) in self.entries.iter().filter(|(kind, _)| kinds.contains(kind)) {
+                if let Some(figure) = &entry.figure {
+                    let mut figure = figure.clone();
+                    figure.caption = format!("{} Scene: {}.", figure.caption, entry.scene[0]);
+                    items.push(Item::Figure(figure));
+                }
+                if *kind == Kind::Identification {
+                    let rows: Vec<&Comparison> = entry.comparisons.iter().collect();
+                    let note = "\"Published\" is here the preset's value, identified once from all printed values together.";
+                    items.push(Item::Table(table("Identified numbers, found again from printed values", note, &rows)));
+                }
+            }
+            if !items.is_empty() {
+                sections.push(Section { title: title.to_owned(), text: text.to_owned(), items });
+            }
+        }
+        if !self.contradictions.is_empty() {
+            sections.push(Section {
+                title: "Where the source contradicts itself".to_owned(),
+                text: "Computed from the source's own tooth numbers, masses and loads.".to_owned(),
+                items: vec![Item::Table(table("", "", &self.contradictions.iter().collect::<Vec<_>>()))],
+            });
+        }
+        Report {
+            title: self.title.clone(),
+            summary: self.summary(),
+            sections,
+            provenance: self.provenance.clone(),
+            files: Some("figures".to_owned()),
+        }
+    }
+
+    fn summary(&self) -> Vec<String> {
+        let rows = self.comparisons();
+        let count = |verdict: Verdict| rows.iter().filter(|row| row.verdict == verdict).count();
+        let mut lines = Vec::new();
+        if !rows.is_empty() {
+            lines.push(format!(
+                "{} published numbers and statements: {} agree, {} in part, {} deviate, {} contradict the source's own data.",
+                rows.len(),
+                count(Verdict::Agrees),
+                count(Verdict::Partly),
+                count(Verdict::Deviates),
+                count(Verdict::Contradiction)
+            ));
+        }
+        lines.extend(self.missing.iter().map(|(kind, why)| format!("Not made: {} ({why}).", kind.id())));
+        lines.push(
+            "Drag over a figure to zoom, double-click to return, point at a curve for its numbers; a word in the legend \
+             hides its curve."
+                .to_owned(),
+        );
+        lines
+    }
+}
+
+fn table(title: &str, note: &str, rows: &[&Comparison]) -> Table {
+    let cells = |row: &&Comparison| {
+        let verdict = match row.verdict {
+            Verdict::Agrees => plot::Verdict::Ok,
+            Verdict::Partly | Verdict::Deviates => plot::Verdict::Deviates,
+            Verdict::Contradiction => plot::Verdict::Contradicts,
+        };
+        vec![
+            Cell::from(row.place),
+            Cell::from(row.quantity.as_str()),
+            Cell::from(row.published.as_str()),
+            Cell::from(row.found.as_str()),
+            Cell::judged(row.verdict.word(), verdict),
+            Cell::from(row.note.as_str()),
+        ]
+    };
+    Table {
+        title: title.to_owned(),
+        head: ["Figure", "Quantity", "Published", "Flank", "Verdict", "Note"].map(String::from).to_vec(),
+        rows: rows.iter().map(cells).collect(),
+        note: note.to_owned(),
+    }
+}
