@@ -28,7 +28,16 @@ impl Folder {
         fs::create_dir_all(path).map_err(|error| CliError::path(path, error))?;
         let folder = Self { path: path.to_owned() };
         // What an earlier run left must not be taken for this one's, even if this one is killed.
-        for name in [SUMMARY, "events.jsonl", "trajectory.csv", "identify.json", "scene.json", "report.html", "study.json", "table.csv"] {
+        for name in [
+            SUMMARY,
+            "events.jsonl",
+            "trajectory.csv",
+            "identify.json",
+            "scene.json",
+            "report.html",
+            "study.json",
+            "table.csv",
+        ] {
             match fs::remove_file(folder.path.join(name)) {
                 Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
                     return Err(CliError::path(&folder.path.join(name), error));

@@ -23,7 +23,6 @@ use super::{
     folder::Folder,
     print,
     progress::{catch_interrupt, counting, interrupt},
-    table::Table,
 };
 
 /// Arguments of `flank study`.
@@ -106,11 +105,15 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
                 bar.finish_and_clear();
                 let kept = contents.entries.len();
                 let out = arguments.out.display();
-                return print(&format!("interrupted: {kept} figures are kept in {out}/figures; --only makes the others\n"))
-                    .map(|()| Done::Partly);
+                return print(&format!(
+                    "interrupted: {kept} figures are kept in {out}/figures; --only makes the others\n"
+                ))
+                .map(|()| Done::Partly);
             }
             // A train without what a figure shows is no failure, unless that figure was asked for by name.
-            Err(StudyError::Missing { missing, .. }) if arguments.only.is_empty() => contents.missing.push((kind, missing)),
+            Err(StudyError::Missing { missing, .. }) if arguments.only.is_empty() => {
+                contents.missing.push((kind, missing))
+            }
             Err(error) => {
                 bar.finish_and_clear();
                 return Err(error.into());
@@ -150,6 +153,7 @@ fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
             plan.loads = loads.unwrap_or(plan.loads);
             if let Some(speeds) = speeds {
                 plan.heavy_speeds.clone_from(&speeds);
+                plan.threshold_speeds.clone_from(&speeds);
                 plan.speeds = speeds;
             }
             Ok(plan)
@@ -189,9 +193,7 @@ fn provenance(contents: &Contents, rule: &Rule) -> Vec<String> {
 }
 
 fn summary(contents: &Contents, rule: Rule) -> Summary<'_> {
-    let figure = |(kind, entry): &(Kind, Entry)| {
-        json!({ "id": kind.id(), "scene": entry.scene[0], "scene_sha256": entry.scene[1] })
-    };
+    let figure = |(kind, entry): &(Kind, Entry)| json!({ "id": kind.id(), "scene": entry.scene[0], "scene_sha256": entry.scene[1] });
     Summary {
         flank: env!("CARGO_PKG_VERSION"),
         rule,
@@ -218,16 +220,13 @@ fn csv(contents: &Contents) -> String {
 
 fn text(contents: &Contents, out: &Path) -> String {
     let mut text = format!("{}\n\n", contents.title);
-    let mut table = Table::new(&["", "published", "flank", "verdict"]);
     for row in contents.comparisons() {
-        let name = format!("{:>5}  {}", row.place, row.quantity);
-        table.row(vec![name, row.published.clone(), row.found.clone(), row.verdict.word().to_owned()]);
+        let (word, place, quantity) = (row.verdict.word(), row.place, &row.quantity);
+        text += &format!("{word:<13}  {place:>6}  {quantity}: published {}, Flank {}\n", row.published, row.found);
     }
-    if !contents.comparisons().is_empty() {
-        text += &format!("{table}\n");
-    }
+    text += "\n";
     for (kind, why) in &contents.missing {
         text += &format!("not made: {} ({why})\n", kind.id());
     }
-    text + &format!("{}\n", out.join("report.html").display())
+    text + &format!("report: {}\n", out.join("report.html").display())
 }

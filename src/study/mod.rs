@@ -7,11 +7,11 @@
 mod case;
 mod error;
 pub mod figures;
-pub mod plan;
-pub mod published;
 pub mod identify;
 #[cfg(feature = "plot")]
 pub mod page;
+pub mod plan;
+pub mod published;
 pub mod record;
 pub mod steady;
 pub mod threshold;

@@ -28,7 +28,11 @@ const SECTIONS: [(&str, &str, &[Kind]); 4] = [
         "Natural frequencies and shapes of the train with every mesh closed.",
         &[Kind::Modes, Kind::Identification],
     ),
-    ("Heavy load", "Forces of meshes that stay in contact, and their spectra.", &[Kind::Forces, Kind::Waterfall, Kind::Harmonics]),
+    (
+        "Heavy load",
+        "Forces of meshes that stay in contact, and their spectra.",
+        &[Kind::Forces, Kind::Waterfall, Kind::Harmonics],
+    ),
     (
         "Light load",
         "Separation and impact: how long the teeth are apart, and what ends it.",
@@ -68,7 +72,8 @@ impl Contents {
                 }
                 if *kind == Kind::Identification {
                     let rows: Vec<&Comparison> = entry.comparisons.iter().collect();
-                    let note = "\"Published\" is here the preset's value, identified once from all printed values together.";
+                    let note =
+                        "\"Published\" is here the preset's value, identified once from all printed values together.";
                     items.push(Item::Table(table("Identified numbers, found again from printed values", note, &rows)));
                 }
             }

@@ -103,6 +103,8 @@ pub struct Plan {
     pub shown_loads: Vec<f64>,
     /// Speeds of the lightly loaded train, rev/min.
     pub speeds: Vec<f64>,
+    /// Speeds of the lightly loaded train at which the threshold is sought, rev/min.
+    pub threshold_speeds: Vec<f64>,
     /// Speeds of the loaded train, rev/min.
     pub heavy_speeds: Vec<f64>,
     /// Speeds at which paths are drawn, rev/min.
@@ -139,6 +141,7 @@ impl Plan {
             loads: evenly(0.0, 40.0, 41),
             shown_loads: vec![0.0, 21.0],
             speeds: evenly(50.0, 2000.0, 79),
+            threshold_speeds: evenly(200.0, 2000.0, 19),
             heavy_speeds: evenly(500.0, 3000.0, 101),
             path_speeds: vec![100.0, 300.0, 1000.0, 2000.0],
             history_speed: 2000.0,
@@ -165,6 +168,7 @@ impl Plan {
             path_speeds: vec![rpm],
             history_speed: rpm,
             highest: [7.0 * mesh_frequency, 7.0 * mesh_frequency],
+            threshold_speeds: thinned(&speeds, 20),
             heavy_speeds: speeds.clone(),
             loads,
             speeds,
@@ -182,7 +186,7 @@ impl Plan {
             Kind::Cycles => self.shown_loads.len(),
             Kind::ApartVsLoad => 3 * self.loads.len() + 20,
             Kind::ApartVsSpeed => 3 * self.speeds.len(),
-            Kind::ThresholdVsSpeed => 20 * self.threshold_speeds().len(),
+            Kind::ThresholdVsSpeed => 20 * self.threshold_speeds.len(),
             Kind::Trajectories => self.path_speeds.len(),
         }
     }
@@ -190,13 +194,6 @@ impl Plan {
     /// About 26 of the loaded train's speeds: more lines cannot be told apart.
     fn waterfall_speeds(&self) -> Vec<f64> {
         thinned(&self.heavy_speeds, 26)
-    }
-
-    /// About 20 speeds: each takes some twenty runs. The slowest are left out, where a mesh period takes longest and the
-    /// thresholds are those of statics.
-    fn threshold_speeds(&self) -> Vec<f64> {
-        let fast: Vec<f64> = self.speeds.iter().copied().filter(|rpm| !self.published || *rpm >= 200.0).collect();
-        thinned(&fast, 20)
     }
 
     /// Makes a figure.
@@ -221,7 +218,10 @@ impl Plan {
             Kind::Identification => {
                 if !self.published {
                     let missing = "only the reference set has printed values to identify it from; see flank identify";
-                    return Err(StudyError::Missing { name: self.heavy.name().to_owned(), missing: missing.to_owned() });
+                    return Err(StudyError::Missing {
+                        name: self.heavy.name().to_owned(),
+                        missing: missing.to_owned(),
+                    });
                 }
                 let scene = self.full()?;
                 Entry { figure: None, ..entry(Figure::default(), &scene, "all freedoms", published::identified()?) }
@@ -238,15 +238,15 @@ impl Plan {
                     Err(_) => Vec::new(),
                 };
                 let speeds = self.waterfall_speeds();
-                let figure = figures::waterfall(context, &self.heavy, (pointer, &speeds), &natural, self.highest[1])?;
-                entry(figure, &self.heavy, "speed varied", Vec::new())
+                let (figure, found) =
+                    figures::waterfall(context, &self.heavy, (pointer, &speeds), &natural, self.highest[1])?;
+                entry(figure, &self.heavy, "speed varied", published::waterfall(&found))
             }
             Kind::Harmonics => {
                 let pointer = speed(&self.heavy)?;
                 let speeds = &self.heavy_speeds;
                 let (figure, found) = figures::harmonics(context, &self.heavy, (pointer, speeds))?;
-                let rows = [published::waterfall(speeds, &found), published::harmonics(speeds, &found)].concat();
-                entry(figure, &self.heavy, "speed varied", rows)
+                entry(figure, &self.heavy, "speed varied", published::harmonics(speeds, &found))
             }
             Kind::Cycles => {
                 let (figure, found) = figures::cycles(context, &self.light, &self.shown_loads)?;
@@ -265,8 +265,8 @@ impl Plan {
             Kind::ThresholdVsSpeed => {
                 let stem = self.last_family()?;
                 let search = self.search();
-                let speeds = self.threshold_speeds();
-                let (figure, rows) = figures::threshold(context, &self.light, &stem, &speeds, &search)?;
+                let speeds = &self.threshold_speeds;
+                let (figure, rows) = figures::threshold(context, &self.light, &stem, speeds, &search)?;
                 entry(figure, &self.light, "speed and load varied", published::threshold(&rows))
             }
             Kind::Trajectories => {

@@ -85,14 +85,13 @@ pub fn apart(
         columns: 2,
         ..Figure::default()
     };
-    for (colour, (_, family)) in curves[0].rows.first().map(families).unwrap_or_default().into_iter().enumerate() {
+    for (_, family) in curves[0].rows.first().map(families).unwrap_or_default() {
         let panel = |title: String, y: Axis| Panel { title, x: x.clone(), y, ..Panel::default() };
         let mut fraction = panel(format!("{family}: time without force"), Axis::new("share of the mesh period", ""));
         let mut amplitude = panel(format!("{family}: force amplitude"), Axis::new("half of the force's range", "N"));
         for curve in &curves {
             let series = |y: Vec<f64>| {
-                let colour = colour + 2 * curve.way as usize;
-                Series::line(curve.way.name(), colour, values.to_vec(), y).styled(curve.way.style())
+                Series::line(curve.way.name(), curve.way as usize, values.to_vec(), y).styled(curve.way.style())
             };
             fraction.series.push(series(curve.measure(&family, |c| c.report.no_force_fraction)));
             amplitude.series.push(series(curve.measure(&family, |c| c.force_amplitude)));
@@ -100,6 +99,8 @@ pub fn apart(
         let flight = curves[0].measure(&family, |c| c.report.apart_fraction);
         let flight = Series::line("between the flanks, cold start", 7, values.to_vec(), flight);
         fraction.series.push(flight.styled(Style::Hairline));
+        let highest = fraction.series.iter().flat_map(|series| &series.y).fold(0.0, |m: f64, y| m.max(*y));
+        fraction.y = fraction.y.between(0.0, f64::max(1.1 * highest, 0.1));
         figure.panels.extend([fraction, amplitude]);
     }
     let irregular = curves.iter().flat_map(|curve| &curve.rows).filter(|row| row.settled.period.is_none()).count();

@@ -96,8 +96,8 @@ fn found(load: f64, recording: &Recording, contacts: &[(usize, String)]) -> Cycl
         load,
         peaks: peaks.count(),
         harmonics: (1..=6).map(|h| spectrum.at(f64::from(h))).collect(),
-        apart: open(last).map(|spell| spell.to - spell.from).sum::<f64>() / span,
-        together: shared.iter().map(|(from, to)| to - from).sum::<f64>() / span,
+        apart: open(last).fold(0.0, |sum, spell| sum + spell.to - spell.from) / span,
+        together: shared.iter().fold(0.0, |sum, (from, to)| sum + to - from) / span,
     }
 }
 
@@ -150,14 +150,14 @@ fn speed_of_planet(case: &Case, scene: &Scene, recording: &Recording, shaded: &(
     // The planet turns against the sun: counter-clockwise is positive, and the sun turns that way.
     let speed = |rate: f64| carried - rate / radius;
     let y = recording.x[n + freedom].iter().map(|rate| speed(*rate)).collect();
-    let mut panel = panel("", recording, Axis::new("planet's spin beside the carrier", "rad/s"), shaded);
-    panel.series.push(Series::line("planet", 2, milliseconds(recording), y));
+    let mut panel = panel("", recording, Axis::new("planet's speed relative to the carrier", "rad/s"), shaded);
+    panel.series.push(Series::line("planet's speed", 2, milliseconds(recording), y));
     panel.series.extend(marks(recording, shaded, |spell| speed(spell.x[n + freedom])));
     Some(panel)
 }
 
 fn deflection(recording: &Recording, shaded: &(usize, String)) -> Panel {
-    let mut panel = panel("", recording, Axis::new("deflection", "um"), shaded);
+    let mut panel = panel("", recording, Axis::new("deflection", "µm"), shaded);
     let y = recording.deflection[shaded.0].iter().map(|d| 1e6 * d).collect();
     panel.series.push(Series::line(&shaded.1, 2, milliseconds(recording), y));
     panel

@@ -68,11 +68,13 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
             .collect();
         // Bins between the lines of a periodic motion hold rounding only.
         let floor = lines.iter().fold(0.0, |m: f64, l| m.max(l.1)) * 1e-6;
-        let (frequency, amplitude) = lines.into_iter().filter(|l| l.1 > floor).unzip();
+        let (frequency, amplitude): (Vec<f64>, Vec<f64>) = lines.into_iter().filter(|l| l.1 > floor).unzip();
+        // Room for the names of the orders above the lines.
+        let top = f64::max(1.25e6 * floor, f64::MIN_POSITIVE);
         figure.panels.push(Panel {
             title: format!("{family}: spectrum"),
             x: Axis::new("frequency", "Hz").between(0.0, highest),
-            y: Axis::new("amplitude", "N"),
+            y: Axis::new("amplitude", "N").between(0.0, top),
             series: vec![Series::line("", colour, frequency, amplitude).styled(Style::Stems)],
             guides: (1..)
                 .map(|h| (h, f64::from(h) / period))

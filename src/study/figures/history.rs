@@ -67,13 +67,13 @@ pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(F
         panels: vec![
             Panel {
                 x: Axis::new("time", "ms"),
-                y: Axis::new(format!("displacement {freedom}"), "um"),
+                y: Axis::new(format!("displacement {freedom}"), "µm"),
                 series: vec![Series::line("", 0, t, x)],
                 ..Panel::default()
             },
             Panel {
                 x: Axis::new("frequency", "Hz").between(0.0, HIGHEST * mesh_frequency),
-                y: Axis::new("amplitude", "um"),
+                y: Axis::new("amplitude", "µm"),
                 series: vec![Series::line("", 0, f, a)],
                 bands: vec![Band {
                     x: REGION.map(|order| order * mesh_frequency),

@@ -20,7 +20,7 @@ pub use history::{History, history};
 pub use modes::{ModeRow, modes};
 pub use threshold::{ThresholdRow, threshold};
 pub use trajectories::{Trajectory, trajectories};
-pub use waterfall::waterfall;
+pub use waterfall::{Strongest, waterfall};
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

@@ -106,7 +106,7 @@ fn by_part(freedoms: &[String], shares: &[f64]) -> Vec<(String, f64)> {
     parts
 }
 
-/// Where the bodies of a stage are drawn, mm.
+/// Where the bodies of a stage are drawn.
 struct Layout<'s> {
     spec: &'s Spec,
     /// Angles of the planets, rad.
@@ -115,6 +115,7 @@ struct Layout<'s> {
     planet: f64,
     ring: f64,
     centre: f64,
+    unit: &'static str,
 }
 
 impl<'s> Layout<'s> {
@@ -128,10 +129,18 @@ impl<'s> Layout<'s> {
         let equal = || (0..count).map(|i| TAU * i as f64 / count as f64).collect();
         let planets =
             listed("positions_rad", 1.0).or_else(|| listed("positions_deg", TAU / 360.0)).unwrap_or_else(equal);
-        let teeth = |gear: &str| number(scene, &format!("/train/teeth/{gear}"));
-        // Pitch circles that touch: only their ratios matter for a drawing.
-        let (sun, planet) = (teeth("sun"), teeth("planet"));
-        Self { spec, planets, sun, planet, ring: sun + 2.0 * planet, centre: sun + planet }
+        // Pitch circles in mm, from base circles and working pressure angles; where the scene leaves those to a rack, in
+        // half teeth.
+        let angle = |mesh: &str| {
+            let given = |unit: &str| train[format!("{mesh}_pressure_angle_{unit}")].as_f64();
+            given("rad").or_else(|| given("deg").map(f64::to_radians))
+        };
+        let pitch = |gear: &str, mesh: &str| Some(1e3 * train[gear]["radius_m"].as_f64()? / angle(mesh)?.cos());
+        let known = (|| Some([pitch("sun", "sun")?, pitch("planet", "sun")?, pitch("ring", "ring")?]))();
+        let half_teeth = |gear: &str| 0.5 * number(scene, &format!("/train/teeth/{gear}"));
+        let unit = if known.is_some() { "mm" } else { "half teeth" };
+        let [sun, planet, ring] = known.unwrap_or_else(|| ["sun", "planet", "ring"].map(half_teeth));
+        Self { spec, planets, sun, planet, ring, centre: sun + planet, unit }
     }
 
     fn panel(&self, row: &ModeRow, shape: &[f64]) -> Panel {
@@ -169,8 +178,8 @@ impl<'s> Layout<'s> {
         let reach = 1.15 * self.ring;
         Panel {
             title: format!("{}: {:.1} Hz{twice}, {part} {:.0} %", row.name(), row.hertz, 100.0 * share),
-            x: Axis::new("x", "").between(-reach, reach),
-            y: Axis::new("y", "").between(-reach, reach),
+            x: Axis::new("x", self.unit).between(-reach, reach),
+            y: Axis::new("y", self.unit).between(-reach, reach),
             equal_scales: true,
             series,
             ..Panel::default()

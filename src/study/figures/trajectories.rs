@@ -30,7 +30,7 @@ pub struct Trajectory {
     pub strongest: Option<(f64, f64)>,
 }
 
-const PER_CYCLE: u32 = 64;
+const PER_CYCLE: u32 = 128;
 const BODIES: [(&str, &str, &str); 2] = [("sun", "x_s", "y_s"), ("ring", "x_r", "y_r")];
 
 /// Paths of the centres of sun and ring in the fixed frame over one turn of the carrier.
@@ -85,7 +85,7 @@ pub fn trajectories(
         id: "trajectories".to_owned(),
         title: "Paths of the centres over one turn of the carrier".to_owned(),
         caption:
-            "Fixed frame. Leaves are the maxima of the distance from the centre, counted on 64 samples a mesh period."
+            "Fixed frame. Leaves are the maxima of the distance from the centre, counted on 128 samples a mesh period."
                 .to_owned(),
         columns: speeds.len(),
         ..Figure::default()
@@ -97,8 +97,8 @@ pub fn trajectories(
             let kind = trajectory.period.map_or("no period".to_owned(), |p| format!("period {p}"));
             figure.panels.push(Panel {
                 title: format!("{}, {} rev/min: {kind}, {} leaves", trajectory.body, trajectory.rpm, trajectory.leaves),
-                x: Axis::new("x", "um"),
-                y: Axis::new("y", "um"),
+                x: Axis::new("x", "µm"),
+                y: Axis::new("y", "µm"),
                 equal_scales: true,
                 series: vec![Series { colour: body, ..series }],
                 ..Panel::default()
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn a_motion_of_period_one_has_no_residual() {
-        let x: Vec<f64> = (0..256).map(|i| f64::from(i % 64)).collect();
+        let x: Vec<f64> = (0..4 * PER_CYCLE).map(|i| f64::from(i % PER_CYCLE)).collect();
         assert_eq!(residual(&x), 0.0);
     }
 }

@@ -8,7 +8,7 @@ use crate::{
     study::{Case, StudyError, record::record, steady::settled},
 };
 
-const CYCLES: usize = 16;
+const CYCLES: usize = 48;
 const PER_CYCLE: u32 = 64;
 /// Order lines drawn.
 const ORDERS: u32 = 4;
@@ -19,6 +19,22 @@ struct Row {
     mesh_frequency: f64,
     spectra: Vec<(String, Spectrum)>,
 }
+
+/// The strongest line of one family of meshes over all speeds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Strongest {
+    /// The family.
+    pub family: String,
+    /// Speed, rev/min.
+    pub rpm: f64,
+    /// Frequency over the mesh frequency.
+    pub order: f64,
+    /// Amplitude, N.
+    pub amplitude: f64,
+}
+
+/// Bins of less than this share of the strongest line are drawn as the base line.
+const SHOWN: f64 = 1e-3;
 
 /// Spectra of the mesh forces at several speeds, one line above the other, with order lines and the natural
 /// frequencies `natural` (name, Hz) up to `highest`, Hz.
@@ -31,11 +47,11 @@ pub fn waterfall(
     (pointer, speeds): (&str, &[f64]),
     natural: &[(String, f64)],
     highest: f64,
-) -> Result<Figure, StudyError> {
+) -> Result<(Figure, Vec<Strongest>), StudyError> {
     let rows = context.each(speeds, |&rpm| {
         let case = Case::new(&scene.with(pointer, json!(rpm))?)?;
         let (mut engine, settled, _) = settled(&case, None, &context.rule, context.interrupted)?;
-        let cycles = settled.period.map_or(4 * CYCLES, |p| CYCLES.next_multiple_of(p as usize));
+        let cycles = settled.period.map_or(2 * CYCLES, |p| CYCLES.next_multiple_of(p as usize));
         let recording = record(&case, &mut engine, cycles as u64, PER_CYCLE)?;
         let window = if settled.period.is_some() { Window::Rectangular } else { Window::Hann };
         let rate = f64::from(PER_CYCLE) / case.period()?;
@@ -55,25 +71,35 @@ pub fn waterfall(
         columns: 2,
         ..Figure::default()
     };
-    let mut scales = Vec::new();
+    let (mut scales, mut found) = (Vec::new(), Vec::new());
     for family in 0..count {
         let up_to = |s: &Spectrum| ((highest / s.resolution) as usize + 1).min(s.amplitude.len());
-        let strongest = rows
-            .iter()
-            .flat_map(|row| row.spectra[family].1.amplitude[1..up_to(&row.spectra[family].1)].iter())
-            .fold(0.0, |m: f64, a| m.max(*a));
+        let lines = rows.iter().flat_map(|row| {
+            let spectrum = &row.spectra[family].1;
+            (1..up_to(spectrum)).map(move |k| (row, k as f64 * spectrum.resolution, spectrum.amplitude[k]))
+        });
+        let line = lines.fold(None, |best: Option<(&Row, f64, f64)>, line| match best {
+            Some(best) if best.2 >= line.2 => Some(best),
+            _ => Some(line),
+        });
+        let Some((row, frequency, strongest)) = line else { continue };
+        let name = &rows[0].spectra[family].0;
+        let orders = frequency / row.mesh_frequency;
+        found.push(Strongest { family: name.clone(), rpm: row.rpm, order: orders, amplitude: strongest });
         // The strongest line reaches over six speeds.
         let scale = if strongest > 0.0 { 6.0 * step / strongest } else { 0.0 };
-        let name = &rows[0].spectra[family].0;
         scales.push(format!("{name}: {:.0} N", strongest / 6.0));
         let series = rows
             .iter()
             .map(|row| {
                 let spectrum = &row.spectra[family].1;
                 let last = up_to(spectrum);
-                let y = |k: usize| row.rpm + if k == 0 { 0.0 } else { scale * spectrum.amplitude[k] };
-                let x = (0..last).map(|k| k as f64 * spectrum.resolution).collect();
-                Series::line("", family, x, (0..last).map(y).collect()).styled(Style::Hairline)
+                let height = |k: usize| if k == 0 { 0.0 } else { spectrum.amplitude[k] };
+                // Along the base line its ends are enough.
+                let flat = |k: usize| height(k) < SHOWN * strongest;
+                let drawn = (0..last).filter(|&k| k == 0 || k + 1 == last || !(flat(k - 1) && flat(k) && flat(k + 1)));
+                let (x, y) = drawn.map(|k| (k as f64 * spectrum.resolution, row.rpm + scale * height(k))).unzip();
+                Series::line("", family, x, y).styled(Style::Hairline)
             })
             .collect();
         let (first, last) = (&rows[0], &rows[rows.len() - 1]);
@@ -102,5 +128,5 @@ pub fn waterfall(
          the mesh frequency; upright: natural frequencies.",
         scales.join(", ")
     );
-    Ok(figure)
+    Ok((figure, found))
 }

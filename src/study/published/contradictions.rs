@@ -72,7 +72,7 @@ pub fn contradictions() -> Result<Vec<Comparison>, TrainError> {
             "transmission errors",
             "one gear set",
             format!(
-                "{:.1} um fit the heavy load, {:.1} um the light load",
+                "{:.1} µm fit the heavy load, {:.1} µm the light load",
                 1e6 * amplitude(&heavy.planets[0].sun_mesh),
                 1e6 * amplitude(&light.planets[0].sun_mesh)
             ),

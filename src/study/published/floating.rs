@@ -47,7 +47,7 @@ pub fn trajectories(found: &[Trajectory]) -> Vec<Comparison> {
         "12",
         "largest range of the sun",
         "at 1000 rev/min",
-        format!("{:.1} um at {} rev/min", 1e6 * largest.1, largest.0),
+        format!("{:.1} µm at {} rev/min", 1e6 * largest.1, largest.0),
         holds(largest.0 == 1000.0),
     ));
     let ranges: Vec<String> = ring.iter().map(|t| format!("{:.3}", 1e6 * t.range)).collect();
@@ -56,7 +56,7 @@ pub fn trajectories(found: &[Trajectory]) -> Vec<Comparison> {
         "12",
         "range of the ring",
         "grows with speed",
-        format!("{} um", ranges.join(", ")),
+        format!("{} µm", ranges.join(", ")),
         holds(grows),
     ));
     rows
@@ -71,7 +71,7 @@ pub fn history(found: &History) -> Vec<Comparison> {
             "13b",
             "line at f_m/2, 2000 rev/min",
             "yes (418 Hz)",
-            format!("{:.2} um where its neighbours have {:.2} um", 1e6 * found.half, 1e6 * found.floor),
+            format!("{:.2} µm where its neighbours have {:.2} µm", 1e6 * found.half, 1e6 * found.floor),
             holds(stands_out),
         ),
         statement(

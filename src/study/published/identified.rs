@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::{Comparison, numbers, statement, Verdict};
+use super::{Comparison, Verdict, numbers, statement};
 use crate::{
     scene::Scene,
     study::{
@@ -29,8 +29,16 @@ struct Question {
 }
 
 const QUESTIONS: [Question; 4] = [
-    Question { preset: "reference-heavy", vary: &[("planet bearing", &[BEARING], [1e7, 1e9])], targets: &["translational:2=889"] },
-    Question { preset: "reference-heavy", vary: &[("ring support", &[RING], [1e8, 1e10])], targets: &["translational:3=1791"] },
+    Question {
+        preset: "reference-heavy",
+        vary: &[("planet bearing", &[BEARING], [1e7, 1e9])],
+        targets: &["translational:2=889"],
+    },
+    Question {
+        preset: "reference-heavy",
+        vary: &[("ring support", &[RING], [1e8, 1e10])],
+        targets: &["translational:3=1791"],
+    },
     Question {
         preset: "reference-heavy",
         vary: &[("sun shaft", &[SUN_TURN], [1e6, 1e8]), ("carrier shaft", &[CARRIER_TURN], [1e8, 1e10])],
@@ -98,8 +106,13 @@ pub fn identified() -> Result<Vec<Comparison>, StudyError> {
         let unique = if answer.uniqueness.is_unique() && answer.solutions.len() == 1 { "unique" } else { "not unique" };
         let note = format!("from {}; {unique} within the bounds", residuals.join(", "));
         for ((words, ..), found) in question.vary.iter().zip(&answer.parameters) {
-            let row = numbers("preset", &format!("{words}, {}", question.preset), (found.own, found.found), "N/m", &note);
-            rows.push(Comparison { found: format!("{:.4e} N/m", found.found), published: format!("{:e} N/m", found.own), ..row });
+            let row =
+                numbers("preset", &format!("{words}, {}", question.preset), (found.own, found.found), "N/m", &note);
+            rows.push(Comparison {
+                found: format!("{:.4e} N/m", found.found),
+                published: format!("{:e} N/m", found.own),
+                ..row
+            });
         }
     }
     let all = ALL.answer()?;

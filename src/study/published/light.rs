@@ -70,7 +70,7 @@ pub fn apart_by_load(curves: &[Curve], threshold: &Threshold) -> Vec<Comparison>
     let mut rows = vec![numbers("10", "time apart at 500 rev/min, no load", (0.24, at(&apart, 0.0)), "T", FITTED)];
     if let Threshold::Located { below, above, clearance_below, clearance_above } = threshold {
         let note = format!(
-            "{FITTED}; between {below:.3} and {above:.3} N m the smallest deflection jumps from {:.2} to {:+.2} um: the \
+            "{FITTED}; between {below:.3} and {above:.3} N m the smallest deflection jumps from {:.2} to {:+.2} µm: the \
              motion that separates ends, it does not shrink to nothing",
             1e6 * clearance_below,
             1e6 * clearance_above
