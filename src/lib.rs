@@ -62,8 +62,8 @@
 //! | [`plot`] | figures as data, and their pictures |
 //! | [`poly`], [`linalg`] | first roots of polynomials; natural modes |
 //!
-//! The features are `cli` (the `flank` program) and `diffsol` (integrators for stiff modes and users' own fields), both
-//! on by default; the library without them is pure series.
+//! The features are `cli` (the `flank` program), `diffsol` (integrators for stiff modes and users' own fields) and `plot`
+//! (pictures; part of `cli`), all on by default; the library without them is pure series.
 //!
 //! # What it is not
 //!

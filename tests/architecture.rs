@@ -47,7 +47,7 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
     ),
     ("baseline", &[("gear", All), ("train", All), ("linalg", All), ("hybrid", All)]),
     ("accuracy", &[("engine", All), ("baseline", All), ("analysis", All)]),
-    ("plot", &[("analysis", All), ("accuracy", All), ("event", All)]),
+    ("plot", &[]),
     (
         "study",
         &[

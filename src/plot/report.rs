@@ -3,12 +3,14 @@ use std::fmt::Write;
 use serde_json::{Value, json};
 
 use super::{
-    Figure, Theme,
-    draw::escaped,
+    Figure,
+    draw::{
+        Theme, escaped,
+        legend::{self, Entry},
+        palette::hex,
+        panel::scales,
+    },
     figure::{Axis, Guide, Panel, Series},
-    legend::{self, Entry},
-    palette::hex,
-    panel::scales,
 };
 
 /// What a study found, as one page that needs no network: text, tables, and figures to zoom and point at.

@@ -169,7 +169,35 @@ pub fn mode_shapes() -> Figure {
     figure("mode-shapes", "Mode shapes", 3, vec![panel(1, "rotational"), panel(2, "translational"), panel(3, "planet")])
 }
 
-/// All of them.
+/// A figure with every kind of thing in it, and words that are hard to write.
+pub fn hard() -> Figure {
+    let words = "a \"b\", <c> & 'd' $e$ %{f} </script> µ²";
+    let panel = Panel {
+        title: words.into(),
+        x: Axis::new("time", "s, or \"s\""),
+        y: Axis::new("<force>", "N & more"),
+        series: vec![
+            Series::line(
+                words,
+                3,
+                vec![0.1, 0.2, 1.0 / 3.0, -0.0],
+                vec![f64::MIN_POSITIVE, 1e22, -1e-7, 123_456_789.123],
+            ),
+            Series::line("stems", 1, vec![0.25], vec![-5e21]).styled(Style::Stems),
+        ],
+        bands: vec![Band { x: [0.1, 0.15], name: "band, shaded".into(), colour: 1 }],
+        guides: vec![
+            Guide::Vertical { x: 0.3, name: "v".into() },
+            Guide::Horizontal { y: 5e21, name: "h".into() },
+            Guide::Slanted { from: [0.0, 0.0], to: [0.3, 1e22], name: "s".into() },
+        ],
+        notes: vec![Note { at: [0.05, 1e21], text: "line\nbreak\u{0}".into() }],
+        ..Panel::default()
+    };
+    Figure { id: "hard".into(), title: words.into(), caption: words.into(), columns: 1, panels: vec![panel] }
+}
+
+/// All of them, but for the hard one.
 pub fn all() -> Vec<Figure> {
     vec![forces(2000), spectrum(), waterfall(), against_load(), trajectories(), mode_shapes()]
 }

@@ -1,14 +1,16 @@
 //! The entries of a legend: one for each name of a series or a band.
 
+use crate::plot::{Band, Panel, Series, Style};
+
 use super::{
     canvas::{Anchor, Canvas, Drawn, Pen, Point},
-    figure::{Band, Panel, Series, Style},
+    palette::Rgb,
     text,
 };
 
 /// What an entry shows.
 #[derive(Clone, Copy)]
-pub(super) enum Entry<'a> {
+pub(crate) enum Entry<'a> {
     Series(&'a Series),
     Band(&'a Band),
 }
@@ -32,7 +34,7 @@ impl<'a> Entry<'a> {
 }
 
 /// Every name once, as it first looks: series, then bands.
-pub(super) fn entries(panels: &[Panel]) -> Vec<Entry<'_>> {
+pub(crate) fn entries(panels: &[Panel]) -> Vec<Entry<'_>> {
     let series = panels.iter().flat_map(|panel| &panel.series).map(Entry::Series);
     let bands = panels.iter().flat_map(|panel| &panel.bands).map(Entry::Band);
     let mut found: Vec<Entry<'_>> = Vec::new();
@@ -98,7 +100,7 @@ fn sample(canvas: &Canvas<'_>, series: &Series, [x, y]: Point, end: f64) -> Draw
 }
 
 /// The pen of a style that joins its points.
-pub(super) fn pen(style: Style, colour: super::palette::Rgb) -> Option<Pen> {
+pub(super) fn pen(style: Style, colour: Rgb) -> Option<Pen> {
     match style {
         Style::Line | Style::Joined => Some(Pen::solid(colour, 1.5)),
         Style::Hairline => Some(Pen::solid(colour, 0.8)),

@@ -2,9 +2,10 @@
 
 use plotters::prelude::*;
 
+use crate::plot::{Panel, Series, Style};
+
 use super::{
     canvas::{Anchor, Canvas, Drawn, Pen, Point, font, rgb, units},
-    figure::{Panel, Series, Style},
     frame::Frame,
     legend,
     scale::{Scale, axis_label, drawable},
@@ -32,7 +33,7 @@ pub(super) struct Sheet<'a> {
 }
 
 /// The scales of a panel: they hold its series, and stems stand on zero.
-pub(super) fn scales(panel: &Panel) -> [Scale; 2] {
+pub(crate) fn scales(panel: &Panel) -> [Scale; 2] {
     let isolated = |series: &Series| matches!(series.style, Style::Points | Style::Joined | Style::Marks);
     let margin = if panel.equal_scales || panel.series.iter().any(isolated) { 0.03 } else { 0.0 };
     let ground = panel.series.iter().any(|series| series.style == Style::Stems).then_some(0.0);
@@ -105,7 +106,8 @@ impl<'a> Sheet<'a> {
             }
         }
         if left_out > 0 {
-            let words = format!("{left_out} points have no place on these axes");
+            let points = if left_out == 1 { "1 point has".to_owned() } else { format!("{left_out} points have") };
+            let words = format!("{points} no place on these axes");
             let at = [self.frame.x1 - 4.0, self.frame.y1 - 9.0];
             canvas.patched(&words, at, Anchor::Right, SMALL, canvas.colours.muted)?;
         }

@@ -9,10 +9,10 @@ pub enum Theme {
 }
 
 /// Red, green, blue.
-pub(super) type Rgb = (u8, u8, u8);
+pub(crate) type Rgb = (u8, u8, u8);
 
 /// The colours of one theme.
-pub(super) struct Colours {
+pub(crate) struct Colours {
     pub paper: Rgb,
     pub ink: Rgb,
     /// Guides, their names and ticks.
@@ -58,7 +58,7 @@ const DARK: Colours = Colours {
 };
 
 impl Theme {
-    pub(super) fn colours(self) -> &'static Colours {
+    pub(crate) fn colours(self) -> &'static Colours {
         match self {
             Self::Light => &LIGHT,
             Self::Dark => &DARK,
@@ -67,6 +67,6 @@ impl Theme {
 }
 
 /// `#rrggbb`.
-pub(super) fn hex((r, g, b): Rgb) -> String {
+pub(crate) fn hex((r, g, b): Rgb) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }

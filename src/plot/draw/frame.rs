@@ -31,7 +31,7 @@ impl Frame {
                 return None;
             }
         }
-        (from <= to).then(|| [[ax + from * dx, ay + from * dy], [ax + to * dx, ay + to * dy]])
+        (from <= to).then_some([[ax + from * dx, ay + from * dy], [ax + to * dx, ay + to * dy]])
     }
 
     /// The pieces of a polyline inside.

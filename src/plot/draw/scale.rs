@@ -2,14 +2,14 @@
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 
-use super::figure::Axis;
+use crate::plot::Axis;
 
 /// Beyond this a value is not drawn: the span of two could overflow.
 const HUGE: f64 = 1e300;
 
 /// A range of values laid along an axis.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Scale {
+pub(crate) struct Scale {
     pub low: f64,
     pub high: f64,
     pub logarithmic: bool,
@@ -33,7 +33,7 @@ impl Scale {
                     .fold(None, |ends: Option<[f64; 2]>, v| Some(ends.map_or([v, v], |[a, b]| [a.min(v), b.max(v)])));
                 match (found, logarithmic) {
                     (Some([low, high]), false) => widened(low, high, margin),
-                    (Some([low, high]), true) => widened(low.log10(), high.log10(), margin).map(|e| 10f64.powf(e)),
+                    (Some([low, high]), true) => decades_around(low, high, margin),
                     (None, false) => [0.0, 1.0],
                     (None, true) => [1.0, 10.0],
                 }
@@ -139,6 +139,14 @@ fn widened(low: f64, high: f64, margin: f64) -> [f64; 2] {
     }
     let extra = margin * (high - low);
     [if low == 0.0 { low } else { low - extra }, if high == 0.0 { high } else { high + extra }]
+}
+
+/// The same for a logarithmic axis; a point becomes a decade.
+fn decades_around(low: f64, high: f64, margin: f64) -> [f64; 2] {
+    let [from, to] = [low, high].map(f64::log10);
+    let extra = if to - from < 1e-9 { 0.5 } else { margin * (to - from) };
+    // Within the finite numbers.
+    [from - extra, to + extra].map(|exponent| 10f64.powf(exponent.clamp(-307.6, 308.0)))
 }
 
 /// The nearest of 1, 2, 5 times a power of ten.

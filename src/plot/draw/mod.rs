@@ -1,3 +1,14 @@
+//! Figures as SVG and PNG.
+
+mod canvas;
+mod frame;
+mod guide;
+pub(super) mod legend;
+pub(super) mod palette;
+pub(super) mod panel;
+mod scale;
+mod text;
+
 use std::sync::{Arc, OnceLock};
 
 use plotters::prelude::*;
@@ -6,13 +17,13 @@ use resvg::{
     usvg::{Options, Tree, fontdb::Database},
 };
 
-use super::{
-    Figure, Theme,
+pub use self::palette::Theme;
+use self::{
     canvas::{Anchor, Canvas, Drawn, UNIT, rgb},
-    legend::{self, Entry},
+    legend::Entry,
     panel::Sheet,
-    text,
 };
+use crate::plot::Figure;
 
 /// Room around the figure and between its panels, px.
 const EDGE: f64 = 14.0;

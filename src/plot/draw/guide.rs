@@ -1,8 +1,9 @@
 //! Guides and their names.
 
+use crate::plot::Guide;
+
 use super::{
     canvas::{Anchor, Canvas, Drawn, Pen, Point},
-    figure::Guide,
     frame::Frame,
     panel::{SMALL, Sheet},
     text,
