@@ -7,8 +7,8 @@ use flank::{
     integrate::IntegrateError,
     scene::SceneError,
     study::StudyError,
-    sweep::{GridError, SweepError},
     study::identify::IdentifyError,
+    sweep::{GridError, SweepError},
     train::{AssembleError, StartError},
 };
 use miette::Diagnostic;

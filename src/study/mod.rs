@@ -7,9 +7,9 @@
 mod case;
 mod error;
 pub mod figures;
+pub mod identify;
 pub mod plan;
 pub mod published;
-pub mod identify;
 pub mod record;
 pub mod steady;
 pub mod threshold;
