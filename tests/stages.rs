@@ -332,8 +332,8 @@ fn a_standing_stage_has_no_mesh_clock() {
 
 /// Every frequency of a family, once.
 fn family(stage: &Planetary, freedoms: &Freedoms, wanted: Family) -> Vec<f64> {
-    let spec = stage.assemble(freedoms).unwrap();
-    let parts = families(&spec, &bonded_stiffness(&spec, None)).unwrap();
+    let spec = stage.assemble(freedoms).expect("a stage");
+    let parts = families(&spec, &bonded_stiffness(&spec, None)).expect("symmetric");
     parts.iter().find(|part| part.family == wanted).map_or(Vec::new(), FamilyModes::hertz)
 }
 

@@ -12,7 +12,7 @@ use super::{
     CliError, Done,
     folder::Folder,
     print,
-    progress::{catch_interrupt, counting, interrupted},
+    progress::{catch_interrupt, counting, unless_interrupted},
     session,
     table::{Table, number},
 };
@@ -71,10 +71,13 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let found = identify_watched(&scene, &parameters, &targets, &mut |done, all| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
-        !interrupted()
+        unless_interrupted()
     });
     bar.finish_and_clear();
-    let Some(found) = found? else { return Ok(Done::Partly) };
+    let Some(found) = found? else {
+        eprintln!("stopped: nothing is found, nothing is written");
+        return Ok(Done::Partly);
+    };
     if let Some(folder) = folder {
         let source = Source { name: scene.name(), sha256: scene.hash() };
         let file = File { flank: env!("CARGO_PKG_VERSION"), scene: source, found: &found };
@@ -87,8 +90,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     Ok(Done::Completely)
 }
 
-fn read<T: FromStr<Err = Fault>>(texts: &[String], faults: &mut Vec<Fault>) -> Vec<T> {
-    texts.iter().filter_map(|text| text.parse().map_err(|fault| faults.push(fault)).ok()).collect()
+fn read<T: FromStr<Err = IdentifyError>>(texts: &[String], faults: &mut Vec<Fault>) -> Vec<T> {
+    texts
+        .iter()
+        .filter_map(|text| text.parse().map_err(|error: IdentifyError| faults.extend(error.faults)).ok())
+        .collect()
 }
 
 fn text(scene: &Scene, found: &Identification) -> Result<String, std::fmt::Error> {
@@ -119,7 +125,7 @@ fn numbers(out: &mut String, found: &Identification) -> std::fmt::Result {
             format!("[{}] {}", i + 1, p.pointers.join(",")),
             number(p.own),
             number(p.found),
-            p.standard_error.map_or("not determined".to_owned(), |error| number(error)),
+            p.standard_error.map_or("not determined".to_owned(), number),
             number(p.low),
             number(p.high),
             bound.to_owned(),

@@ -115,7 +115,8 @@ impl Progress {
     }
 }
 
-fn unless_interrupted() -> ControlFlow<()> {
+/// Goes on until Ctrl-C.
+pub fn unless_interrupted() -> ControlFlow<()> {
     if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 

@@ -24,11 +24,6 @@ pub struct Contents {
 /// Sections of a report and what belongs there.
 const SECTIONS: [(&str, &str, &[Kind]); 4] = [
     (
-        "Modes and identified numbers",
-        "Natural frequencies and shapes of the train with every mesh closed.",
-        &[Kind::Modes, Kind::Identification],
-    ),
-    (
         "Heavy load",
         "Forces of meshes that stay in contact, and their spectra.",
         &[Kind::Forces, Kind::Waterfall, Kind::Harmonics],
@@ -39,6 +34,11 @@ const SECTIONS: [(&str, &str, &[Kind]); 4] = [
         &[Kind::Cycles, Kind::ApartVsLoad, Kind::ApartVsSpeed, Kind::ThresholdVsSpeed],
     ),
     ("Floating bodies", "Paths of the centres and their spectra.", &[Kind::Trajectories, Kind::History]),
+    (
+        "Modes and identified numbers",
+        "Natural frequencies and shapes of the train with every mesh closed.",
+        &[Kind::Modes, Kind::Identification],
+    ),
 ];
 
 impl Contents {
@@ -52,16 +52,6 @@ impl Contents {
     #[must_use]
     pub fn report(&self) -> Report {
         let mut sections = Vec::new();
-        if self.entries.iter().any(|(_, entry)| !entry.comparisons.is_empty()) {
-            sections.push(Section {
-                title: "Published, Flank, verdict".to_owned(),
-                text: "A number agrees within 5 %, in part within 15 %. A statement agrees if the computed motion bears it \
-                       out. Rows that were part of the fit that gave the presets say so: they are no test. Nothing was \
-                       tuned to this page."
-                    .to_owned(),
-                items: vec![Item::Table(table("All comparisons", "", &self.comparisons()))],
-            });
-        }
         for (title, text, kinds) in SECTIONS {
             let mut items = Vec::new();
             for (kind, entry) in self.entries.iter().filter(|(kind, _)| kinds.contains(kind)) {
@@ -80,6 +70,16 @@ impl Contents {
             if !items.is_empty() {
                 sections.push(Section { title: title.to_owned(), text: text.to_owned(), items });
             }
+        }
+        if self.entries.iter().any(|(_, entry)| !entry.comparisons.is_empty()) {
+            sections.push(Section {
+                title: "Published, Flank, verdict".to_owned(),
+                text: "A number agrees within 5 %, in part within 15 %. A statement agrees if the computed motion bears it \
+                       out. Rows that were part of the fit that gave the presets say so: they are no test. Nothing was \
+                       tuned to this page."
+                    .to_owned(),
+                items: vec![Item::Table(table("All comparisons", "", &self.comparisons()))],
+            });
         }
         if !self.contradictions.is_empty() {
             sections.push(Section {

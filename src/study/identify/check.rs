@@ -40,6 +40,9 @@ pub fn check(scene: &Scene, parameters: &[Parameter], targets: &[Target]) -> Res
             let fault = Fault::new(&place, "bounds that hold nothing", "LOW < HIGH, both finite");
             faults.push(fault.remedy("write the lower bound first"));
         }
+        if parameter.pointers.is_empty() {
+            faults.push(Fault::new(&place, "no pointer", "at least one").remedy("name the number to find"));
+        }
         if faults.len() == before {
             faults.extend(outside(scene, parameter, &place));
         }
@@ -121,7 +124,7 @@ fn unreadable(scene: &Scene, targets: &[Target]) -> Vec<Fault> {
             );
         }
         if let Err(error) = train.read(target) {
-            faults.push(Fault::new(&place, &error.to_string(), "what the train has").remedy(remedy(&error)));
+            faults.push(Fault::new(&place, error.to_string(), "what the train has").remedy(remedy(&error)));
         }
     }
     faults

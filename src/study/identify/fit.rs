@@ -98,7 +98,7 @@ impl<'a> Fit<'a> {
         let spec = self.scene.build_with(places(self.parameters, &self.values(x))).ok()?.spec;
         let train = Train::new(&spec);
         let read: Result<Vec<Reading>, ReadingError> = self.targets.iter().map(|target| train.read(target)).collect();
-        read.ok()
+        read.ok().filter(|readings| readings.iter().all(|reading| reading.value.is_finite()))
     }
 
     /// Contacts whose stiffness depends on their load, by name.
@@ -145,13 +145,12 @@ impl<'a> Fit<'a> {
         readings.iter().zip(self.targets).map(|(got, target)| (got.value - target.wanted) / target.sigma).collect()
     }
 
-    /// `∂r/∂x` `[targets × parameters]`, by central differences, one-sided at a bound.
-    pub fn jacobian(&self, x: &[f64]) -> DMatrix<f64> {
-        let jacobian = match self.derivable().jacobian(&x.to_vec()) {
-            Ok(jacobian) => jacobian,
-            Err(impossible) => match impossible {},
-        };
-        DMatrix::from_fn(self.targets.len(), self.parameters.len(), |i, j| jacobian.get(i, j))
+    /// `∂r/∂x` `[targets × parameters]`, by central differences, one-sided at a bound; none beside points that are no
+    /// train.
+    pub fn jacobian(&self, x: &[f64]) -> Option<DMatrix<f64>> {
+        let Ok(jacobian) = self.derivable().jacobian(&x.to_vec());
+        let jacobian = DMatrix::from_fn(self.targets.len(), self.parameters.len(), |i, j| jacobian.get(i, j));
+        jacobian.iter().all(|slope| slope.is_finite()).then_some(jacobian)
     }
 
     fn derivable(&self) -> BoundedFiniteDiff<&Self> {

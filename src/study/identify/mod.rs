@@ -17,7 +17,7 @@
 //!     study::identify::{Parameter, Target, identify},
 //! };
 //!
-//! let stage = r#"{ "flank": 1, "train": { "kind": "planetary", "preset": "lin-parker" }, "run": { "cycles": 1 } }"#;
+//! let stage = r#"{ "flank": 1, "train": { "kind": "planetary", "preset": "lin-parker" }, "run": { "t_end_s": 1 } }"#;
 //! let scene = Scene::from_json(stage, "stage")?;
 //! let bearing: Parameter = "/train/planet/translation/stiffness_n_per_m=1e7:1e9".parse()?;
 //! let target: Target = "translational:2=1200".parse()?;
@@ -33,6 +33,8 @@ mod question;
 mod reading;
 mod result;
 mod uniqueness;
+
+use std::ops::ControlFlow;
 
 pub use check::check;
 use fit::{Fit, Point};
@@ -58,6 +60,17 @@ pub struct IdentifyError {
     pub faults: Vec<Fault>,
 }
 
+impl From<Fault> for IdentifyError {
+    fn from(fault: Fault) -> Self {
+        Self { faults: vec![fault] }
+    }
+}
+
+/// A fault of the question as a whole.
+fn fault(found: &str, allowed: &str) -> Fault {
+    Fault::new("the question as a whole", found, allowed)
+}
+
 fn report(faults: &[Fault]) -> String {
     let many = if faults.len() == 1 { "1 fault".to_owned() } else { format!("{} faults", faults.len()) };
     faults.iter().fold(format!("the identification has {many}"), |text, fault| format!("{text}\n{fault}"))
@@ -71,11 +84,11 @@ fn report(faults: &[Fault]) -> String {
 /// [`IdentifyError`] if a pointer leads to no number, bounds do not hold a scene, or a target names something that the
 /// train does not have: all faults at once.
 pub fn identify(scene: &Scene, parameters: &[Parameter], targets: &[Target]) -> Result<Identification, IdentifyError> {
-    let found = identify_watched(scene, parameters, targets, &mut |_, _| true)?;
+    let found = identify_watched(scene, parameters, targets, &mut |_, _| ControlFlow::Continue(()))?;
     Ok(found.expect("OK because nothing stops it"))
 }
 
-/// [`identify`], with `watch` told after each start how many of how many are done; none if it returns false.
+/// [`identify`], with `watch` told after each start how many of how many are done; none if it breaks off.
 ///
 /// # Errors
 /// Those of [`identify`].
@@ -83,11 +96,11 @@ pub fn identify_watched(
     scene: &Scene,
     parameters: &[Parameter],
     targets: &[Target],
-    watch: &mut dyn FnMut(usize, usize) -> bool,
+    watch: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
 ) -> Result<Option<Identification>, IdentifyError> {
     if parameters.is_empty() || targets.is_empty() {
-        let fault = Fault::new("", "no number to find, or no target to find it from", "at least one of each");
-        return Err(IdentifyError { faults: vec![fault] });
+        let fault = fault("no number to find, or no target to find it from", "at least one of each");
+        return Err(fault.remedy("name numbers as POINTER=LOW:HIGH, targets as QUANTITY=VALUE").into());
     }
     let own = check(scene, parameters, targets).map_err(|faults| IdentifyError { faults })?;
     let fit = Fit::new(scene, parameters, targets);
@@ -95,14 +108,9 @@ pub fn identify_watched(
     for k in 0..STARTS {
         let start = if k == 0 { fit.clipped(&own) } else { fit.spread(k) };
         points.extend(fit.descend(&start));
-        if !watch(k + 1, STARTS) {
+        if watch(k + 1, STARTS).is_break() {
             return Ok(None);
         }
-    }
-    if points.is_empty() {
-        let fault = Fault::new("--vary", "no start that makes a train with all targets", "bounds that hold one")
-            .remedy("bring the bounds closer to values that are known to work");
-        return Err(IdentifyError { faults: vec![fault] });
     }
     let least = points.iter().map(|p| p.chi_square).fold(f64::INFINITY, f64::min);
     let (equal, poorer): (Vec<Point>, Vec<Point>) = points.into_iter().partition(|p| p.chi_square <= least + EQUAL);
@@ -112,5 +120,10 @@ pub fn identify_watched(
             distinct.push(point);
         }
     }
-    Ok(Some(Identification::new(&fit, &own, &distinct, poorer.len(), STARTS)))
+    let found = Identification::new(&fit, &own, &distinct, poorer.len(), STARTS);
+    found.map(Some).ok_or_else(|| {
+        fault("no start from which a train with all targets is found", "bounds that hold one")
+            .remedy("bring the bounds closer to values that are known to work")
+            .into()
+    })
 }

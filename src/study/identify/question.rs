@@ -2,6 +2,7 @@
 
 use std::{fmt, str::FromStr};
 
+use super::IdentifyError;
 use crate::{scene::Fault, train::planetary::Family};
 
 /// A number of a scene to be found, or several that are to be the same.
@@ -36,11 +37,12 @@ impl Parameter {
 }
 
 impl FromStr for Parameter {
-    type Err = Fault;
+    type Err = IdentifyError;
 
     /// Reads `POINTER=LOW:HIGH` or, for numbers that are to be the same, `POINTER,POINTER=LOW:HIGH`.
-    fn from_str(text: &str) -> Result<Self, Fault> {
-        let fault = |found: &str, remedy: &str| Fault::new(text, found, "POINTER=LOW:HIGH").remedy(remedy);
+    fn from_str(text: &str) -> Result<Self, IdentifyError> {
+        let fault =
+            |found: &str, remedy: &str| IdentifyError::from(Fault::new(text, found, "POINTER=LOW:HIGH").remedy(remedy));
         let example = "write for example /train/sun_mesh/stiffness=1e8:1e9";
         let (pointers, bounds) = text.rsplit_once('=').ok_or_else(|| fault("no =", example))?;
         let (low, high) = bounds.split_once(':').ok_or_else(|| fault("bounds without a colon", example))?;
@@ -119,13 +121,13 @@ impl fmt::Display for Target {
 }
 
 impl FromStr for Target {
-    type Err = Fault;
+    type Err = IdentifyError;
 
     /// Reads `QUANTITY=VALUE`, `QUANTITY=VALUE:SIGMA` or `QUANTITY=VALUE±SIGMA` (`+-` for `±`), the quantity one of
     /// `rotational:N`, `translational:N`, `planet:N`, `mode:N`, `frequency`, `force:CONTACT`.
-    fn from_str(text: &str) -> Result<Self, Fault> {
+    fn from_str(text: &str) -> Result<Self, IdentifyError> {
         let allowed = "QUANTITY=VALUE or QUANTITY=VALUE:SIGMA";
-        let fault = |found: &str, remedy: &str| Fault::new(text, found, allowed).remedy(remedy);
+        let fault = |found: &str, remedy: &str| IdentifyError::from(Fault::new(text, found, allowed).remedy(remedy));
         let example = "write for example rotational:2=919 or \"force:sun-planet 1=774\"";
         let (quantity, value) = text.rsplit_once('=').ok_or_else(|| fault("no =", example))?;
         let (value, sigma) = ["±", "+-", ":"]

@@ -123,7 +123,7 @@ impl<'a> Train<'a> {
                 return Ok(bonded_stiffness(self.spec, None));
             }
             let tangents = tangent_stiffness(self.spec, self.statics()?);
-            match tangents.iter().position(|k| *k <= 0.0) {
+            match tangents.iter().position(|k| !k.is_finite() || *k <= 0.0) {
                 Some(j) => Err(ReadingError::Unloaded { contact: self.spec.contacts[j].name.clone() }),
                 None => Ok(bonded_stiffness(self.spec, Some(&tangents))),
             }

@@ -97,10 +97,10 @@ pub struct Solution {
 }
 
 impl Identification {
-    /// The first of `distinct` with all that is to be said about it.
-    pub(super) fn new(fit: &Fit, own: &[f64], distinct: &[Point], poorer: usize, starts: usize) -> Self {
-        let best = &distinct[0];
-        let (values, jacobian) = (fit.values(&best.x), fit.jacobian(&best.x));
+    /// The first of `distinct` with all that is to be said about it; none where it has no derivatives.
+    pub(super) fn new(fit: &Fit, own: &[f64], distinct: &[Point], poorer: usize, starts: usize) -> Option<Self> {
+        let best = distinct.first()?;
+        let (values, jacobian) = (fit.values(&best.x), fit.jacobian(&best.x)?);
         let (uniqueness, variances) = Uniqueness::new(&jacobian, fit.parameters);
         // dp/dx.
         let scale = |(p, value): (&Parameter, &f64)| if p.is_logarithmic() { *value } else { p.high - p.low };
@@ -134,7 +134,7 @@ impl Identification {
             }
         };
         let columns = 0..values.len();
-        Self {
+        Some(Self {
             parameters: fit.parameters.iter().enumerate().map(found).collect(),
             targets: fit.targets.iter().zip(&best.readings).map(met).collect(),
             chi_square: best.chi_square,
@@ -148,7 +148,7 @@ impl Identification {
             poorer,
             starts,
             tangent_contacts: fit.tangent_contacts(),
-        }
+        })
     }
 
     /// The scene with the numbers found written in.

@@ -117,14 +117,20 @@ pub fn identified() -> Result<Vec<Comparison>, StudyError> {
     }
     let all = ALL.answer()?;
     let words = all.uniqueness.to_string();
-    let first = words.lines().next().unwrap_or_default().to_owned();
+    let first = words.split([':', '.']).next().unwrap_or_default().to_owned();
     let off = all.targets.iter().map(|t| 100.0 * t.relative_residual.unwrap_or(0.0).abs()).fold(0.0, f64::max);
     rows.push(
         statement(
             "text",
             "all nine open numbers from five frequencies and one force",
             "one set",
-            format!("{first} Largest residual {off:.1} %."),
+            format!(
+                "{}: {} numbers from {} targets, {} free directions; largest residual {off:.1} %",
+                first.to_lowercase(),
+                all.uniqueness.unknowns,
+                all.uniqueness.targets,
+                all.uniqueness.free.len()
+            ),
             if all.uniqueness.is_unique() { Verdict::Agrees } else { Verdict::Deviates },
         )
         .noting("the bearing and a nearly free sun are what every fit has in common"),

@@ -96,7 +96,7 @@ pub fn apart_by_load(curves: &[Curve], threshold: &Threshold) -> Vec<Comparison>
         )
         .noting("nearly flat up to the threshold"),
     );
-    let differ = branch_gap(curves);
+    let differ = branch_gap(curves, "N m");
     rows.push(
         statement("10", "one motion for each load", "implied", differ.0, if differ.1 { Verdict::Deviates } else { Verdict::Agrees })
             .noting("the law keeps the speed of the last impact for as long as a mesh stays in contact, so that motions depend on their history"),
@@ -105,7 +105,7 @@ pub fn apart_by_load(curves: &[Curve], threshold: &Threshold) -> Vec<Comparison>
 }
 
 /// How far the three ways lie apart in the amplitude.
-fn branch_gap(curves: &[Curve]) -> (String, bool) {
+fn branch_gap(curves: &[Curve], unit: &str) -> (String, bool) {
     let amplitudes: Vec<Vec<f64>> = curves.iter().map(|curve| curve.measure(RING, |c| c.force_amplitude)).collect();
     let (mut most, mut place) = (0.0, 0.0);
     for (i, x) in curves[0].values.iter().enumerate() {
@@ -117,7 +117,7 @@ fn branch_gap(curves: &[Curve]) -> (String, bool) {
             (most, place) = ((high - low) / high, *x);
         }
     }
-    (format!("amplitudes differ by up to {:.1} % (at {place})", 100.0 * most), most > 0.01)
+    (format!("amplitudes differ by up to {:.1} % (at {place} {unit})", 100.0 * most), most > 0.01)
 }
 
 /// Figure 11, from speeds that contain 50, 500 and 2000 rev/min.
@@ -156,8 +156,8 @@ pub fn apart_by_speed(curves: &[Curve]) -> Vec<Comparison> {
             "11",
             "one motion for each speed",
             "implied",
-            branch_gap(curves).0,
-            if branch_gap(curves).1 { Verdict::Deviates } else { Verdict::Agrees },
+            branch_gap(curves, "rev/min").0,
+            if branch_gap(curves, "rev/min").1 { Verdict::Deviates } else { Verdict::Agrees },
         ),
     ]
 }
