@@ -203,17 +203,17 @@ impl Plan {
     pub fn make(&self, kind: Kind, context: &Context<'_>) -> Result<Entry, StudyError> {
         let speed = |scene: &Scene| speed_pointer(scene).ok_or_else(|| lacks(scene, "speed in rev/min"));
         let load = |scene: &Scene| load_pointer(scene).ok_or_else(|| lacks(scene, "load in N m"));
-        let said = |rows: Vec<Comparison>| if self.published { rows } else { Vec::new() };
-        let entry = |figure, scene: &Scene, words: &str, rows| Entry {
+        let entry = |figure, scene: &Scene, words: &str, said: &dyn Fn() -> Vec<Comparison>| Entry {
             figure: Some(figure),
             scene: [format!("{}{}{words}", scene.name(), if words.is_empty() { "" } else { ", " }), scene.hash()],
-            comparisons: said(rows),
+            // Only the reference set has published numbers.
+            comparisons: if self.published { said() } else { Vec::new() },
         };
         let patient = Context { rule: floating(context), ..*context };
         Ok(match kind {
             Kind::Modes => {
                 let (figure, rows) = figures::modes(&self.full()?, self.highest[1])?;
-                entry(figure, &self.full()?, "all freedoms", published::modes(&rows))
+                entry(figure, &self.full()?, "all freedoms", &|| published::modes(&rows))
             }
             Kind::Identification => {
                 if !self.published {
@@ -224,11 +224,12 @@ impl Plan {
                     });
                 }
                 let scene = self.full()?;
-                Entry { figure: None, ..entry(Figure::default(), &scene, "all freedoms", published::identified()?) }
+                let rows = published::identified()?;
+                Entry { figure: None, ..entry(Figure::default(), &scene, "all freedoms", &|| rows.clone()) }
             }
             Kind::Forces => {
                 let (figure, found) = figures::forces(context, &self.heavy, self.highest[0])?;
-                entry(figure, &self.heavy, "", published::forces(&found))
+                entry(figure, &self.heavy, "", &|| published::forces(&found))
             }
             Kind::Waterfall => {
                 let pointer = speed(&self.heavy)?;
@@ -240,17 +241,17 @@ impl Plan {
                 let speeds = self.waterfall_speeds();
                 let (figure, found) =
                     figures::waterfall(context, &self.heavy, (pointer, &speeds), &natural, self.highest[1])?;
-                entry(figure, &self.heavy, "speed varied", published::waterfall(&found))
+                entry(figure, &self.heavy, "speed varied", &|| published::waterfall(&found))
             }
             Kind::Harmonics => {
                 let pointer = speed(&self.heavy)?;
                 let speeds = &self.heavy_speeds;
                 let (figure, found) = figures::harmonics(context, &self.heavy, (pointer, speeds))?;
-                entry(figure, &self.heavy, "speed varied", published::harmonics(speeds, &found))
+                entry(figure, &self.heavy, "speed varied", &|| published::harmonics(speeds, &found))
             }
             Kind::Cycles => {
                 let (figure, found) = figures::cycles(context, &self.light, &self.shown_loads)?;
-                entry(figure, &self.light, "load varied", published::cycles(&found))
+                entry(figure, &self.light, "load varied", &|| published::cycles(&found))
             }
             Kind::ApartVsLoad => self.by_load(context, load(&self.light)?, entry)?,
             Kind::ApartVsSpeed => {
@@ -260,19 +261,19 @@ impl Plan {
                 if self.published {
                     publish(&mut figure, 2, vec![50.0, 500.0, 2000.0], vec![0.34, 0.24, 0.11]);
                 }
-                entry(figure, &self.light, "speed varied", published::apart_by_speed(&curves))
+                entry(figure, &self.light, "speed varied", &|| published::apart_by_speed(&curves))
             }
             Kind::ThresholdVsSpeed => {
                 let stem = self.last_family()?;
                 let search = self.search();
                 let speeds = &self.threshold_speeds;
                 let (figure, rows) = figures::threshold(context, &self.light, &stem, speeds, &search)?;
-                entry(figure, &self.light, "speed and load varied", published::threshold(&rows))
+                entry(figure, &self.light, "speed and load varied", &|| published::threshold(&rows))
             }
             Kind::Trajectories => {
                 let pointer = speed(&self.floating)?;
                 let (figure, found) = figures::trajectories(&patient, &self.floating, (pointer, &self.path_speeds))?;
-                entry(figure, &self.floating, "speed varied", published::trajectories(&found))
+                entry(figure, &self.floating, "speed varied", &|| published::trajectories(&found))
             }
             Kind::History => {
                 let scene = match speed_pointer(&self.floating) {
@@ -282,7 +283,7 @@ impl Plan {
                 let first = scene.build()?.spec.freedoms.first().cloned().unwrap_or_default();
                 let (figure, found) = figures::history(&patient, &scene, &first)?;
                 let words = format!("{} rev/min", self.history_speed);
-                entry(figure, &self.floating, &words, published::history(&found))
+                entry(figure, &self.floating, &words, &|| published::history(&found))
             }
         })
     }
@@ -291,7 +292,7 @@ impl Plan {
         &self,
         context: &Context<'_>,
         pointer: &str,
-        entry: impl Fn(Figure, &Scene, &str, Vec<Comparison>) -> Entry,
+        entry: impl Fn(Figure, &Scene, &str, &dyn Fn() -> Vec<Comparison>) -> Entry,
     ) -> Result<Entry, StudyError> {
         let x = Axis::new("load", "N m");
         let id = Kind::ApartVsLoad.id();
@@ -319,7 +320,7 @@ impl Plan {
         if self.published {
             publish(&mut figure, 2, vec![0.0, 21.0], vec![0.24, 0.0]);
         }
-        Ok(entry(figure, &self.light, "load varied", published::apart_by_load(&curves, &threshold)))
+        Ok(entry(figure, &self.light, "load varied", &|| published::apart_by_load(&curves, &threshold)))
     }
 
     fn search(&self) -> Search {

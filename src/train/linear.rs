@@ -44,7 +44,7 @@ pub struct Equilibrium {
 /// Free motions (eigenvalues below `16 n ε ‖·‖`) carry no load in an equilibrium.
 ///
 /// # Errors
-/// [`TrainError::Unbalanced`] if more than 1e-9 of the largest load is left over (a load on a free motion, a power-law
+/// [`TrainError::Unbalanced`] if more than 1e-9 of the largest load (and rounding) is left over (a load on a free motion, a power-law
 /// contact the load does not press on); [`TrainError::Value`] for a rigid contact, whose force has no stiffness.
 pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, TrainError> {
     let load = DVector::from_column_slice(&spec.load);
@@ -62,6 +62,11 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, TrainError> {
         });
     }
     let directions: Vec<_> = spec.contacts.iter().map(|c| DVector::from_column_slice(&c.direction)).collect();
+    // What flanks away from the origin push with cancels; its rounding does not.
+    let flanks = spec.contacts.iter().zip(&directions).map(|(contact, g)| {
+        (contact.stiffness.mean() * (contact.error_offset + contact.half_backlash)).abs() * g.amax()
+    });
+    let allowed = f64::max(1.0e-9 * scale, 64.0 * f64::EPSILON * flanks.fold(0.0, f64::max));
     let mut best: Option<(f64, DVector<f64>)> = None;
     loop {
         let forces: Vec<[f64; 2]> = spec.contacts.iter().zip(&penetrations).map(|(c, &p)| force(c, p)).collect();
@@ -80,7 +85,7 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, TrainError> {
         // Down to where round-off stops the descent.
         match &best {
             Some((least, position)) if residual >= *least => {
-                if *least > 1.0e-9 * scale {
+                if *least > allowed {
                     return Err(TrainError::Unbalanced { residual: *least });
                 }
                 let forces = spec

@@ -1,6 +1,6 @@
 //! Figures 5 to 8: 500 N m, linear meshes; and the natural frequencies.
 
-use super::{Comparison, Verdict, at, holds, list, numbers, statement, summit};
+use super::{Comparison, Verdict, at, cover, holds, list, numbers, statement, summit};
 use crate::{
     study::figures::{Forces, Harmonics, ModeRow, Strongest},
     train::planetary::Family,
@@ -77,6 +77,9 @@ pub fn waterfall(found: &[Strongest]) -> Vec<Comparison> {
 #[must_use]
 pub fn harmonics(speeds: &[f64], found: &[Harmonics]) -> Vec<Comparison> {
     let [sun, ring] = found else { return Vec::new() };
+    if !cover(speeds, 500.0, 2500.0) {
+        return Vec::new();
+    }
     let (f_sun, f_ring) = (|rpm| at(speeds, &sun.first, rpm), |rpm| at(speeds, &ring.first, rpm));
     let pair = |rpm: f64| format!("{:.0} and {:.0} N at {rpm} rev/min", f_sun(rpm), f_ring(rpm));
     let above = |rpm: f64| speeds.iter().zip(sun.first.iter().zip(&ring.first)).filter(move |(n, _)| **n <= rpm);

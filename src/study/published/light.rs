@@ -1,6 +1,6 @@
 //! Figures 9 to 11: light load, Hertz contacts with hysteresis.
 
-use super::{Comparison, Verdict, holds, linearity, list, numbers, statement};
+use super::{Comparison, Verdict, cover, holds, linearity, list, numbers, statement};
 use crate::study::{
     figures::{Curve, Cycle, ThresholdRow, Way},
     threshold::Threshold,
@@ -63,7 +63,7 @@ pub fn cycles(found: &[Cycle]) -> Vec<Comparison> {
 /// Figure 10; `threshold` at 500 rev/min.
 #[must_use]
 pub fn apart_by_load(curves: &[Curve], threshold: &Threshold) -> Vec<Comparison> {
-    let Some(cold) = cold(curves) else { return Vec::new() };
+    let Some(cold) = cold(curves).filter(|cold| cover(&cold.values, 0.0, 40.0)) else { return Vec::new() };
     let apart = cold.measure(RING, |c| c.report.apart_fraction);
     let amplitude = cold.measure(RING, |c| c.force_amplitude);
     let at = |values: &[f64], load: f64| super::at(&cold.values, values, load);
@@ -123,7 +123,7 @@ fn branch_gap(curves: &[Curve], unit: &str) -> (String, bool) {
 /// Figure 11, from speeds that contain 50, 500 and 2000 rev/min.
 #[must_use]
 pub fn apart_by_speed(curves: &[Curve]) -> Vec<Comparison> {
-    let Some(cold) = cold(curves) else { return Vec::new() };
+    let Some(cold) = cold(curves).filter(|cold| cover(&cold.values, 50.0, 2000.0)) else { return Vec::new() };
     let apart = cold.measure(RING, |c| c.report.no_force_fraction);
     let amplitude = cold.measure(RING, |c| c.force_amplitude);
     let at = |rpm: f64| super::at(&cold.values, &apart, rpm);

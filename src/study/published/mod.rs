@@ -125,6 +125,11 @@ fn linearity(x: &[f64], y: &[f64]) -> f64 {
     if xx * yy > 0.0 { xy * xy / (xx * yy) } else { 0.0 }
 }
 
+/// Whether values in rising order reach from `low` to `high`: a study of fewer of them has nothing to compare.
+fn cover(xs: &[f64], low: f64, high: f64) -> bool {
+    xs.first().is_some_and(|x| *x <= low) && xs.last().is_some_and(|x| *x >= high)
+}
+
 /// Value at `x` of a curve through points in rising order, linear between them.
 fn at(xs: &[f64], ys: &[f64], x: f64) -> f64 {
     match xs.iter().position(|v| *v >= x) {

@@ -1,0 +1,303 @@
+//! The reference study: its figures, and the numbers they rest on.
+//!
+//! Expected values: an independent prototype (fixed-step Runge–Kutta, checked by halving its step) and a frequency-domain
+//! solution of the same equations; tolerances are those stated for them.
+
+#![cfg(feature = "cli")]
+#![allow(clippy::unwrap_used)] // a test may panic
+
+use std::{fs, path::Path, sync::atomic::AtomicBool};
+
+use assert_cmd::Command;
+use flank::{
+    plot::Figure,
+    study::{
+        figures::{self, Context, Way},
+        plan::{Kind, Plan},
+        published::{self, Comparison, Verdict, contradictions},
+        steady::Rule,
+        threshold::{Search, Threshold, locate},
+    },
+};
+use serde_json::Value;
+
+static NEVER: AtomicBool = AtomicBool::new(false);
+
+fn context() -> Context<'static> {
+    Context { rule: Rule::default(), interrupted: &NEVER, done: &|| () }
+}
+
+/// The reference study on a few speeds and loads.
+fn small() -> Plan {
+    let plan = Plan::reference().unwrap();
+    Plan {
+        loads: vec![0.0, 10.0, 20.0, 22.0, 40.0],
+        speeds: vec![50.0, 500.0, 2000.0],
+        threshold_speeds: vec![500.0],
+        heavy_speeds: vec![500.0, 1050.0, 2000.0, 3000.0],
+        path_speeds: vec![100.0],
+        history_speed: 500.0,
+        ..plan
+    }
+}
+
+#[track_caller]
+fn close(found: f64, wanted: f64, tolerance: f64) {
+    assert!((found - wanted).abs() <= tolerance, "{found} is not {wanted} to {tolerance}");
+}
+
+/// Every axis has a label, every number is finite, every series is as long on x as on y.
+fn check(figure: &Figure) {
+    assert!(!figure.title.is_empty() && !figure.caption.is_empty() && figure.columns >= 1, "{}", figure.id);
+    assert!(!figure.panels.is_empty(), "{}", figure.id);
+    for panel in &figure.panels {
+        assert!(!panel.x.label.is_empty() && !panel.y.label.is_empty(), "{}: {}", figure.id, panel.title);
+        assert!(!panel.series.is_empty(), "{}: {}", figure.id, panel.title);
+        for series in &panel.series {
+            assert_eq!(series.x.len(), series.y.len());
+            assert!(series.x.iter().chain(&series.y).all(|v| v.is_finite()), "{}: {}", figure.id, series.name);
+        }
+    }
+}
+
+#[test]
+fn every_figure_of_the_reference_study_is_made() {
+    let plan = small();
+    for kind in Kind::ALL {
+        let entry = plan.make(kind, &context()).unwrap_or_else(|error| panic!("{}: {error}", kind.id()));
+        if let Some(figure) = &entry.figure {
+            assert_eq!(figure.id, kind.id());
+            check(figure);
+        }
+        assert_eq!(entry.figure.is_none(), kind == Kind::Identification);
+        assert_eq!(entry.scene[1].len(), 64);
+        assert!(!entry.comparisons.is_empty(), "{}: nothing is compared", kind.id());
+    }
+}
+
+#[test]
+fn first_harmonics_against_speed() {
+    let plan = Plan::reference().unwrap();
+    // rev/min, sun-planet N, ring-planet N; printed to 0.1 N.
+    let table = [
+        (500.0, 34.6, 47.8),
+        (1000.0, 14.4, 125.5),
+        (1400.0, 65.6, 87.3),
+        (1600.0, 101.0, 87.2),
+        (2000.0, 195.2, 125.4),
+        (2400.0, 252.9, 114.5),
+        (3000.0, 262.8, 188.4),
+    ];
+    let speeds = table.map(|row| row.0);
+    let (_, found) = figures::harmonics(&context(), &plan.heavy, ("/train/speed_rpm", &speeds)).unwrap();
+    for (i, (_, sun, ring)) in table.into_iter().enumerate() {
+        close(found[0].first[i], sun, 0.06);
+        close(found[1].first[i], ring, 0.06);
+    }
+}
+
+#[test]
+fn the_threshold_is_located_in_the_load() {
+    let plan = Plan::reference().unwrap();
+    let search = Search { range: [0.0, 40.0], scan: 9, resolution: 0.01 };
+    let found = locate(&context(), &plan.light, "/train/load/output_torque_nm", "ring", &search).unwrap();
+    let Threshold::Located { below, above, clearance_below, clearance_above } = found else { panic!("{found:?}") };
+    // Separations vanish between 20.5 and 20.8 N m, whichever way the search goes.
+    assert!(20.5 <= below && above <= 20.8 && above - below <= 0.01, "{found:?}");
+    // They do not shrink to nothing: the motion that separates ends.
+    assert!(clearance_below < -1e-7 && clearance_above >= 0.0, "{found:?}");
+    // Nothing to locate where everything separates, or nothing does.
+    let at =
+        |range| locate(&context(), &plan.light, "/train/load/output_torque_nm", "ring", &Search { range, ..search });
+    assert_eq!(at([0.0, 10.0]).unwrap(), Threshold::Beyond { value: 10.0 });
+    assert_eq!(at([30.0, 40.0]).unwrap(), Threshold::None);
+}
+
+#[test]
+fn thresholds_against_speed() {
+    let plan = Plan::reference().unwrap();
+    // Printed to 0.1 N m with a fixed-step method; the speeds where the last impact decides the rest are left out.
+    let speeds = [200.0, 500.0];
+    let search = Search { range: [0.0, 60.0], scan: 13, resolution: 0.02 };
+    let (_, rows) = figures::threshold(&context(), &plan.light, "ring-planet", &speeds, &search).unwrap();
+    close(rows[0].load(), 11.3, 0.5);
+    close(rows[1].load(), 20.65, 0.2);
+    close(rows[1].drag, 1.567 + 0.048_38 * 500.0, 1e-2);
+}
+
+#[test]
+fn modes_of_the_reference_set() {
+    let plan = Plan::reference().unwrap();
+    let full = plan.heavy.with("/train/freedoms", Value::from("full")).unwrap();
+    let (figure, rows) = figures::modes(&full, 3000.0).unwrap();
+    check(&figure);
+    for (name, hertz) in [
+        ("T1", 431.39),
+        ("R1", 434.01),
+        ("R2", 869.05),
+        ("T2", 882.63),
+        ("R3", 1060.39),
+        ("T3", 1785.12),
+        ("R4", 2974.95),
+        ("R5", 4460.28),
+        ("R6", 5504.81),
+        ("T4", 4123.48),
+        ("T5", 4215.57),
+    ] {
+        let row = rows.iter().find(|row| row.name() == name).unwrap();
+        close(row.hertz, hertz, 0.05);
+        close(row.shares.iter().map(|(_, share)| share).sum(), 1.0, 1e-12);
+    }
+    assert_eq!(rows.len(), 11);
+    assert_eq!(figure.panels.len(), 7);
+}
+
+#[test]
+fn paths_at_a_hundred_revolutions() {
+    let plan = Plan::reference().unwrap();
+    let (figure, found) = figures::trajectories(&context(), &plan.floating, ("/train/speed_rpm", &[100.0])).unwrap();
+    check(&figure);
+    let [sun, ring] = &found[..] else { panic!("two centres") };
+    assert_eq!((sun.period, sun.leaves), (Some(1), 288));
+    // Printed to 0.1 µm and 0.001 µm.
+    close(1e6 * sun.range, 4.7, 0.05);
+    close(1e6 * ring.range, 0.010, 0.0005);
+    assert!(sun.residual < 1e-6 && sun.off_harmonics < 1e-6, "{sun:?}");
+    assert!(figure.panels.iter().all(|panel| panel.equal_scales));
+}
+
+#[test]
+fn cycles_at_rest_and_under_load() {
+    let plan = Plan::reference().unwrap();
+    let (figure, found) = figures::cycles(&context(), &plan.light, &[0.0, 21.0]).unwrap();
+    check(&figure);
+    assert_eq!((found[0].peaks, found[1].peaks), (2, 2));
+    for (h, wanted) in [18.4, 37.5, 10.3].into_iter().enumerate() {
+        close(found[0].harmonics[h], wanted, 0.06);
+    }
+    close(found[0].apart, 0.2541, 0.002);
+    assert_eq!(found[0].together, 0.0);
+    // Two events a period, at exact times: marks and the ends of bands are the same numbers.
+    let upper = &figure.panels[0];
+    assert_eq!(upper.bands.len(), 3);
+    let marks = upper.series.iter().find(|series| series.name.starts_with("events")).unwrap();
+    let ends: Vec<f64> = upper.bands.iter().flat_map(|band| band.x).collect();
+    assert_eq!(marks.x, ends);
+    // Both meshes of a planet apart at once: at slow speeds only.
+    let slow = plan.light.with("/train/speed_rpm", Value::from(50.0)).unwrap();
+    close(figures::cycles(&context(), &slow, &[0.0]).unwrap().1[0].together, 0.243, 0.002);
+}
+
+#[test]
+fn a_motion_followed_down_keeps_its_branch() {
+    let plan = Plan::reference().unwrap();
+    let loads: Vec<f64> = (0..8).map(|i| 16.0 + f64::from(i)).collect();
+    let x = flank::plot::Axis::new("load", "N m");
+    let pointer = ("/train/load/output_torque_nm", &loads[..]);
+    let (_, curves) = figures::apart(&context(), &plan.light, "by-load", x, pointer).unwrap();
+    let apart = |way: Way| {
+        let curve = curves.iter().find(|curve| curve.way == way).unwrap();
+        curve.measure("ring", |c| c.report.apart_fraction)
+    };
+    // From above, contact is kept well below the load at which it is first reached from below.
+    let (up, down) = (apart(Way::Up), apart(Way::Down));
+    let last = |values: &[f64]| values.iter().rposition(|v| *v > 0.0);
+    assert!(last(&down) < last(&up), "{up:?} {down:?}");
+}
+
+#[test]
+fn verdicts_do_not_flatter() {
+    let rows: Vec<Comparison> = small().make(Kind::Harmonics, &context()).unwrap().comparisons;
+    let verdict = |words: &str| rows.iter().find(|row| row.quantity.contains(words)).unwrap().verdict;
+    assert_eq!(verdict("at 1050"), Verdict::Deviates);
+    assert_eq!(verdict("bilateral law"), Verdict::Deviates);
+    assert_eq!(verdict("1050 to 2000"), Verdict::Agrees);
+    let source = contradictions().unwrap();
+    assert!(source.len() >= 11 && source.iter().all(|row| row.verdict == Verdict::Contradiction));
+    // Kinematics: 209.23 Hz at 500 rev/min, 412 Hz at 984.6, and planets that do not fit.
+    let words: String = source.iter().map(|row| row.found.as_str()).collect();
+    for number in ["209.23 Hz", "984.6 rev/min", "295.4 Hz", "43.33", "968.0 N", "2343 Hz", "2140 rev/min"] {
+        assert!(words.contains(number), "{number}");
+    }
+}
+
+#[test]
+fn identified_numbers_come_out_again() {
+    let rows = published::identified().unwrap();
+    for row in rows.iter().filter(|row| row.quantity.contains("exact-frequencies")) {
+        // All five printed digits.
+        let number = |text: &str| text.trim_end_matches(" N/m").parse::<f64>().unwrap();
+        close(number(&row.found) / number(&row.published), 1.0, 5e-5);
+    }
+    let all = rows.last().unwrap();
+    assert!(all.found.starts_with("not unique"), "{}", all.found);
+}
+
+fn flank(folder: &Path, words: &[&str]) -> assert_cmd::assert::Assert {
+    Command::cargo_bin("flank").unwrap().current_dir(folder).args(words).assert()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+#[test]
+fn the_command_writes_every_form_of_a_figure() {
+    let folder = tempfile::tempdir().unwrap();
+    let done = flank(folder.path(), &["study", "--only", "modes", "cycles", "--out", "a", "--threads", "1"]).code(0);
+    assert!(text(&done.get_output().stdout).contains("report.html"));
+    assert_eq!(text(&done.get_output().stderr), "");
+    let out = folder.path().join("a");
+    for id in ["modes", "cycles"] {
+        for kind in ["csv", "json", "svg", "png"] {
+            assert!(
+                fs::metadata(out.join("figures").join(format!("{id}.{kind}"))).unwrap().len() > 1000,
+                "{id}.{kind}"
+            );
+        }
+    }
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.len() < 8_000_000 && page.contains("id=\"cycles\"") && page.contains("431.4 Hz"));
+    let summary: Value = serde_json::from_str(&fs::read_to_string(out.join("study.json")).unwrap()).unwrap();
+    assert_eq!(summary["figures"][0]["id"], "modes");
+    assert!(summary["comparisons"].as_array().unwrap().len() > 5);
+    // The same bytes from two threads; a folder in use is not written into.
+    flank(folder.path(), &["study", "--only", "modes", "cycles", "--out", "b", "--threads", "2", "--quiet"]).code(0);
+    for name in
+        ["report.html", "study.json", "table.csv", "figures/cycles.csv", "figures/cycles.png", "figures/modes.svg"]
+    {
+        assert_eq!(fs::read(out.join(name)).unwrap(), fs::read(folder.path().join("b").join(name)).unwrap(), "{name}");
+    }
+    let refused = flank(folder.path(), &["study", "--only", "modes", "--out", "a"]).code(2);
+    assert!(text(&refused.get_output().stderr).contains("--force"));
+}
+
+#[test]
+fn a_scene_of_ones_own_is_studied_as_far_as_it_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let pair = format!("{}/examples/scenes/spur-pair.json", env!("CARGO_MANIFEST_DIR"));
+    let words = ["study", &pair, "--loads", "0:20:3", "--speeds", "500,1000,1500", "--out", "pair"];
+    let done = flank(folder.path(), &words).code(0);
+    let said = text(&done.get_output().stdout);
+    assert!(said.contains("not made: modes") && said.contains("not made: trajectories"), "{said}");
+    let made = folder.path().join("pair/figures");
+    for id in ["forces", "waterfall", "harmonics-vs-speed", "cycles", "apart-vs-load", "apart-vs-speed", "history"] {
+        assert!(made.join(format!("{id}.svg")).exists(), "{id}");
+    }
+    assert!(!made.join("modes.svg").exists());
+    assert!(!fs::read_to_string(folder.path().join("pair/report.html")).unwrap().contains("Published, Flank"));
+    // Asked for by name, what cannot be had is an error.
+    let refused = flank(folder.path(), &["study", &pair, "--only", "trajectories", "--out", "none"]).code(2);
+    assert!(text(&refused.get_output().stderr).contains("carrier"));
+}
+
+#[test]
+fn bad_arguments_are_told_all_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = flank(folder.path(), &["study", "--loads", "0:x:3", "--speeds", "1:2:0", "--out", "a"]).code(2);
+    let said = text(&refused.get_output().stderr);
+    assert!(said.contains("loads") && said.contains("speeds"), "{said}");
+    let refused = flank(folder.path(), &["study", "--only", "everything"]).code(2);
+    assert!(text(&refused.get_output().stderr).contains("apart-vs-load"));
+    assert!(!folder.path().join("a").exists());
+}
