@@ -39,13 +39,13 @@ pub fn execute(arguments: &Arguments) -> Result<(), CliError> {
 
 fn text(session: &Session, why: &str) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
-    let (spec, s) = (session.structure.spec(), session.unit("s"));
+    let (spec, s) = (session.case.structure.spec(), session.unit("s"));
     let kind = session.scene.resolved()["train"]["kind"].as_str().unwrap_or_default();
     writeln!(out, "{}  ({kind})", session.scene.name())?;
     writeln!(out, "  scene {}", session.scene.hash())?;
     writeln!(out, "  freedoms: {}", spec.freedoms.join(" "))?;
-    writeln!(out, "  state: {} numbers, latched speeds included", session.structure.dim())?;
-    let run = &session.built.run;
+    writeln!(out, "  state: {} numbers, latched speeds included", session.case.structure.dim())?;
+    let run = &session.case.built.run;
     let length = match run.duration {
         Duration::Cycles(n) => format!("{n} cycles, the first {} not measured", run.transient_cycles),
         Duration::Until(end) => format!("until t = {end} {s}"),
@@ -53,7 +53,7 @@ fn text(session: &Session, why: &str) -> Result<String, std::fmt::Error> {
     let period = run.period.map_or("none".to_owned(), |p| format!("{} {s}", number(p)));
     writeln!(out, "  run: {length}; cycle {period}")?;
     contacts(&mut out, session)?;
-    let mut warnings: Vec<String> = session.built.warnings.iter().map(ToString::to_string).collect();
+    let mut warnings: Vec<String> = session.case.built.warnings.iter().map(ToString::to_string).collect();
     frequencies(&mut out, session, &mut warnings)?;
     out.push_str(&geometry::text(&session.scene)?);
     integrators(&mut out, session, why)?;
@@ -94,7 +94,7 @@ fn automaton(contact: &ContactSpec) -> (&'static str, &'static str, &'static str
 }
 
 fn contacts(out: &mut String, session: &Session) -> std::fmt::Result {
-    let spec = session.structure.spec();
+    let spec = session.case.structure.spec();
     writeln!(out, "\nContacts, delta positive towards the drive flank")?;
     let mut table = Table::new(&["contact", "law", "b", "mean stiffness", "modes", "guards", "starts"]);
     for (j, contact) in spec.contacts.iter().enumerate() {
@@ -113,7 +113,7 @@ fn contacts(out: &mut String, session: &Session) -> std::fmt::Result {
 }
 
 fn frequencies(out: &mut String, session: &Session, warnings: &mut Vec<String>) -> std::fmt::Result {
-    let spec = session.structure.spec();
+    let spec = session.case.structure.spec();
     let modes = match bonded_modes(spec) {
         Ok(modes) => modes,
         Err(error) => {
@@ -121,8 +121,8 @@ fn frequencies(out: &mut String, session: &Session, warnings: &mut Vec<String>) 
             return Ok(());
         }
     };
-    let unit = if session.built.dimensionless { "rad per unit of time" } else { "Hz" };
-    let values = if session.built.dimensionless { modes.omega.clone() } else { modes.hertz() };
+    let unit = if session.case.built.dimensionless { "rad per unit of time" } else { "Hz" };
+    let values = if session.case.built.dimensionless { modes.omega.clone() } else { modes.hertz() };
     writeln!(out, "\nNatural frequencies, every contact closed at its mean stiffness, {unit}")?;
     if spec.contacts.iter().any(|c| matches!(c.law, Law::Power(_) | Law::Rigid(_))) {
         writeln!(out, "  (laws that are not linear are taken at stiffness K: an order of magnitude at best)")?;
@@ -133,7 +133,7 @@ fn frequencies(out: &mut String, session: &Session, warnings: &mut Vec<String>) 
     });
     writeln!(out, "  {}", words.collect::<Vec<_>>().join(", "))?;
     let highest = modes.omega.iter().copied().fold(0.0, f64::max);
-    let forcing = session.structure.clock().omega();
+    let forcing = session.case.structure.clock().omega();
     if forcing > 0.0 && highest > STIFF * forcing {
         let ratio = number(highest / forcing);
         warnings.push(format!("the highest natural frequency is {ratio} times the forcing frequency: steps are short"));
@@ -142,7 +142,7 @@ fn frequencies(out: &mut String, session: &Session, warnings: &mut Vec<String>) 
 }
 
 fn integrators(out: &mut String, session: &Session, why: &str) -> std::fmt::Result {
-    let structure = &session.structure;
+    let structure = &session.case.structure;
     writeln!(out, "\nIntegrator\n  {why}")?;
     let count = structure.contacts().len();
     let set = |state| (0..count).fold(session.start.jump.mode, |mode, j| with_contact(mode, j, state));

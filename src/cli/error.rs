@@ -24,10 +24,10 @@ pub enum CliError {
     Identify(#[from] IdentifyError),
     /// The train cannot be assembled.
     #[error(transparent)]
-    Train(#[from] AssembleError),
+    Train(AssembleError),
     /// The run cannot start where the scene says.
     #[error(transparent)]
-    Start(#[from] StartError),
+    Start(StartError),
     /// The scene asks for an integrator that cannot be had.
     #[error(transparent)]
     #[diagnostic(help("set run.integrator.method to \"auto\", or use a build that has it"))]
@@ -45,7 +45,7 @@ pub enum CliError {
     Sweep(SweepError, &'static str),
     /// The study cannot be made.
     #[error(transparent)]
-    Study(#[from] StudyError),
+    Study(StudyError),
     /// The run failed.
     #[error("the run failed {0}")]
     Run(EngineError),
@@ -56,6 +56,20 @@ pub enum CliError {
     /// A file cannot be written.
     #[error("{0}: {1}")]
     File(String, std::io::Error),
+}
+
+impl From<StudyError> for CliError {
+    fn from(error: StudyError) -> Self {
+        match error {
+            StudyError::Scene(error) => Self::Scene(error),
+            StudyError::Identify(error) => Self::Identify(error),
+            StudyError::Assemble(error) => Self::Train(error),
+            StudyError::Start(error) => Self::Start(error),
+            StudyError::Integrator(error) => Self::Integrator(error),
+            StudyError::Run(error) => Self::Run(error),
+            error => Self::Study(error),
+        }
+    }
 }
 
 impl From<SweepError> for CliError {
@@ -94,7 +108,7 @@ impl CliError {
     pub fn report(self) -> ExitCode {
         let code = match self {
             Self::Run(_) | Self::Overflow(_) | Self::File(..) => 1,
-            Self::Study(StudyError::Run(_) | StudyError::Budget { .. } | StudyError::Overflow(_)) => 1,
+            Self::Study(StudyError::Budget { .. } | StudyError::Overflow(_)) => 1,
             _ => 2,
         };
         eprintln!("{:?}", miette::Report::new(self));

@@ -12,7 +12,7 @@ use super::{
 pub fn text(session: &Session, summary: &Summary) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
     let train = &summary.train;
-    let closed = session.structure.contacts().len();
+    let closed = session.case.structure.contacts().len();
     writeln!(out, "{}  ({}, {} freedoms, {closed} contacts)", summary.scene.name, train.kind, train.freedoms.len())?;
     let s = session.unit("s");
     let ending = &summary.outcome;
@@ -46,7 +46,7 @@ fn contacts(out: &mut String, session: &Session, summary: &Summary) -> std::fmt:
     let (s, n) = (session.unit("s"), session.unit("N"));
     let unit = |name: &str, unit: &str| if unit.is_empty() { name.to_owned() } else { format!("{name} {unit}") };
     writeln!(out, "\nContacts over {} {s}", number(summary.measured_time))?;
-    let per = if session.built.run.period.is_some() { "/cycle" } else { "" };
+    let per = if session.case.built.run.period.is_some() { "/cycle" } else { "" };
     let head = [
         "contact".to_owned(),
         "apart %".to_owned(),
@@ -60,7 +60,7 @@ fn contacts(out: &mut String, session: &Session, summary: &Summary) -> std::fmt:
     ];
     let mut table = Table::new(&head.each_ref().map(String::as_str));
     // Cycles of the run; of the train's own forcing where the scene names none.
-    let cycles = session.built.run.period.map_or(1.0, |period| summary.measured_time / period);
+    let cycles = session.case.built.run.period.map_or(1.0, |period| summary.measured_time / period);
     let each = |count: u64| number((cycles > 0.0).then(|| count as f64 / cycles));
     for c in &summary.contacts {
         table.row(vec![

@@ -44,10 +44,10 @@ pub struct Arguments {
 /// Runs a scene.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let session = Session::open(arguments.scene.as_deref())?;
-    let run = &session.built.run;
+    let run = &session.case.built.run;
     let most = run.event_budget.min(arguments.events.unwrap_or(u64::MAX));
     let (mut engine, why) = session.engine(most)?;
-    let warnings: Vec<String> = session.built.warnings.iter().map(ToString::to_string).collect();
+    let warnings: Vec<String> = session.case.built.warnings.iter().map(ToString::to_string).collect();
 
     let folder = arguments.out.as_deref().map(|path| Folder::open(path, arguments.force)).transpose()?;
     let mut events = EventFile::new(folder.as_ref().map(Folder::events).transpose()?);
@@ -55,7 +55,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let file = folder.as_ref().filter(|_| sampled).map(Folder::trajectory).transpose()?;
     let mut samples = file.map(|file| TrajectoryFile::new(&session, file));
 
-    let structure = &session.structure;
+    let structure = &session.case.structure;
     let [from, measured, end] = session.instants;
     let measures = Contacts::new(structure, Some(measured)).keep(0);
     let mut log = EventLog::new(structure, measures, |row| events.write(&row));

@@ -120,9 +120,9 @@ impl Train {
     pub fn of(session: &Session) -> Self {
         Self {
             kind: session.scene.resolved()["train"]["kind"].as_str().unwrap_or_default().to_owned(),
-            freedoms: session.structure.spec().freedoms.clone(),
-            dimensionless: session.built.dimensionless,
-            cycle: session.built.run.period,
+            freedoms: session.case.structure.spec().freedoms.clone(),
+            dimensionless: session.case.built.dimensionless,
+            cycle: session.case.built.run.period,
         }
     }
 }
@@ -136,7 +136,7 @@ impl Ending {
             Ok(Outcome::EventBudgetSpent) => "event-budget-spent",
             Err(_) => "failed",
         };
-        let (structure, t) = (&session.structure, session.structure.clock().time(state.at));
+        let (structure, t) = (&session.case.structure, session.case.structure.clock().time(state.at));
         let n = structure.freedoms();
         Self {
             kind,
@@ -154,7 +154,7 @@ impl Ending {
 
 /// How long the run was to be, in words.
 pub fn asked_for(session: &Session) -> String {
-    match session.built.run.duration {
+    match session.case.built.run.duration {
         Duration::Cycles(n) => format!("{n} cycles"),
         Duration::Until(end) => format!("until t = {end}"),
     }

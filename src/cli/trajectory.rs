@@ -23,14 +23,14 @@ const PER_RUN: f64 = 1000.0;
 
 /// Where samples lie.
 pub fn grid(session: &Session) -> Grid {
-    let run = &session.built.run;
+    let run = &session.case.built.run;
     let per_cycle = if run.samples_per_cycle > 0 { run.samples_per_cycle } else { PER_CYCLE };
-    if session.structure.clock().period().is_some() {
+    if session.case.structure.clock().period().is_some() {
         // OK to convert: a scene allows 2²⁰ at most.
         return Grid::Phases { per_cycle: per_cycle as u32 };
     }
     let [from, _, to] = session.instants;
-    let span = session.structure.clock().between(from, to);
+    let span = session.case.structure.clock().between(from, to);
     Grid::Interval { interval: run.period.map_or(span / PER_RUN, |period| period / per_cycle as f64) }
 }
 
@@ -46,7 +46,7 @@ pub struct TrajectoryFile<'s> {
 
 impl<'s> TrajectoryFile<'s> {
     pub fn new(session: &'s Session, mut file: BufWriter<File>) -> Self {
-        let structure = &session.structure;
+        let structure = &session.case.structure;
         let spec = structure.spec();
         let names = spec.freedoms.iter().map(|name| name.to_owned());
         let rates = spec.freedoms.iter().map(|name| format!("{name}_rate"));
@@ -57,7 +57,7 @@ impl<'s> TrajectoryFile<'s> {
         let error = writeln!(file, "{}", header.join(",")).err();
         let column = |name: String| spec.freedoms.iter().position(|freedom| *freedom == name);
         let pair = |body| Some([column(format!("x_{body}"))?, column(format!("y_{body}"))?]);
-        let speed = session.built.carrier_speed.filter(|_| session.built.run.frame == Frame::Fixed);
+        let speed = session.case.built.carrier_speed.filter(|_| session.case.built.run.frame == Frame::Fixed);
         // Planets are written along and across their radius, which turns with them in any frame.
         let turning = speed.map(|_| ["s", "c", "r"].into_iter().filter_map(pair).collect()).unwrap_or_default();
         Self { structure, turning, speed: speed.unwrap_or(0.0), file, error }

@@ -68,14 +68,18 @@ impl Case {
     /// # Errors
     /// [`StudyError::Integrator`].
     pub fn engine(&self, state: State) -> Result<Engine<'_>, StudyError> {
+        Ok(self.limited(state, self.built.run.event_budget)?.0)
+    }
+
+    /// The same with another limit on events, and why it has the integrator it has.
+    ///
+    /// # Errors
+    /// [`StudyError::Integrator`].
+    pub fn limited(&self, state: State, max_events: u64) -> Result<(Engine<'_>, String), StudyError> {
         let run = &self.built.run;
-        let (integrator, _) = build(run.method, run.tolerance, &self.structure)?;
-        let options = Options {
-            max_events: run.event_budget,
-            chatter_speed: run.chatter_speed.unwrap_or(0.0),
-            ..Options::default()
-        };
-        Ok(Engine::new(&self.structure, integrator, options, state))
+        let (integrator, why) = build(run.method, run.tolerance, &self.structure)?;
+        let options = Options { max_events, chatter_speed: run.chatter_speed.unwrap_or(0.0), ..Options::default() };
+        Ok((Engine::new(&self.structure, integrator, options, state), why))
     }
 
     /// Number of the freedom named `name`.
