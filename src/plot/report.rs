@@ -77,6 +77,8 @@ pub struct Cell {
 pub enum Verdict {
     /// They agree.
     Ok,
+    /// They agree roughly, or in part.
+    Partly,
     /// They differ.
     Deviates,
     /// The source disagrees with itself.
@@ -88,6 +90,7 @@ impl Verdict {
     fn class_and_sign(self) -> (&'static str, &'static str) {
         match self {
             Self::Ok => ("ok", "✓"),
+            Self::Partly => ("partly", "≈"),
             Self::Deviates => ("deviates", "≠"),
             Self::Contradicts => ("contradicts", "⇄"),
         }

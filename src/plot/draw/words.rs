@@ -52,6 +52,8 @@ struct Words<'a> {
     words: &'a str,
     at: Point,
     anchor: Anchor,
+    /// Here even if curves run below: the first place that hides no other words.
+    firm: bool,
 }
 
 impl Words<'_> {
@@ -109,7 +111,7 @@ impl Sheet<'_> {
     pub(super) fn words(&self, canvas: &Canvas<'_>, remark: &str, ink: &Ink) -> Drawn {
         let (ink_colour, muted) = (canvas.colours.ink, canvas.colours.muted);
         let corner = [self.frame.x1 - 4.0, self.frame.y1 - 9.0];
-        let mut all = vec![(muted, vec![Words { words: remark, at: corner, anchor: Anchor::Right }])];
+        let mut all = vec![(muted, vec![Words { words: remark, at: corner, anchor: Anchor::Right, firm: true }])];
         for note in &self.panel.notes {
             let at = self.checked(note.at[0], note.at[1]).filter(|at| self.frame.holds(*at));
             all.extend(at.map(|at| (ink_colour, self.beside(&note.text, at))));
@@ -120,7 +122,7 @@ impl Sheet<'_> {
         let mut written: Vec<Words<'_>> = Vec::new();
         for (colour, places) in all {
             let free = places.into_iter().filter(|place| !written.iter().any(|other| place.meets(other)));
-            if let Some(best) = free.min_by_key(|place| ink.under(place.room())) {
+            if let Some(best) = free.min_by_key(|place| if place.firm { 0 } else { ink.under(place.room()) }) {
                 canvas.patched(best.words, best.at, best.anchor, SMALL, colour)?;
                 written.push(best);
             }
@@ -135,8 +137,8 @@ impl Sheet<'_> {
         let mut places = Vec::new();
         for rows in [-1.0, 1.0, -2.5, 2.5, -4.0, 4.0] {
             let y = (y + 0.9 * SMALL * rows).clamp(y0 + 0.75 * SMALL, y1 - 0.75 * SMALL);
-            let right = Words { words, at: [x + 6.0, y], anchor: Anchor::Left };
-            let left = Words { words, at: [x - 6.0, y], anchor: Anchor::Right };
+            let right = Words { words, at: [x + 6.0, y], anchor: Anchor::Left, firm: false };
+            let left = Words { words, at: [x - 6.0, y], anchor: Anchor::Right, firm: false };
             places.extend((x + 6.0 + length < x1).then_some(right));
             places.extend((x - 6.0 - length > x0).then_some(left));
         }
@@ -152,13 +154,15 @@ impl Sheet<'_> {
             Guide::Vertical { .. } => {
                 let steps = ((y1 - y0 - length) / 8.0).max(0.0) as usize;
                 let x = bx.clamp(x0 + 0.6 * SMALL, x1 - 0.6 * SMALL);
-                let place = |i| Words { words: name, at: [x, y0 + 2.0 + 8.0 * i as f64], anchor: Anchor::UpEnd };
+                let place =
+                    |i| Words { words: name, at: [x, y0 + 2.0 + 8.0 * i as f64], anchor: Anchor::UpEnd, firm: false };
                 (0..=steps).map(place).collect()
             }
             Guide::Horizontal { .. } => {
                 let y = if by - 1.2 * SMALL > y0 { by - 0.75 * SMALL } else { by + 0.75 * SMALL };
                 let steps = ((x1 - x0 - length) / 12.0).max(0.0) as usize;
-                let place = |i| Words { words: name, at: [x1 - 5.0 - 12.0 * i as f64, y], anchor: Anchor::Right };
+                let place =
+                    |i| Words { words: name, at: [x1 - 5.0 - 12.0 * i as f64, y], anchor: Anchor::Right, firm: false };
                 (0..=steps).map(place).collect()
             }
             Guide::Slanted { .. } => {
@@ -169,7 +173,7 @@ impl Sheet<'_> {
                     let (x, y) = (ax + part * (bx - ax), ay + part * (by - ay));
                     let y = if i == 0 { y - 0.9 * SMALL * (ay - by).signum() } else { y };
                     let at = [x.min(high).max(low), y.clamp(y0 + 0.75 * SMALL, y1 - 0.75 * SMALL)];
-                    Words { words: name, at, anchor: Anchor::Middle }
+                    Words { words: name, at, anchor: Anchor::Middle, firm: true }
                 };
                 (0..6).map(place).collect()
             }
