@@ -161,6 +161,30 @@ fn words_do_not_overlap_and_nothing_leaves_the_sheet() {
 }
 
 #[test]
+fn the_names_of_guides_do_not_hide_the_stems_they_mark() {
+    let mut figure = figures::spectrum();
+    let panel = &mut figure.panels[0];
+    panel.notes.clear();
+    panel.guides = panel.series[0].x.iter().map(|x| Guide::Vertical { x: *x, name: "harmonic".into() }).collect();
+    let tree = tree(&figure);
+    let (mut letters, mut shapes) = (Vec::new(), Vec::new());
+    boxes(tree.root(), &mut letters, &mut shapes);
+    // The points on top of the stems are the only circles of this size.
+    let is_top = |room: &&Rect| (room.width() - 3.8).abs() < 0.01 && (room.height() - 3.8).abs() < 0.01;
+    let tops: Vec<&Rect> = shapes.iter().filter(is_top).collect();
+    assert_eq!(tops.len(), figure.panels[0].guides.len());
+    let names: Vec<&Rect> = letters.iter().filter(|(words, _)| words == "harmonic").map(|(_, room)| room).collect();
+    assert_eq!(names.len(), tops.len());
+    for (name, top) in names.iter().flat_map(|name| tops.iter().map(move |top| (name, top))) {
+        let apart = name.left() >= top.right()
+            || top.left() >= name.right()
+            || name.bottom() <= top.top()
+            || top.bottom() <= name.top();
+        assert!(apart, "{name:?} {top:?}");
+    }
+}
+
+#[test]
 fn a_png_has_its_size_and_its_colours() {
     let figure = figures::forces(500);
     let drawn = svg(&figure, Theme::Light);

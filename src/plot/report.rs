@@ -6,7 +6,7 @@ use super::{
     Figure,
     draw::{
         Theme, escaped,
-        legend::{self, Entry},
+        legend::{self, Entry, Look},
         palette::hex,
         panel::scales,
     },
@@ -77,6 +77,8 @@ pub struct Cell {
 pub enum Verdict {
     /// They agree.
     Ok,
+    /// They agree roughly, or in part.
+    Partly,
     /// They differ.
     Deviates,
     /// The source disagrees with itself.
@@ -88,6 +90,7 @@ impl Verdict {
     fn class_and_sign(self) -> (&'static str, &'static str) {
         match self {
             Self::Ok => ("ok", "✓"),
+            Self::Partly => ("partly", "≈"),
             Self::Deviates => ("deviates", "≠"),
             Self::Contradicts => ("contradicts", "⇄"),
         }
@@ -230,10 +233,12 @@ fn colours() -> Value {
 
 /// A figure as the page's script reads it.
 fn figure_data(figure: &Figure) -> Value {
-    let entry = |entry: Entry<'_>| match entry {
-        Entry::Series(series) => json!({ "name": series.name, "style": series.style, "colour": series.colour }),
-        Entry::Band(band) => json!({ "name": band.name, "style": "band", "colour": band.colour }),
+    let look = |look: &Look| match look {
+        Look::Series(style, colour) => json!({ "style": style, "colour": colour }),
+        Look::Band(colour) => json!({ "style": "band", "colour": colour }),
     };
+    let entry =
+        |entry: Entry<'_>| json!({ "name": entry.name, "looks": entry.looks.iter().map(look).collect::<Vec<_>>() });
     json!({
         "columns": figure.columns.clamp(1, figure.panels.len().max(1)),
         "legend": legend::entries(&figure.panels).into_iter().map(entry).collect::<Vec<_>>(),

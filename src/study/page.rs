@@ -125,7 +125,8 @@ fn table(title: &str, note: &str, rows: &[&Comparison]) -> Table {
     let cells = |row: &&Comparison| {
         let verdict = match row.verdict {
             Verdict::Agrees => plot::Verdict::Ok,
-            Verdict::Partly | Verdict::Deviates => plot::Verdict::Deviates,
+            Verdict::Partly => plot::Verdict::Partly,
+            Verdict::Deviates => plot::Verdict::Deviates,
             Verdict::Contradiction => plot::Verdict::Contradicts,
         };
         vec![

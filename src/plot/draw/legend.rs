@@ -1,6 +1,6 @@
-//! The entries of a legend: one for each name of a series or a band.
+//! The entries of a legend: one for each name of series or bands.
 
-use crate::plot::{Band, Panel, Series, Style};
+use crate::plot::{Panel, Style};
 
 use super::{
     canvas::{Anchor, Canvas, Drawn, Pen, Point},
@@ -8,40 +8,47 @@ use super::{
     text,
 };
 
-/// What an entry shows.
-#[derive(Clone, Copy)]
-pub(crate) enum Entry<'a> {
-    Series(&'a Series),
-    Band(&'a Band),
+/// How something of a name is drawn, with the number of its colour.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Look {
+    Series(Style, usize),
+    Band(usize),
 }
 
-/// Width of the sample, of the gap after it, and of the gap between entries, px.
+/// A name, and every look that it has.
+#[derive(Clone)]
+pub(crate) struct Entry<'a> {
+    pub name: &'a str,
+    pub looks: Vec<Look>,
+}
+
+/// Width of a sample, of the gap after it, and of the gap between entries, px.
 const SAMPLE: f64 = 24.0;
 const GAP: f64 = 6.0;
 const SPACE: f64 = 18.0;
 
-impl<'a> Entry<'a> {
-    pub fn name(&self) -> &'a str {
-        match self {
-            Self::Series(series) => &series.name,
-            Self::Band(band) => &band.name,
-        }
+impl Entry<'_> {
+    fn is_band(&self) -> bool {
+        matches!(self.looks[0], Look::Band(_))
     }
 
     fn width(&self, size: f64) -> f64 {
-        SAMPLE + GAP + text::width(self.name(), size, false)
+        self.looks.len() as f64 * (SAMPLE + GAP) + text::width(self.name, size, false)
     }
 }
 
-/// Every name once, as it first looks: series, then bands.
+/// The names of series, then those of bands, in the order in which they first appear.
 pub(crate) fn entries(panels: &[Panel]) -> Vec<Entry<'_>> {
-    let series = panels.iter().flat_map(|panel| &panel.series).map(Entry::Series);
-    let bands = panels.iter().flat_map(|panel| &panel.bands).map(Entry::Band);
+    let series = panels.iter().flat_map(|panel| &panel.series);
+    let series = series.map(|series| (series.name.as_str(), Look::Series(series.style, series.colour)));
+    let bands = panels.iter().flat_map(|panel| &panel.bands).map(|band| (band.name.as_str(), Look::Band(band.colour)));
     let mut found: Vec<Entry<'_>> = Vec::new();
-    for entry in series.chain(bands) {
-        let same_kind = |other: &Entry<'_>| matches!(other, Entry::Band(_)) == matches!(entry, Entry::Band(_));
-        if !entry.name().is_empty() && !found.iter().any(|other| other.name() == entry.name() && same_kind(other)) {
-            found.push(entry);
+    for (name, look) in series.chain(bands).filter(|(name, _)| !name.is_empty()) {
+        let band = matches!(look, Look::Band(_));
+        match found.iter_mut().find(|entry| entry.name == name && entry.is_band() == band) {
+            None => found.push(Entry { name, looks: vec![look] }),
+            Some(entry) if entry.looks.contains(&look) => {}
+            Some(entry) => entry.looks.push(look),
         }
     }
     found
@@ -67,33 +74,34 @@ pub(super) fn rows(panels: &[Panel], size: f64, room: f64) -> Vec<Vec<Entry<'_>>
 pub(super) fn draw(canvas: &Canvas<'_>, row: &[Entry<'_>], at: Point, size: f64) -> Drawn {
     let [mut x, y] = at;
     for entry in row {
-        let end = x + SAMPLE;
-        match entry {
-            Entry::Band(band) => {
-                let shades = &canvas.colours.bands;
-                let colour = shades[band.colour % shades.len()];
-                canvas.rectangle([x, y - 5.0], [end, y + 5.0], colour, 1.6 * canvas.colours.band_opacity)?;
-            }
-            Entry::Series(series) => sample(canvas, series, [x, y], end)?,
+        for look in &entry.looks {
+            sample(canvas, *look, [x, y])?;
+            x += SAMPLE + GAP;
         }
-        canvas.text(entry.name(), [end + GAP, y], Anchor::Left, size, canvas.colours.ink, false)?;
-        x += entry.width(size) + SPACE;
+        canvas.text(entry.name, [x, y], Anchor::Left, size, canvas.colours.ink, false)?;
+        x += text::width(entry.name, size, false) + SPACE;
     }
     Ok(())
 }
 
-fn sample(canvas: &Canvas<'_>, series: &Series, [x, y]: Point, end: f64) -> Drawn {
-    let colour = canvas.colours.series[series.colour % canvas.colours.series.len()];
-    if let Some(pen) = pen(series.style, colour) {
-        canvas.line(&[[x, y], [end, y]], pen)?;
+fn sample(canvas: &Canvas<'_>, look: Look, [x, y]: Point) -> Drawn {
+    let (style, colour) = match look {
+        Look::Band(number) => {
+            let opacity = 1.6 * canvas.colours.band_opacity;
+            return canvas.rectangle([x, y - 5.0], [x + SAMPLE, y + 5.0], canvas.colours.band(number), opacity);
+        }
+        Look::Series(style, number) => (style, canvas.colours.series(number)),
+    };
+    if let Some(pen) = pen(style, colour) {
+        canvas.line(&[[x, y], [x + SAMPLE, y]], pen)?;
     }
-    let middle = [f64::midpoint(x, end), y];
-    match series.style {
-        Style::Points | Style::Joined => canvas.dot(middle, 2.4, colour, false),
-        Style::Marks => canvas.dot(middle, 3.4, colour, true),
+    let middle = x + SAMPLE / 2.0;
+    match style {
+        Style::Points | Style::Joined => canvas.dot([middle, y], 2.4, colour, false),
+        Style::Marks => canvas.dot([middle, y], 3.4, colour, true),
         Style::Stems => {
-            canvas.line(&[[middle[0], y + 5.0], [middle[0], y - 4.0]], Pen::solid(colour, 1.6))?;
-            canvas.dot([middle[0], y - 4.0], 1.8, colour, false)
+            canvas.line(&[[middle, y + 5.0], [middle, y - 4.0]], Pen::solid(colour, 1.6))?;
+            canvas.dot([middle, y - 4.0], 1.8, colour, false)
         }
         Style::Line | Style::Hairline | Style::Dashed => Ok(()),
     }
@@ -106,5 +114,24 @@ pub(super) fn pen(style: Style, colour: Rgb) -> Option<Pen> {
         Style::Hairline => Some(Pen::solid(colour, 0.8)),
         Style::Dashed => Some(Pen { colour, width: 1.5, dash: Some([6.0, 4.0]) }),
         Style::Points | Style::Marks | Style::Stems => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plot::{Band, Series};
+
+    #[test]
+    fn a_name_has_one_entry_with_all_its_looks() {
+        let series = |name: &str, colour| Series { name: name.into(), colour, ..Series::default() };
+        let band = Band { name: "a".into(), colour: 3, ..Band::default() };
+        let first = Panel { series: vec![series("a", 0), series("", 1), series("b", 2)], ..Panel::default() };
+        let second = Panel { series: vec![series("a", 1), series("a", 0)], bands: vec![band], ..Panel::default() };
+        let panels = [first, second];
+        let found = entries(&panels);
+        assert_eq!(found.iter().map(|entry| entry.name).collect::<Vec<_>>(), ["a", "b", "a"]);
+        assert!(found[0].looks == [Look::Series(Style::Line, 0), Look::Series(Style::Line, 1)]);
+        assert!(found[2].looks == [Look::Band(3)]);
     }
 }

@@ -2,12 +2,12 @@
 
 mod canvas;
 mod frame;
-mod guide;
 pub(super) mod legend;
 pub(super) mod palette;
 pub(super) mod panel;
 mod scale;
 mod text;
+mod words;
 
 use std::sync::{Arc, OnceLock};
 
@@ -135,23 +135,25 @@ impl<'a> Page<'a> {
             legend::draw(&canvas, row, [EDGE, y], LEGEND)?;
             y += LEGEND * LEADING;
         }
-        // Frames below each other start at the same x.
-        let panels = &self.figure.panels;
-        for column in 0..self.columns {
-            let own = || (column..panels.len()).step_by(self.columns);
-            let left = own().map(|i| self.sheet(i, 0.0).left()).fold(0.0, f64::max);
-            for i in own() {
-                self.sheet(i, left).draw(&canvas)?;
-            }
+        // Frames start at the same x below each other, and at the same y beside each other.
+        let panels = 0..self.figure.panels.len();
+        let rooms: Vec<[f64; 2]> = panels.clone().map(|i| self.sheet(i, [0.0; 2]).rooms()).collect();
+        for i in panels.clone() {
+            let largest = |part: usize, same: &dyn Fn(usize) -> bool| {
+                panels.clone().filter(|other| same(*other)).map(|other| rooms[other][part]).fold(0.0, f64::max)
+            };
+            let left = largest(0, &|other| other % self.columns == i % self.columns);
+            let top = largest(1, &|other| other / self.columns == i / self.columns);
+            self.sheet(i, [left, top]).draw(&canvas)?;
         }
         canvas.area.present()
     }
 
-    fn sheet(&self, i: usize, left: f64) -> Sheet<'a> {
+    fn sheet(&self, i: usize, rooms: [f64; 2]) -> Sheet<'a> {
         let (row, column) = ((i / self.columns) as f64, (i % self.columns) as f64);
         let [across, high] = self.cell;
         let corner = [EDGE + column * (across + GAP), self.top + row * (high + GAP)];
-        Sheet::new(&self.figure.panels[i], corner, self.cell, left)
+        Sheet::new(&self.figure.panels[i], corner, self.cell, rooms)
     }
 }
 

@@ -57,6 +57,16 @@ const DARK: Colours = Colours {
     band_opacity: 0.24,
 };
 
+impl Colours {
+    pub(crate) fn series(&self, number: usize) -> Rgb {
+        self.series[number % self.series.len()]
+    }
+
+    pub(crate) fn band(&self, number: usize) -> Rgb {
+        self.bands[number % self.bands.len()]
+    }
+}
+
 impl Theme {
     pub(crate) fn colours(self) -> &'static Colours {
         match self {

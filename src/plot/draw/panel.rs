@@ -2,7 +2,7 @@
 
 use plotters::prelude::*;
 
-use crate::plot::{Panel, Series, Style};
+use crate::plot::{Guide, Panel, Series, Style};
 
 use super::{
     canvas::{Anchor, Canvas, Drawn, Pen, Point, font, rgb, units},
@@ -10,6 +10,7 @@ use super::{
     legend,
     scale::{Scale, axis_label, drawable},
     text,
+    words::Ink,
 };
 
 pub(super) const SMALL: f64 = 10.5;
@@ -32,22 +33,25 @@ pub(super) struct Sheet<'a> {
     pub(super) frame: Frame,
 }
 
-/// The scales of a panel: they hold its series, and stems stand on zero.
+/// The scales of a panel: they hold its series; stems stand on zero and leave room above for the names of guides.
 pub(crate) fn scales(panel: &Panel) -> [Scale; 2] {
     let isolated = |series: &Series| matches!(series.style, Style::Points | Style::Joined | Style::Marks);
     let margin = if panel.equal_scales || panel.series.iter().any(isolated) { 0.03 } else { 0.0 };
     let ground = panel.series.iter().any(|series| series.style == Style::Stems).then_some(0.0);
+    let letters = |guide: &Guide| if let Guide::Vertical { name, .. } = guide { name.chars().count() } else { 0 };
+    let letters = panel.guides.iter().map(letters).max().filter(|_| ground.is_some()).unwrap_or(0);
+    let above = 0.06 + 0.025 * letters.min(12) as f64;
     let x = Scale::fit(&panel.x, panel.series.iter().flat_map(|series| series.x.iter().copied()), margin);
-    let y = Scale::fit(&panel.y, panel.series.iter().flat_map(|series| series.y.iter().copied()).chain(ground), 0.06);
+    let y = Scale::fit(&panel.y, panel.series.iter().flat_map(|series| series.y.iter().copied()).chain(ground), above);
     [x, y]
 }
 
 impl<'a> Sheet<'a> {
-    /// A panel in a cell; its frame starts `left` px from the edge, or farther if the tick labels need it.
-    pub fn new(panel: &'a Panel, corner: Point, cell: [f64; 2], left: f64) -> Self {
+    /// A panel in a cell; its frame starts `left` and `top` px from the edges, or farther if its words need it.
+    pub fn new(panel: &'a Panel, corner: Point, cell: [f64; 2], [left, top]: [f64; 2]) -> Self {
         let [mut x, mut y] = scales(panel);
-        let heading = text::wrapped(&text::clean(&panel.title), LABEL, true, cell[0] - LEFT - RIGHT);
-        let top = TOP + heading.len() as f64 * 1.4 * LABEL;
+        let heading = text::wrapped(&text::clean(&panel.title), LABEL, true, cell[0] - LEFT - 2.0 * RIGHT);
+        let top = top.max(TOP + heading.len() as f64 * 1.4 * LABEL);
         let height = cell[1] - top - BOTTOM;
         y = y.ticked((height / 42.0) as usize);
         let label_width = |(_, label): (f64, String)| text::width(&label, SMALL, false);
@@ -72,9 +76,9 @@ impl<'a> Sheet<'a> {
         Self { panel, corner, cell, heading, x, y, frame }
     }
 
-    /// From the edge of the cell to the frame, px.
-    pub fn left(&self) -> f64 {
-        self.frame.x0 - self.corner[0]
+    /// From the left and upper edges of the cell to the frame, px.
+    pub fn rooms(&self) -> [f64; 2] {
+        [self.frame.x0 - self.corner[0], self.frame.y0 - self.corner[1]]
     }
 
     /// Place of a point on the sheet.
@@ -92,26 +96,17 @@ impl<'a> Sheet<'a> {
         self.bands(canvas)?;
         self.axes(canvas)?;
         self.guides(canvas)?;
+        let mut ink = Ink::default();
         let mut left_out = 0;
         for series in &self.panel.series {
-            left_out += self.series(canvas, series)?;
+            left_out += self.series(canvas, series, &mut ink)?;
         }
-        self.guide_names(canvas)?;
-        for note in &self.panel.notes {
-            if let Some([x, y]) = self.checked(note.at[0], note.at[1]) {
-                let fits = x + 6.0 + text::width(&note.text, SMALL, false) < self.frame.x1;
-                let (x, anchor) = if fits { (x + 6.0, Anchor::Left) } else { (x - 6.0, Anchor::Right) };
-                let y = (y - 9.0).max(self.frame.y0 + 8.0);
-                canvas.patched(&note.text, [x, y], anchor, SMALL, canvas.colours.ink)?;
-            }
-        }
-        if left_out > 0 {
-            let points = if left_out == 1 { "1 point has".to_owned() } else { format!("{left_out} points have") };
-            let words = format!("{points} no place on these axes");
-            let at = [self.frame.x1 - 4.0, self.frame.y1 - 9.0];
-            canvas.patched(&words, at, Anchor::Right, SMALL, canvas.colours.muted)?;
-        }
-        Ok(())
+        let remark = match left_out {
+            0 => String::new(),
+            1 => "1 point has no place on these axes".to_owned(),
+            _ => format!("{left_out} points have no place on these axes"),
+        };
+        self.words(canvas, &remark, &ink)
     }
 
     /// Grid, frame, ticks, labels, heading.
@@ -141,7 +136,7 @@ impl<'a> Sheet<'a> {
             .y_desc(text::clean(&y_label))
             .draw()?;
         for (line, words) in self.heading.iter().enumerate() {
-            let at = [x0, y + TOP + line as f64 * 1.4 * LABEL];
+            let at = [x0, y0 - (self.heading.len() - line) as f64 * 1.4 * LABEL + 0.4 * LABEL];
             canvas.text(words, at, Anchor::Left, LABEL, colours.ink, true)?;
         }
         Ok(())
@@ -154,51 +149,55 @@ impl<'a> Sheet<'a> {
             let [Some(from), Some(to)] = ends else { continue };
             let (from, to) = (from.max(self.frame.x0), to.min(self.frame.x1));
             if from < to {
-                let shade = colours.bands[band.colour % colours.bands.len()];
-                canvas.rectangle([from, self.frame.y0], [to, self.frame.y1], shade, colours.band_opacity)?;
+                let corners = [[from, self.frame.y0], [to, self.frame.y1]];
+                canvas.rectangle(corners[0], corners[1], colours.band(band.colour), colours.band_opacity)?;
             }
         }
         Ok(())
     }
 
     /// Draws a series and returns how many of its points have no place.
-    fn series(&self, canvas: &Canvas<'_>, series: &Series) -> Result<usize, DrawingAreaErrorKind<std::io::Error>> {
-        let colour = canvas.colours.series[series.colour % canvas.colours.series.len()];
+    fn series(
+        &self,
+        canvas: &Canvas<'_>,
+        series: &Series,
+        ink: &mut Ink,
+    ) -> Result<usize, DrawingAreaErrorKind<std::io::Error>> {
+        let colour = canvas.colours.series(series.colour);
         let pairs = series.x.iter().copied().zip(series.y.iter().copied());
         let points: Vec<Option<Point>> = pairs.map(|(x, y)| self.checked(x, y)).collect();
-        if let Some(pen) = legend::pen(series.style, colour) {
+        let mut lines = Vec::new();
+        let mut pen = legend::pen(series.style, colour);
+        if pen.is_some() {
             for run in points.split(Option::is_none) {
-                let run: Vec<Point> = run.iter().flatten().copied().collect();
-                for piece in self.frame.clipped(&run) {
-                    canvas.line(&piece, pen)?;
-                }
+                lines.extend(self.frame.clipped(&run.iter().flatten().copied().collect::<Vec<_>>()));
             }
+        } else if series.style == Style::Stems {
+            pen = Some(Pen::solid(colour, 1.4));
+            let foot = if self.y.logarithmic { self.frame.y1 } else { self.at(self.x.low, 0.0)[1] };
+            lines.extend(points.iter().flatten().flat_map(|point| self.frame.clipped(&[[point[0], foot], *point])));
+        }
+        // So many points overlap themselves; thinner lines show how.
+        if let Some(pen) = pen.as_mut().filter(|_| series.style == Style::Hairline && points.len() > 3000) {
+            pen.width = 0.5;
+        }
+        for line in &lines {
+            ink.line(line);
+            pen.map_or(Ok(()), |pen| canvas.line(line, pen))?;
         }
         let inside: Vec<Point> = points.iter().flatten().copied().filter(|point| self.frame.holds(*point)).collect();
         let many = inside.len() > 300;
-        match series.style {
-            Style::Points | Style::Joined => {
-                for point in inside {
-                    canvas.dot(point, if many { 1.2 } else { 2.4 }, colour, false)?;
-                }
+        let radius = match series.style {
+            Style::Points | Style::Joined => Some(if many { 1.2 } else { 2.4 }),
+            Style::Marks => Some(if many { 2.0 } else { 3.4 }),
+            Style::Stems => (inside.len() <= 80).then_some(1.9),
+            Style::Line | Style::Hairline | Style::Dashed => None,
+        };
+        for point in inside {
+            if let Some(radius) = radius {
+                ink.dot(point);
+                canvas.dot(point, radius, colour, series.style == Style::Marks)?;
             }
-            Style::Marks => {
-                for point in inside {
-                    canvas.dot(point, if many { 2.0 } else { 3.4 }, colour, true)?;
-                }
-            }
-            Style::Stems => {
-                let foot = if self.y.logarithmic { self.frame.y1 } else { self.at(self.x.low, 0.0)[1] };
-                for point in points.iter().flatten() {
-                    for piece in self.frame.clipped(&[[point[0], foot], *point]) {
-                        canvas.line(&piece, Pen::solid(colour, 1.4))?;
-                    }
-                    if self.frame.holds(*point) && inside.len() <= 80 {
-                        canvas.dot(*point, 1.9, colour, false)?;
-                    }
-                }
-            }
-            Style::Line | Style::Hairline | Style::Dashed => {}
         }
         Ok(points.iter().filter(|point| point.is_none()).count())
     }

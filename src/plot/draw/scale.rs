@@ -134,8 +134,8 @@ pub(super) fn axis_label(axis: &Axis, exponent: i32) -> String {
 fn widened(low: f64, high: f64, margin: f64) -> [f64; 2] {
     let largest = low.abs().max(high.abs());
     if high - low <= 1e-12 * largest {
-        let half = if largest > 1e-290 { 0.1 * largest } else { 1.0 };
-        return [low - half, high + half];
+        let half = 0.1 * largest;
+        return if largest > 1e-290 { [low - half, high + half] } else { [0.0, 1.0] };
     }
     let extra = margin * (high - low);
     [if low == 0.0 { low } else { low - extra }, if high == 0.0 { high } else { high + extra }]
@@ -224,7 +224,7 @@ mod tests {
         assert_eq!(fit(&[], false), (0.0, 1.0));
         assert_eq!(fit(&[], true), (1.0, 10.0));
         assert_eq!(fit(&[-1.0, 0.0], true), (1.0, 10.0));
-        assert_eq!(fit(&[0.0], false), (-1.0, 1.0));
+        assert_eq!(fit(&[0.0], false), (0.0, 1.0));
         assert_eq!(fit(&[0.0, 10.0], false), (0.0, 10.5));
         for values in [[1e-320, 1e-310], [1e299, 1e299], [-1e300, 1e300], [5.0, 5.0 + 1e-15], [f64::NAN, 2.0]] {
             fit(&values, false);

@@ -29,9 +29,12 @@ pub(super) fn fitted(text: &str, size: f64, room: f64) -> f64 {
 /// Lines at most `room` wide, broken between words.
 pub(super) fn wrapped(text: &str, size: f64, bold: bool, room: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
-    for word in text.split_whitespace() {
+    for word in text.split(' ').filter(|word| !word.is_empty()) {
         match lines.last_mut() {
-            Some(line) if width(&format!("{line} {word}"), size, bold) <= room => {
+            // A lone sign, such as %, stays with what it follows.
+            Some(line)
+                if !word.contains(char::is_alphanumeric) || width(&format!("{line} {word}"), size, bold) <= room =>
+            {
                 line.push(' ');
                 line.push_str(word);
             }
