@@ -9,7 +9,7 @@ use flank::{
         StudyError,
         figures::Context,
         page::Contents,
-        plan::{Entry, Kind, Plan},
+        plan::{Entry, Kind, Listing, Plan},
         published::{Comparison, contradictions},
         steady::Rule,
     },
@@ -79,7 +79,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let asked: Vec<Kind> = Kind::ALL
         .into_iter()
         .filter(|kind| arguments.only.is_empty() || arguments.only.contains(kind))
-        .filter(|kind| plan.published || *kind != Kind::Identification || arguments.only.contains(kind))
+        .filter(|kind| plan.published || !kind.is_of_reference() || arguments.only.contains(kind))
         .collect();
 
     catch_interrupt();
@@ -98,6 +98,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
             Ok(entry) => {
                 if let Some(figure) = &entry.figure {
                     write(&figures, figure)?;
+                }
+                if let Some(listing) = &entry.listing {
+                    figures.bytes(&format!("{}-table.csv", kind.id()), listing_csv(listing).as_bytes())?;
                 }
                 contents.entries.push((kind, entry));
             }
@@ -208,14 +211,23 @@ fn rows(contents: &Contents) -> impl Iterator<Item = &Comparison> {
     contents.comparisons().into_iter().chain(&contents.contradictions)
 }
 
-fn csv(contents: &Contents) -> String {
+/// A row as RFC 4180 asks, every field quoted.
+fn line<'f>(fields: impl IntoIterator<Item = &'f str>) -> String {
     let quoted = |field: &str| format!("\"{}\"", field.replace('"', "\"\""));
-    let mut text = "figure,quantity,published,flank,verdict,note\r\n".to_owned();
+    fields.into_iter().map(quoted).collect::<Vec<_>>().join(",") + "\r\n"
+}
+
+fn csv(contents: &Contents) -> String {
+    let mut text = line(["figure", "quantity", "published", "flank", "verdict", "note"]);
     for row in rows(contents) {
-        let fields = [row.place, &row.quantity, &row.published, &row.found, row.verdict.word(), &row.note];
-        text.push_str(&(fields.map(quoted).join(",") + "\r\n"));
+        text += &line([row.place, &row.quantity, &row.published, &row.found, row.verdict.word(), &row.note]);
     }
     text
+}
+
+fn listing_csv(listing: &Listing) -> String {
+    let rows = std::iter::once(&listing.head).chain(&listing.rows);
+    rows.map(|row| line(row.iter().map(String::as_str))).collect()
 }
 
 fn text(contents: &Contents, out: &Path) -> String {

@@ -5,6 +5,7 @@
 //! what a train does.
 
 mod case;
+pub mod changes;
 mod error;
 pub mod figures;
 pub mod identify;

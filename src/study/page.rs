@@ -1,7 +1,7 @@
 //! The report of a study.
 
 use super::{
-    plan::{Entry, Kind},
+    plan::{Entry, Kind, Listing},
     published::{Comparison, Verdict},
 };
 use crate::plot::{self, Cell, Item, Report, Section, Table};
@@ -31,7 +31,7 @@ const SECTIONS: [(&str, &str, &[Kind]); 4] = [
     (
         "Light load",
         "Separation and impact: how long the teeth are apart, and what ends it.",
-        &[Kind::Cycles, Kind::ApartVsLoad, Kind::ApartVsSpeed, Kind::ThresholdVsSpeed],
+        &[Kind::Cycles, Kind::ApartVsLoad, Kind::ApartVsSpeed, Kind::ThresholdVsSpeed, Kind::Changes],
     ),
     ("Floating bodies", "Paths of the centres and their spectra.", &[Kind::Trajectories, Kind::History]),
     (
@@ -60,10 +60,12 @@ impl Contents {
                     figure.caption = format!("{} Scene: {}.", figure.caption, entry.scene[0]);
                     items.push(Item::Figure(figure));
                 }
+                if let Some(listing) = &entry.listing {
+                    items.push(Item::Table(listed(listing)));
+                }
                 if *kind == Kind::Identification {
                     let rows: Vec<&Comparison> = entry.comparisons.iter().collect();
-                    let note =
-                        "\"Published\" is here the preset's value, identified once from all printed values together.";
+                    let note = "Beside the values of the presets, identified once from all printed values together.";
                     items.push(Item::Table(table("Identified numbers, found again from printed values", note, &rows)));
                 }
             }
@@ -118,6 +120,16 @@ impl Contents {
                 .to_owned(),
         );
         lines
+    }
+}
+
+fn listed(listing: &Listing) -> Table {
+    let cells = |row: &Vec<String>| row.iter().map(|cell| Cell::from(cell.as_str())).collect();
+    Table {
+        title: listing.title.clone(),
+        head: listing.head.clone(),
+        rows: listing.rows.iter().map(cells).collect(),
+        note: listing.note.clone(),
     }
 }
 

@@ -1,10 +1,12 @@
 //! Which figure of a study is made from which scene.
 
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
     StudyError,
-    figures::{self, Context, Way, load_pointer, speed_pointer},
+    changes::{Effect, SPEEDS, changes, effects},
+    figures::{self, Context, ModeRow, Way, load_pointer, speed_pointer},
     published::{self, Comparison},
     threshold::{Search, Threshold, locate},
 };
@@ -38,11 +40,13 @@ pub enum Kind {
     Modes,
     /// Identified numbers; a table, for the reference set only.
     Identification,
+    /// What single changes do to the results; a table, for the reference set only.
+    Changes,
 }
 
 impl Kind {
     /// All of them, in the order of a report.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Modes,
         Self::Identification,
         Self::Forces,
@@ -52,9 +56,16 @@ impl Kind {
         Self::ApartVsLoad,
         Self::ApartVsSpeed,
         Self::ThresholdVsSpeed,
+        Self::Changes,
         Self::Trajectories,
         Self::History,
     ];
+
+    /// Whether only the reference set has it.
+    #[must_use]
+    pub fn is_of_reference(self) -> bool {
+        matches!(self, Self::Identification | Self::Changes)
+    }
 
     /// Its name on the command line and in file names.
     #[must_use]
@@ -71,6 +82,7 @@ impl Kind {
             Self::History => "history",
             Self::Modes => "modes",
             Self::Identification => "identification",
+            Self::Changes => "changes",
         }
     }
 }
@@ -84,6 +96,21 @@ pub struct Entry {
     pub scene: [String; 2],
     /// Published numbers beside Flank's, in the study of the reference set.
     pub comparisons: Vec<Comparison>,
+    /// Numbers better read than seen.
+    pub listing: Option<Listing>,
+}
+
+/// A table of what was found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Listing {
+    /// Title.
+    pub title: String,
+    /// Heads of the columns, with units.
+    pub head: Vec<String>,
+    /// Rows, as wide as the head.
+    pub rows: Vec<Vec<String>>,
+    /// What to know; may be empty.
+    pub note: String,
 }
 
 /// A study: scenes, speeds and loads.
@@ -181,6 +208,7 @@ impl Plan {
         match kind {
             Kind::Forces | Kind::History => 1,
             Kind::Modes | Kind::Identification => 1,
+            Kind::Changes => 18 * changes(&self.light).len(),
             Kind::Waterfall => self.waterfall_speeds().len(),
             Kind::Harmonics => self.heavy_speeds.len(),
             Kind::Cycles => self.shown_loads.len(),
@@ -206,6 +234,7 @@ impl Plan {
         let entry = |figure, scene: &Scene, words: &str, said: &dyn Fn() -> Vec<Comparison>| Entry {
             figure: Some(figure),
             scene: [format!("{}{}{words}", scene.name(), if words.is_empty() { "" } else { ", " }), scene.hash()],
+            listing: None,
             // Only the reference set has published numbers.
             comparisons: if self.published { said() } else { Vec::new() },
         };
@@ -213,7 +242,8 @@ impl Plan {
         Ok(match kind {
             Kind::Modes => {
                 let (figure, rows) = figures::modes(&self.full()?, self.highest[1])?;
-                entry(figure, &self.full()?, "all freedoms", &|| published::modes(&rows))
+                let listing = Some(listed_modes(&rows));
+                Entry { listing, ..entry(figure, &self.full()?, "all freedoms", &|| published::modes(&rows)) }
             }
             Kind::Identification => {
                 if !self.published {
@@ -269,6 +299,14 @@ impl Plan {
                 let speeds = &self.threshold_speeds;
                 let (figure, rows) = figures::threshold(context, &self.light, &stem, speeds, &search)?;
                 entry(figure, &self.light, "speed and load varied", &|| published::threshold(&rows))
+            }
+            Kind::Changes => {
+                self.only_reference("a list of changes to try; see flank sweep")?;
+                let changes = changes(&self.light);
+                let effects = effects(context, &self.light, &self.last_family()?, &changes, &self.search())?;
+                let listing = Some(listed_changes(&effects));
+                let entry = entry(Figure::default(), &self.light, "numbers varied", &Vec::new);
+                Entry { figure: None, listing, ..entry }
             }
             Kind::Trajectories => {
                 let pointer = speed(&self.floating)?;
@@ -338,6 +376,13 @@ impl Plan {
         Ok(figures::family(&last.name).to_owned())
     }
 
+    /// What only the reference set has.
+    fn only_reference(&self, what: &str) -> Result<(), StudyError> {
+        let missing = || format!("only the reference set has {what}");
+        let refused = || StudyError::Missing { name: self.light.name().to_owned(), missing: missing() };
+        if self.published { Ok(()) } else { Err(refused()) }
+    }
+
     /// The loaded train in all its freedoms.
     fn full(&self) -> Result<Scene, StudyError> {
         if self.published {
@@ -345,6 +390,40 @@ impl Plan {
         } else {
             Ok(self.heavy.clone())
         }
+    }
+}
+
+fn listed_modes(rows: &[ModeRow]) -> Listing {
+    let cells = |row: &ModeRow| {
+        let shares = row.shares.iter().filter(|(_, share)| *share >= 0.05);
+        let shares =
+            shares.map(|(part, share)| format!("{part} {:.0} %", 100.0 * share)).collect::<Vec<_>>().join(", ");
+        vec![row.name(), format!("{:.2}", row.hertz), row.multiplicity.to_string(), shares]
+    };
+    Listing {
+        title: "Natural frequencies".to_owned(),
+        head: ["Mode", "Hz", "Times", "Kinetic energy"].map(String::from).to_vec(),
+        rows: rows.iter().map(cells).collect(),
+        note: "R rotational, T translational, P planet modes; shares of the kinetic energy from 5 % on.".to_owned(),
+    }
+}
+
+fn listed_changes(effects: &[Effect]) -> Listing {
+    let cells = |effect: &Effect| {
+        let apart = effect.apart.iter().map(|apart| format!("{apart:.3}"));
+        let rest = [format!("{:.2}", effect.threshold), format!("{:.1}", effect.largest)];
+        std::iter::once(effect.words.clone()).chain(apart).chain(rest).collect()
+    };
+    let speeds = SPEEDS.map(|rpm| format!("Apart at {rpm} rev/min, T"));
+    let head = std::iter::once("Change".to_owned()).chain(speeds);
+    Listing {
+        title: "What controls what".to_owned(),
+        head: head.chain(["Threshold, N m", "Largest force, N"].map(String::from)).collect(),
+        rows: effects.iter().map(cells).collect(),
+        note: "Ring meshes without load, one change at a time, every motion from a cold start; threshold and force at 500 \
+               rev/min. At 2000 rev/min small changes also change the last impact of the sun meshes, and with it the \
+               damping: read that column with care."
+            .to_owned(),
     }
 }
 
