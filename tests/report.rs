@@ -31,6 +31,17 @@ const USE: &str = r##"<script>
   const mouse = (kind, target, x, y, buttons) => target.dispatchEvent(new MouseEvent(kind,
     { bubbles: true, cancelable: true, view: window, clientX: x, clientY: y, button: 0, buttons }));
   const all = (query, within) => [...(within || document).querySelectorAll(query)];
+  // Words that lie on each other by more than their halos, or leave the picture.
+  const clashes = (figure) => {
+    const sheet = figure.querySelector(".plot").getBoundingClientRect();
+    const words = all(".main-svg text", figure).filter((text) => text.textContent.trim())
+      .map((text) => [text.textContent, text.getBoundingClientRect()]);
+    const outside = words.filter(([, room]) => room.left < sheet.left - 1 || room.right > sheet.right + 1 || room.top < sheet.top - 1)
+      .map(([word]) => word + " leaves the picture");
+    const meet = (a, b) => a.left + 2 < b.right && b.left + 2 < a.right && a.top + 3 < b.bottom && b.top + 3 < a.bottom;
+    return words.flatMap(([word, room], i) => words.slice(0, i).filter(([, other]) => meet(room, other))
+      .map(([other]) => word + " lies on " + other)).concat(outside);
+  };
   const tell = {};
   try {
     await drawn();
@@ -44,6 +55,7 @@ const USE: &str = r##"<script>
       columns: new Set(Object.entries(figure.querySelector(".plot").layout)
         .filter(([name]) => name.startsWith("xaxis")).map(([, axis]) => axis.domain[0].toFixed(3))).size,
       words: figure.textContent,
+      clashes: clashes(figure),
       legend: all(".legend button", figure).map((entry) => entry.textContent),
       bands: all(".shapelayer path", figure).length,
     }));
@@ -236,6 +248,7 @@ fn check(window: &Value, figures: &[Figure]) {
         assert_eq!(shown["traces"], series, "{id}");
         assert_eq!(shown["panels"], figure.panels.len(), "{id}");
         assert_eq!(shown["columns"], if narrow { 1 } else { figure.columns }, "{id}");
+        assert_eq!(shown["clashes"], serde_json::json!([]), "{id} at {}", window["width"]);
         let bands: usize = figure.panels.iter().map(|panel| panel.bands.len() + panel.guides.len()).sum();
         assert_eq!(shown["bands"], bands, "{id}");
         let (words, legend) = (shown["words"].as_str().unwrap(), shown["legend"].to_string());
