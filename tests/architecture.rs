@@ -60,7 +60,6 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
             ("linalg", All),
             ("plot", All),
             ("scene", All),
-            ("sweep", All),
             ("train", All),
         ],
     ),

@@ -8,10 +8,14 @@ use std::{
     env, fs,
     path::{Path, PathBuf},
     process::{Command, Stdio},
+    sync::atomic::AtomicBool,
     time::{Duration, Instant},
 };
 
-use flank::plot::{Cell, Figure, Item, Panel, Report, Section, Series, Table, Verdict};
+use flank::{
+    plot::{Cell, Figure, Item, Panel, Report, Section, Series, Table, Verdict},
+    study::{Kind, figures::Context, page::Contents, plan::Plan, steady::Rule},
+};
 use serde_json::Value;
 
 /// Watches the page from its first line on.
@@ -200,35 +204,65 @@ fn numbers(value: &Value) -> Vec<f64> {
 
 #[test]
 fn a_browser_shows_the_report() {
-    let Some(browser) = browser() else {
-        let wanted = env::var_os("CI").is_some() || env::var_os("FLANK_REQUIRE_BROWSER").is_some();
-        assert!(!wanted, "no chromium, chromium-browser or google-chrome in the path; FLANK_BROWSER can name one");
-        eprintln!("skipped: no browser found");
-        return;
-    };
     let mut figures = figures::all();
     figures.push(figures::hard());
     // A panel without anything, and numbers that have no place.
     let gaps = Series::line("gaps", 0, vec![1.0, 2.0, f64::NAN, 3.0], vec![1.0, 1.0, 2.0, f64::INFINITY]);
     let panels = vec![Panel::default(), Panel { series: vec![gaps], ..Panel::default() }];
     figures.push(Figure { id: "odd".into(), columns: 2, panels, ..Figure::default() });
-    let page = report(figures.clone()).html();
+    let Some(windows) = windows(&report(figures.clone()).html(), "mesh-forces") else { return };
+    for window in &windows {
+        check(window, &figures);
+        check_use(window);
+    }
+    // A table too wide for a phone scrolls in its own box.
+    assert_eq!([&windows[0]["tableScrolls"], &windows[1]["tableScrolls"]], [false, true]);
+}
+
+/// The page of the reference study, on a few speeds and loads: every figure is there, and can be zoomed.
+#[test]
+fn a_browser_shows_the_study() {
+    let never = AtomicBool::new(false);
+    let context = Context { rule: Rule::default(), interrupted: &never, done: &|| () };
+    let plan = Plan::reference().unwrap().varied(Some(vec![0.0, 20.0, 40.0]), Some(vec![500.0, 1000.0, 2000.0]));
+    let plan = Plan { path_speeds: vec![100.0], threshold_speeds: vec![500.0], ..plan };
+    let kinds = Kind::ALL.into_iter().filter(|kind| !kind.is_of_reference());
+    let entries = kinds.map(|kind| (kind, plan.make(kind, &context).unwrap())).collect();
+    let report = Contents { title: "Study".into(), entries, ..Contents::default() }.report();
+    let items = report.sections.iter().flat_map(|section| &section.items);
+    let figures = items.filter_map(|item| if let Item::Figure(figure) = item { Some(figure.clone()) } else { None });
+    let figures: Vec<Figure> = figures.collect();
+    assert_eq!(figures.len(), 10);
+    let Some(windows) = windows(&report.html(), "cycles") else { return };
+    for window in &windows {
+        check(window, &figures);
+        let [before, zoomed, reset] = ["before", "zoomed", "reset"].map(|state| &window[state]);
+        assert_ne!(before, zoomed);
+        assert_eq!(before, reset);
+    }
+}
+
+/// What a page tells in a wide and in a narrow window, when its figure `used` is used; none without a browser.
+fn windows(page: &str, used: &str) -> Option<Vec<Value>> {
+    let Some(browser) = browser() else {
+        let wanted = env::var_os("CI").is_some() || env::var_os("FLANK_REQUIRE_BROWSER").is_some();
+        assert!(!wanted, "no chromium, chromium-browser or google-chrome in the path; FLANK_BROWSER can name one");
+        eprintln!("skipped: no browser found");
+        return None;
+    };
     let (head, rest) = page.split_once("<head>").unwrap();
     let (body, end) = rest.rsplit_once("</body>").unwrap();
+    let acts = USE.replace("mesh-forces", used);
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("watched.html"), format!("{head}<head>{WATCH}{body}{USE}</body>{end}")).unwrap();
+    fs::write(folder.path().join("watched.html"), format!("{head}<head>{WATCH}{body}{acts}</body>{end}")).unwrap();
     fs::write(folder.path().join("windows.html"), WINDOWS.replace("\\#", "#")).unwrap();
     let document = document(&browser, folder.path(), "windows.html");
     let told = document.split_once("<pre id=\"told\">").unwrap().1.split_once("</pre>").unwrap().0;
     assert!(!told.is_empty(), "the page did not get to its end");
     let told: Value = serde_json::from_str(&percent_decoded(told)).unwrap();
-    let windows = told.as_array().unwrap();
+    let windows = told.as_array().unwrap().clone();
     assert_eq!(windows.iter().map(|window| window["width"].as_u64().unwrap()).collect::<Vec<_>>(), [1200, 360]);
-    for window in windows {
-        check(window, &figures);
-    }
-    // A table too wide for a phone scrolls in its own box.
-    assert_eq!([&windows[0]["tableScrolls"], &windows[1]["tableScrolls"]], [false, true]);
+    Some(windows)
 }
 
 /// What must hold in a window of any width.
@@ -260,12 +294,15 @@ fn check(window: &Value, figures: &[Figure]) {
                 assert!(words.replace(' ', "").contains(&label.replace(' ', "")), "{id}: `{label}`");
             }
             let names = panel.series.iter().map(|series| &series.name).chain(panel.bands.iter().map(|band| &band.name));
-            for name in names {
+            for name in names.filter(|name| !name.is_empty()) {
                 assert!(legend.contains(&Value::from(name.as_str()).to_string()), "{id}: `{name}` in {legend}");
             }
         }
     }
+}
 
+/// What came of using the figure of mesh forces.
+fn check_use(window: &Value) {
     let hover = window["hover"].as_str().unwrap();
     assert!(
         hover.contains("mesh force") && hover.contains(" N") && hover.contains("time") && hover.contains(" ms"),

@@ -6,10 +6,10 @@ use flank::{
     plot::{self, Theme},
     scene::Scene,
     study::{
-        StudyError,
+        Kind, Listing, StudyError,
         figures::Context,
         page::Contents,
-        plan::{Entry, Kind, Listing, Plan},
+        plan::{Entry, Plan},
         published::{Comparison, contradictions},
         steady::Rule,
     },
@@ -92,6 +92,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         .build()
         .map_err(|error| CliError::file("threads", std::io::Error::other(error)))?;
 
+    let mut failed = false;
     let mut contents = Contents { title: title(&plan), ..Contents::default() };
     for kind in asked {
         match pool.install(|| plan.make(kind, &context)) {
@@ -106,20 +107,23 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
             }
             Err(StudyError::Interrupted) => {
                 bar.finish_and_clear();
-                let kept = contents.entries.len();
-                let out = arguments.out.display();
-                return print(&format!(
-                    "interrupted: {kept} figures are kept in {out}/figures; --only makes the others\n"
-                ))
-                .map(|()| Done::Partly);
+                let (kept, out) = (contents.entries.len(), arguments.out.display());
+                let text =
+                    format!("interrupted: {kept} figures are kept in {out}/figures; there is no report of them\n");
+                return print(&text).map(|()| Done::Partly);
             }
             // A train without what a figure shows is no failure, unless that figure was asked for by name.
             Err(StudyError::Missing { missing, .. }) if arguments.only.is_empty() => {
                 contents.missing.push((kind, missing))
             }
-            Err(error) => {
+            Err(error @ (StudyError::Scene(_) | StudyError::Missing { .. })) => {
                 bar.finish_and_clear();
                 return Err(error.into());
+            }
+            // One figure that fails does not take the others with it.
+            Err(error) => {
+                failed = true;
+                contents.missing.push((kind, error.to_string()));
             }
         }
     }
@@ -135,7 +139,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if !arguments.quiet {
         print(&text(&contents, &arguments.out))?;
     }
-    Ok(Done::Completely)
+    Ok(if failed { Done::Partly } else { Done::Completely })
 }
 
 fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
@@ -149,18 +153,15 @@ fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
     if !faults.is_empty() {
         return Err(GridError(faults).into());
     }
-    match &arguments.scene {
-        Some(path) => Ok(Plan::of(&Scene::from_file(path)?, loads, speeds)),
-        None => {
-            let mut plan = Plan::reference()?;
-            plan.loads = loads.unwrap_or(plan.loads);
-            if let Some(speeds) = speeds {
-                plan.heavy_speeds.clone_from(&speeds);
-                plan.threshold_speeds.clone_from(&speeds);
-                plan.speeds = speeds;
-            }
-            Ok(plan)
-        }
+    let plan = match &arguments.scene {
+        Some(path) => Plan::of(&Scene::from_file(path)?),
+        None => Plan::reference()?,
+    };
+    let plan = plan.varied(loads, speeds);
+    // Before anything is written.
+    match plan.refused().into_iter().next() {
+        Some(error) => Err(error.into()),
+        None => Ok(plan),
     }
 }
 

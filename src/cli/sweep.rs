@@ -240,7 +240,7 @@ fn cells(contacts: &[String], steady: &Steady) -> Vec<String> {
     let settled = &steady.settled;
     let mut cells = vec![
         steady.seeded.to_string(),
-        if settled.period.is_some() { "periodic" } else { "irregular" }.to_owned(),
+        settled.word().to_owned(),
         settled.period.map_or_else(String::new, |period| period.to_string()),
         settled.cycles.to_string(),
         number(settled.distance),

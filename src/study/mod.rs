@@ -9,6 +9,8 @@ pub mod changes;
 mod error;
 pub mod figures;
 pub mod identify;
+mod kind;
+mod listing;
 #[cfg(feature = "plot")]
 pub mod page;
 pub mod plan;
@@ -16,6 +18,9 @@ pub mod published;
 pub mod record;
 pub mod steady;
 pub mod threshold;
+pub mod values;
 
 pub use case::Case;
 pub use error::StudyError;
+pub use kind::Kind;
+pub use listing::Listing;

@@ -1,7 +1,8 @@
 //! The report of a study.
 
 use super::{
-    plan::{Entry, Kind, Listing},
+    Kind, Listing,
+    plan::Entry,
     published::{Comparison, Verdict},
 };
 use crate::plot::{self, Cell, Item, Report, Section, Table};
@@ -77,16 +78,22 @@ impl Contents {
             sections.push(Section {
                 title: "Published, Flank, verdict".to_owned(),
                 text: "A number agrees within 5 %, in part within 15 %. A statement agrees if the computed motion bears it \
-                       out. Rows that were part of the fit that gave the presets say so: they are no test. Nothing was \
+                       out. Rows that were part of the fit that gave the presets say \"fitted to\": they are no test. Nothing was \
                        tuned to this page."
                     .to_owned(),
                 items: vec![Item::Table(table("All comparisons", "", &self.comparisons()))],
             });
         }
+        for (_, entry) in self.entries.iter().filter(|(kind, _)| *kind == Kind::Values) {
+            let items = entry.listing.iter().map(|listing| Item::Table(listed(listing))).collect();
+            let text =
+                "The same equations solved elsewhere: what is wrong here is wrong in Flank, or there.".to_owned();
+            sections.push(Section { title: "Independent values".to_owned(), text, items });
+        }
         if !self.contradictions.is_empty() {
             sections.push(Section {
                 title: "Where the source contradicts itself".to_owned(),
-                text: "Computed from the source's own tooth numbers, masses and loads.".to_owned(),
+                text: "From the source's own tooth numbers, masses, loads and formulas.".to_owned(),
                 items: vec![Item::Table(table("", "", &self.contradictions.iter().collect::<Vec<_>>()))],
             });
         }
@@ -100,12 +107,15 @@ impl Contents {
     }
 
     fn summary(&self) -> Vec<String> {
-        let rows = self.comparisons();
+        // What is compared with a preset is no published number.
+        let rows: Vec<&Comparison> = self.comparisons().into_iter().filter(|row| row.place != "preset").collect();
         let count = |verdict: Verdict| rows.iter().filter(|row| row.verdict == verdict).count();
+        let fitted = rows.iter().filter(|row| row.fitted && row.verdict == Verdict::Agrees).count();
         let mut lines = Vec::new();
         if !rows.is_empty() {
             lines.push(format!(
-                "{} published numbers and statements: {} agree, {} in part, {} deviate, {} contradict the source's own data.",
+                "{} published numbers and statements: {} agree ({fitted} of them were fitted to), {} in part, {} deviate, {} \
+                 contradict the source's own data.",
                 rows.len(),
                 count(Verdict::Agrees),
                 count(Verdict::Partly),
@@ -147,7 +157,11 @@ fn table(title: &str, note: &str, rows: &[&Comparison]) -> Table {
             Cell::from(row.published.as_str()),
             Cell::from(row.found.as_str()),
             Cell::judged(row.verdict.word(), verdict),
-            Cell::from(row.note.as_str()),
+            Cell::from(if row.fitted {
+                format!("fitted to; {}", row.note).trim_end_matches("; ").to_owned()
+            } else {
+                row.note.clone()
+            }),
         ]
     };
     Table {

@@ -1,91 +1,20 @@
 //! Which figure of a study is made from which scene.
 
-use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    StudyError,
-    changes::{Effect, SPEEDS, changes, effects},
-    figures::{self, Context, ModeRow, Way, load_pointer, speed_pointer},
+    Kind, Listing, StudyError,
+    changes::{changes, effects},
+    figures::{self, Context, Way, load_pointer, speed_pointer},
+    listing,
     published::{self, Comparison},
     threshold::{Search, Threshold, locate},
+    values::{Scenes, values},
 };
 use crate::{
     plot::{Axis, Figure, Guide, Series, Style},
     scene::{Scene, SceneError},
 };
-
-/// A figure a study can make.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
-    /// Mesh forces over time and their spectra.
-    Forces,
-    /// Spectra against speed.
-    Waterfall,
-    /// First harmonics against speed.
-    Harmonics,
-    /// Force and speed over a few periods, modes shaded.
-    Cycles,
-    /// Time apart and amplitude against load.
-    ApartVsLoad,
-    /// The same against speed.
-    ApartVsSpeed,
-    /// Threshold load against speed.
-    ThresholdVsSpeed,
-    /// Paths of sun and ring.
-    Trajectories,
-    /// One displacement over time and its spectrum.
-    History,
-    /// Natural modes, drawn.
-    Modes,
-    /// Identified numbers; a table, for the reference set only.
-    Identification,
-    /// What single changes do to the results; a table, for the reference set only.
-    Changes,
-}
-
-impl Kind {
-    /// All of them, in the order of a report.
-    pub const ALL: [Self; 12] = [
-        Self::Modes,
-        Self::Identification,
-        Self::Forces,
-        Self::Waterfall,
-        Self::Harmonics,
-        Self::Cycles,
-        Self::ApartVsLoad,
-        Self::ApartVsSpeed,
-        Self::ThresholdVsSpeed,
-        Self::Changes,
-        Self::Trajectories,
-        Self::History,
-    ];
-
-    /// Whether only the reference set has it.
-    #[must_use]
-    pub fn is_of_reference(self) -> bool {
-        matches!(self, Self::Identification | Self::Changes)
-    }
-
-    /// Its name on the command line and in file names.
-    #[must_use]
-    pub fn id(self) -> &'static str {
-        match self {
-            Self::Forces => "forces",
-            Self::Waterfall => "waterfall",
-            Self::Harmonics => "harmonics-vs-speed",
-            Self::Cycles => "cycles",
-            Self::ApartVsLoad => "apart-vs-load",
-            Self::ApartVsSpeed => "apart-vs-speed",
-            Self::ThresholdVsSpeed => "threshold-vs-speed",
-            Self::Trajectories => "trajectories",
-            Self::History => "history",
-            Self::Modes => "modes",
-            Self::Identification => "identification",
-            Self::Changes => "changes",
-        }
-    }
-}
 
 /// What one figure came to.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,19 +27,6 @@ pub struct Entry {
     pub comparisons: Vec<Comparison>,
     /// Numbers better read than seen.
     pub listing: Option<Listing>,
-}
-
-/// A table of what was found.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Listing {
-    /// Title.
-    pub title: String,
-    /// Heads of the columns, with units.
-    pub head: Vec<String>,
-    /// Rows, as wide as the head.
-    pub rows: Vec<Vec<String>>,
-    /// What to know; may be empty.
-    pub note: String,
 }
 
 /// A study: scenes, speeds and loads.
@@ -142,6 +58,8 @@ pub struct Plan {
     pub highest: [f64; 2],
 }
 
+/// Speeds at which thresholds are sought, at most: each takes some twenty runs.
+const THRESHOLDS: usize = 20;
 /// Cycles after which a floating motion counts as irregular: such motions are not waited for any longer.
 const FLOATING_CYCLES: u64 = 300;
 
@@ -176,15 +94,15 @@ impl Plan {
         })
     }
 
-    /// The same figures of another scene. Without loads or speeds these reach from nothing (or a tenth) to twice the scene's
-    /// own; figures its train has no freedoms for are refused when they are asked for.
+    /// The same figures of another scene. Loads and speeds reach from nothing (or a tenth) to twice the scene's own; figures
+    /// its train has no freedoms for are refused when they are asked for.
     #[must_use]
-    pub fn of(scene: &Scene, loads: Option<Vec<f64>>, speeds: Option<Vec<f64>>) -> Self {
+    pub fn of(scene: &Scene) -> Self {
         let own = |pointer: Option<&str>| pointer.map_or(0.0, |p| figures::number(scene, p));
         let (load, rpm) = (own(load_pointer(scene)), own(speed_pointer(scene)));
         let reach = if load > 0.0 { 2.0 * load } else { 40.0 };
-        let loads = loads.unwrap_or_else(|| evenly(0.0, reach, 41));
-        let speeds = speeds.unwrap_or_else(|| evenly(0.1 * rpm, 2.0 * rpm, 39));
+        let loads = evenly(0.0, reach, 41);
+        let speeds = evenly(0.1 * rpm, 2.0 * rpm, 39);
         let mesh_frequency = scene.build().ok().and_then(|built| built.run.period).map_or(1.0, f64::recip);
         Self {
             heavy: scene.clone(),
@@ -195,11 +113,34 @@ impl Plan {
             path_speeds: vec![rpm],
             history_speed: rpm,
             highest: [7.0 * mesh_frequency, 7.0 * mesh_frequency],
-            threshold_speeds: thinned(&speeds, 20),
+            threshold_speeds: thinned(&speeds, THRESHOLDS),
             heavy_speeds: speeds.clone(),
             loads,
             speeds,
         }
+    }
+
+    /// The same study at other loads, N m, and speeds, rev/min, where any are given; in rising order.
+    #[must_use]
+    pub fn varied(mut self, loads: Option<Vec<f64>>, speeds: Option<Vec<f64>>) -> Self {
+        self.loads = loads.map_or(self.loads, risen);
+        if let Some(speeds) = speeds.map(risen) {
+            self.heavy_speeds.clone_from(&speeds);
+            self.threshold_speeds = thinned(&speeds, THRESHOLDS);
+            self.speeds = speeds;
+        }
+        self
+    }
+
+    /// What a scene does not allow of the loads and speeds: one error for each that it refuses.
+    #[must_use]
+    pub fn refused(&self) -> Vec<SceneError> {
+        let try_all = |scene: &Scene, pointer: Option<&str>, values: &[f64]| -> Vec<SceneError> {
+            let refused = |value: &f64| scene.with(pointer?, json!(value)).err();
+            values.iter().filter_map(refused).collect()
+        };
+        let light = try_all(&self.light, load_pointer(&self.light), &self.loads);
+        light.into_iter().chain(try_all(&self.light, speed_pointer(&self.light), &self.speeds)).collect()
     }
 
     /// Scenes that will be run for a figure, about: what progress is counted in.
@@ -208,6 +149,7 @@ impl Plan {
         match kind {
             Kind::Forces | Kind::History => 1,
             Kind::Modes | Kind::Identification => 1,
+            Kind::Values => 160,
             Kind::Changes => 18 * changes(&self.light).len(),
             Kind::Waterfall => self.waterfall_speeds().len(),
             Kind::Harmonics => self.heavy_speeds.len(),
@@ -238,11 +180,11 @@ impl Plan {
             // Only the reference set has published numbers.
             comparisons: if self.published { said() } else { Vec::new() },
         };
-        let patient = Context { rule: floating(context), ..*context };
+        let hasty = Context { rule: floating(context), ..*context };
         Ok(match kind {
             Kind::Modes => {
                 let (figure, rows) = figures::modes(&self.full()?, self.highest[1])?;
-                let listing = Some(listed_modes(&rows));
+                let listing = Some(listing::modes(&rows));
                 Entry { listing, ..entry(figure, &self.full()?, "all freedoms", &|| published::modes(&rows)) }
             }
             Kind::Identification => {
@@ -304,13 +246,19 @@ impl Plan {
                 self.only_reference("a list of changes to try; see flank sweep")?;
                 let changes = changes(&self.light);
                 let effects = effects(context, &self.light, &self.last_family()?, &changes, &self.search())?;
-                let listing = Some(listed_changes(&effects));
+                let listing = Some(listing::changes(&effects));
                 let entry = entry(Figure::default(), &self.light, "numbers varied", &Vec::new);
                 Entry { figure: None, listing, ..entry }
             }
+            Kind::Values => {
+                self.only_reference("independent values to compare with")?;
+                let scenes = Scenes { heavy: &self.heavy, light: &self.light, floating: &self.floating };
+                let listing = Some(listing::values(&values(context, &scenes)?));
+                Entry { figure: None, listing, ..entry(Figure::default(), &self.light, "and others", &Vec::new) }
+            }
             Kind::Trajectories => {
                 let pointer = speed(&self.floating)?;
-                let (figure, found) = figures::trajectories(&patient, &self.floating, (pointer, &self.path_speeds))?;
+                let (figure, found) = figures::trajectories(&hasty, &self.floating, (pointer, &self.path_speeds))?;
                 entry(figure, &self.floating, "speed varied", &|| published::trajectories(&found))
             }
             Kind::History => {
@@ -319,7 +267,7 @@ impl Plan {
                     None => self.floating.clone(),
                 };
                 let first = scene.build()?.spec.freedoms.first().cloned().unwrap_or_default();
-                let (figure, found) = figures::history(&patient, &scene, &first)?;
+                let (figure, found) = figures::history(&hasty, &scene, &first)?;
                 let words = format!("{} rev/min", self.history_speed);
                 entry(figure, &self.floating, &words, &|| published::history(&found))
             }
@@ -393,40 +341,6 @@ impl Plan {
     }
 }
 
-fn listed_modes(rows: &[ModeRow]) -> Listing {
-    let cells = |row: &ModeRow| {
-        let shares = row.shares.iter().filter(|(_, share)| *share >= 0.05);
-        let shares =
-            shares.map(|(part, share)| format!("{part} {:.0} %", 100.0 * share)).collect::<Vec<_>>().join(", ");
-        vec![row.name(), format!("{:.2}", row.hertz), row.multiplicity.to_string(), shares]
-    };
-    Listing {
-        title: "Natural frequencies".to_owned(),
-        head: ["Mode", "Hz", "Times", "Kinetic energy"].map(String::from).to_vec(),
-        rows: rows.iter().map(cells).collect(),
-        note: "R rotational, T translational, P planet modes; shares of the kinetic energy from 5 % on.".to_owned(),
-    }
-}
-
-fn listed_changes(effects: &[Effect]) -> Listing {
-    let cells = |effect: &Effect| {
-        let apart = effect.apart.iter().map(|apart| format!("{apart:.3}"));
-        let rest = [format!("{:.2}", effect.threshold), format!("{:.1}", effect.largest)];
-        std::iter::once(effect.words.clone()).chain(apart).chain(rest).collect()
-    };
-    let speeds = SPEEDS.map(|rpm| format!("Apart at {rpm} rev/min, T"));
-    let head = std::iter::once("Change".to_owned()).chain(speeds);
-    Listing {
-        title: "What controls what".to_owned(),
-        head: head.chain(["Threshold, N m", "Largest force, N"].map(String::from)).collect(),
-        rows: effects.iter().map(cells).collect(),
-        note: "Ring meshes without load, one change at a time, every motion from a cold start; threshold and force at 500 \
-               rev/min. At 2000 rev/min small changes also change the last impact of the sun meshes, and with it the \
-               damping: read that column with care."
-            .to_owned(),
-    }
-}
-
 fn floating(context: &Context<'_>) -> super::steady::Rule {
     let mut rule = context.rule;
     rule.settling.most_cycles = rule.settling.most_cycles.min(FLOATING_CYCLES);
@@ -436,6 +350,13 @@ fn floating(context: &Context<'_>) -> super::steady::Rule {
 fn lacks(scene: &Scene, what: &str) -> StudyError {
     let kind = scene.resolved()["train"]["kind"].as_str().unwrap_or_default();
     StudyError::Missing { name: scene.name().to_owned(), missing: format!("a train of kind {kind} has no {what}") }
+}
+
+/// In rising order, each once.
+fn risen(mut values: Vec<f64>) -> Vec<f64> {
+    values.sort_by(f64::total_cmp);
+    values.dedup();
+    values
 }
 
 /// At most `count` of the values, evenly picked, both ends among them.

@@ -29,6 +29,23 @@ pub struct Recording {
     pub spells: Vec<Vec<Spell>>,
 }
 
+impl Recording {
+    /// Its first cycles, with the sample at their end.
+    #[must_use]
+    pub fn first(mut self, cycles: u64) -> Self {
+        // OK to convert: a recording fits into memory.
+        let samples = (cycles * u64::from(self.per_cycle)) as usize + 1;
+        let end = cycles as f64 * self.period;
+        self.t.truncate(samples);
+        self.x.iter_mut().chain(&mut self.deflection).chain(&mut self.force).for_each(|row| row.truncate(samples));
+        for spells in &mut self.spells {
+            spells.retain(|spell| spell.from < end);
+            spells.iter_mut().for_each(|spell| spell.to = spell.to.min(end));
+        }
+        self
+    }
+}
+
 /// A contact in one mode; it began with an event, unless the recording did.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spell {

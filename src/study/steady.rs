@@ -9,9 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Case, StudyError};
 use crate::{
-    analysis::{
-        ContactReport, Contacts, Grid, Sample, Settled, Settling, Spectrum, Trajectory, Window, cycles_later, settle,
-    },
+    analysis::{ContactReport, Contacts, Grid, Sample, Settled, Settling, Spectrum, Trajectory, cycles_later, settle},
     engine::{Engine, Outcome, State},
     hybrid::{ContactMode, ContactView},
     scene::Scene,
@@ -132,6 +130,7 @@ fn resumed(case: &Case, seed: &Seed) -> Option<State> {
     Some(State { at, x: start.x, jump: start.jump })
 }
 
+/// Why a run ended before its end: the only observers that break it off do so on interruption.
 fn broken(engine: &Engine<'_>, interrupted: &AtomicBool) -> StudyError {
     if interrupted.load(Ordering::Relaxed) {
         StudyError::Interrupted
@@ -175,7 +174,7 @@ fn measure(
     let end = engine.state();
     let after = engine.counters();
     let contacts = forces.iter().zip(sections).enumerate().map(|(j, (force, section))| {
-        let spectrum = Spectrum::new(force, f64::from(PER_CYCLE), Window::Rectangular);
+        let spectrum = Spectrum::new(force, f64::from(PER_CYCLE), settled.window());
         let report = contacts.report(j);
         let [low, high] = [report.force_min, report.force_max].map(Option::unwrap_or_default);
         ContactSteady {

@@ -41,7 +41,7 @@ pub enum Threshold {
 }
 
 impl Threshold {
-    /// Middle of the bracket; the largest value where it lies beyond.
+    /// Middle of the bracket, or the largest value where the threshold lies beyond it.
     #[must_use]
     pub fn middle(&self) -> Option<f64> {
         match *self {

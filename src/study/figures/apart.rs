@@ -85,6 +85,7 @@ pub fn apart(
         columns: 2,
         ..Figure::default()
     };
+    let mut closed = Vec::new();
     for (_, family) in curves[0].rows.first().map(families).unwrap_or_default() {
         let panel = |title: String, y: Axis| Panel { title, x: x.clone(), y, ..Panel::default() };
         let mut fraction = panel(format!("{family}: time without force"), Axis::new("share of the mesh period", ""));
@@ -101,12 +102,22 @@ pub fn apart(
         fraction.series.push(flight.styled(Style::Hairline));
         let highest = fraction.series.iter().flat_map(|series| &series.y).fold(0.0, |m: f64, y| m.max(*y));
         fraction.y = fraction.y.between(0.0, f64::max(1.1 * highest, 0.1));
-        figure.panels.extend([fraction, amplitude]);
+        // A family that never opens has no curve worth looking at.
+        if highest > 0.0 {
+            figure.panels.push(fraction);
+        } else {
+            closed.push(family);
+        }
+        figure.panels.push(amplitude);
     }
     let irregular = curves.iter().flat_map(|curve| &curve.rows).filter(|row| row.settled.period.is_none()).count();
+    let never = match closed.len() {
+        0 => String::new(),
+        _ => format!(" Never without force: {}.", closed.join(", ")),
+    };
     figure.caption = format!(
         "Points: each motion from the scene's own start; lines: each takes up the motion before it, along rising and falling \
-         values. Where they differ, several motions exist side by side. {irregular} of {} motions are not periodic.",
+         values. Where they differ, several motions exist side by side, and a jump is a change from one to another. {irregular} of {} motions are not periodic.{never}",
         3 * values.len()
     );
     Ok((figure, curves))

@@ -1,6 +1,6 @@
-use super::{Context, representatives};
+use super::{Context, Units, representatives};
 use crate::{
-    analysis::{Spectrum, Window},
+    analysis::Spectrum,
     plot::{Axis, Figure, Guide, Panel, Series, Style},
     scene::Scene,
     study::{Case, StudyError, record::record, steady::settled},
@@ -40,7 +40,8 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
     let recording = record(&case, &mut engine, cycles as u64, PER_CYCLE)?;
     (context.done)();
     let period = case.period()?;
-    let window = if settled.period.is_some() { Window::Rectangular } else { Window::Hann };
+    let window = settled.window();
+    let units = Units::of(&case);
     let mut figure = Figure { id: "forces".to_owned(), columns: 2, ..Figure::default() };
     let mut found = Vec::new();
     for (colour, (j, family)) in representatives(&case).into_iter().enumerate() {
@@ -48,13 +49,18 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
         let spectrum = Spectrum::new(force, f64::from(PER_CYCLE) / period, window);
         let shown = SHOWN * PER_CYCLE as usize + 1;
         let (t, f): (Vec<f64>, Vec<f64>) =
-            recording.t.iter().zip(force).take(shown).map(|(t, f)| (1e3 * t, *f)).unzip();
+            recording.t.iter().zip(force).take(shown).map(|(t, f)| (units.time.0 * t, *f)).unzip();
         let mean = spectrum.amplitude[0];
         let (low, high) = force.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), f| (l.min(*f), h.max(*f)));
         figure.panels.push(Panel {
-            title: format!("{family}: mean {mean:.1} N, amplitude {:.1} N", 0.5 * (high - low)),
-            x: Axis::new("time", "ms"),
-            y: Axis::new(format!("force, {family}"), "N"),
+            title: format!(
+                "{family}: mean {} {unit}, amplitude {} {unit}",
+                short(mean),
+                short(0.5 * (high - low)),
+                unit = units.force
+            ),
+            x: Axis::new("time", units.time.1),
+            y: Axis::new(format!("force, {family}"), units.force),
             series: vec![Series::line("", colour, t, f)],
             guides: vec![Guide::Horizontal { y: mean, name: "mean".to_owned() }],
             ..Panel::default()
@@ -73,8 +79,8 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
         let top = f64::max(1.25e6 * floor, f64::MIN_POSITIVE);
         figure.panels.push(Panel {
             title: format!("{family}: spectrum"),
-            x: Axis::new("frequency", "Hz").between(0.0, highest),
-            y: Axis::new("amplitude", "N").between(0.0, top),
+            x: Axis::new("frequency", units.frequency).between(0.0, highest),
+            y: Axis::new("amplitude", units.force).between(0.0, top),
             series: vec![Series::line("", colour, frequency, amplitude).styled(Style::Stems)],
             guides: (1..)
                 .map(|h| (h, f64::from(h) / period))
@@ -104,6 +110,12 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
         ),
     };
     Ok((figure, found))
+}
+
+/// A number to about four digits, for titles.
+fn short(value: f64) -> String {
+    let digits = (3 - value.abs().max(1e-300).log10().floor() as i32).clamp(1, 6) as usize;
+    format!("{value:.digits$}")
 }
 
 /// `f_m`, `2 f_m`, …

@@ -1,6 +1,6 @@
 use super::{Context, families};
 use crate::{
-    plot::{Axis, Figure, Panel, Series, Style},
+    plot::{Axis, Figure, Guide, Panel, Series, Style},
     scene::Scene,
     study::StudyError,
 };
@@ -49,6 +49,7 @@ pub fn harmonics(
         panels[1].series.push(low.styled(Style::Dashed));
         found.push(Harmonics { family, first, smallest });
     }
+    panels[1].guides.push(Guide::Horizontal { y: 0.0, name: "below: the law pulls".to_owned() });
     let figure = Figure {
         id: "harmonics-vs-speed".to_owned(),
         title: "Mesh forces against speed".to_owned(),

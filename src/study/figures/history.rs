@@ -1,6 +1,6 @@
-use super::Context;
+use super::{Context, Units};
 use crate::{
-    analysis::{Spectrum, Window},
+    analysis::Spectrum,
     plot::{Axis, Band, Figure, Guide, Panel, Series},
     scene::Scene,
     study::{Case, StudyError, record::record, steady::settled},
@@ -11,8 +11,6 @@ use crate::{
 pub struct History {
     /// Period of the motion in mesh cycles, if it has one.
     pub period: Option<u32>,
-    /// Amplitude at the mesh frequency, m.
-    pub first: f64,
     /// Amplitude at half the mesh frequency, m.
     pub half: f64,
     /// Middle amplitude of the bins between 0.4 and 0.6 of the mesh frequency, m: what a line there must rise above.
@@ -38,7 +36,7 @@ pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(F
     let recording = record(&case, &mut engine, CYCLES, PER_CYCLE)?;
     (context.done)();
     let mesh_frequency = 1.0 / case.period()?;
-    let window = if settled.period.is_some() { Window::Rectangular } else { Window::Hann };
+    let window = settled.window();
     let spectrum = Spectrum::new(&recording.x[row], f64::from(PER_CYCLE) * mesh_frequency, window);
     let bins = spectrum.frequencies().into_iter().zip(spectrum.amplitude.iter().copied()).skip(1);
     let bins: Vec<(f64, f64)> = bins.take_while(|(f, _)| *f <= HIGHEST * mesh_frequency).collect();
@@ -47,14 +45,19 @@ pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(F
     around.sort_by(f64::total_cmp);
     let found = History {
         period: settled.period,
-        first: spectrum.at(mesh_frequency),
         half: spectrum.at(0.5 * mesh_frequency),
         floor: around.get(around.len() / 2).copied().unwrap_or(0.0),
     };
+    let units = Units::of(&case);
     let shown = SHOWN * PER_CYCLE as usize + 1;
-    let (t, x): (Vec<f64>, Vec<f64>) =
-        recording.t.iter().zip(&recording.x[row]).take(shown).map(|(t, x)| (1e3 * t, 1e6 * x)).unzip();
-    let (f, a) = bins.into_iter().map(|(f, a)| (f, 1e6 * a)).unzip();
+    let (t, x): (Vec<f64>, Vec<f64>) = recording
+        .t
+        .iter()
+        .zip(&recording.x[row])
+        .take(shown)
+        .map(|(t, x)| (units.time.0 * t, units.length.0 * x))
+        .unzip();
+    let (f, a) = bins.into_iter().map(|(f, a)| (f, units.length.0 * a)).unzip();
     let figure = Figure {
         id: "history".to_owned(),
         title: format!("Displacement {freedom} and its spectrum"),
@@ -66,14 +69,14 @@ pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(F
         columns: 2,
         panels: vec![
             Panel {
-                x: Axis::new("time", "ms"),
-                y: Axis::new(format!("displacement {freedom}"), "µm"),
+                x: Axis::new("time", units.time.1),
+                y: Axis::new(format!("displacement {freedom}"), units.length.1),
                 series: vec![Series::line("", 0, t, x)],
                 ..Panel::default()
             },
             Panel {
-                x: Axis::new("frequency", "Hz").between(0.0, HIGHEST * mesh_frequency),
-                y: Axis::new("amplitude", "µm"),
+                x: Axis::new("frequency", units.frequency).between(0.0, HIGHEST * mesh_frequency),
+                y: Axis::new("amplitude", units.length.1),
                 series: vec![Series::line("", 0, f, a)],
                 bands: vec![Band {
                     x: REGION.map(|order| order * mesh_frequency),

@@ -119,6 +119,28 @@ fn kind(scene: &Scene) -> &str {
     scene.resolved()["train"]["kind"].as_str().unwrap_or_default()
 }
 
+/// Units in which motions are shown, and the factors that lead to them.
+struct Units {
+    /// ms
+    time: (f64, &'static str),
+    /// µm
+    length: (f64, &'static str),
+    /// N
+    force: &'static str,
+    /// Hz
+    frequency: &'static str,
+}
+
+impl Units {
+    fn of(case: &Case) -> Self {
+        if case.built.dimensionless {
+            Self { time: (1.0, ""), length: (1.0, ""), force: "", frequency: "" }
+        } else {
+            Self { time: (1e3, "ms"), length: (1e6, "µm"), force: "N", frequency: "Hz" }
+        }
+    }
+}
+
 /// A contact's name without its number: `ring-planet 2` is one of the `ring-planet` meshes.
 #[must_use]
 pub fn family(name: &str) -> &str {

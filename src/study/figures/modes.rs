@@ -1,6 +1,6 @@
 use std::f64::consts::TAU;
 
-use super::number;
+use super::{kind, number};
 use crate::{
     plot::{Axis, Figure, Panel, Series, Style},
     scene::Scene,
@@ -44,9 +44,12 @@ impl ModeRow {
 /// # Errors
 /// [`StudyError::Missing`] for trains whose modes do not fall into the families of a stage.
 pub fn modes(scene: &Scene, highest: f64) -> Result<(Figure, Vec<ModeRow>), StudyError> {
+    let missing = |missing: String| StudyError::Missing { name: scene.name().to_owned(), missing };
+    if kind(scene) != "planetary" {
+        return Err(missing("it is no planetary stage, whose modes fall into families and can be drawn".to_owned()));
+    }
     let spec = scene.build()?.spec;
-    let sorted = families(&spec, &bonded_stiffness(&spec, None))
-        .map_err(|error| StudyError::Missing { name: scene.name().to_owned(), missing: error.to_string() })?;
+    let sorted = families(&spec, &bonded_stiffness(&spec, None)).map_err(|error| missing(error.to_string()))?;
     let mut rows = Vec::new();
     let mut drawn = Vec::new();
     for family in &sorted {

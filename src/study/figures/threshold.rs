@@ -22,10 +22,13 @@ pub struct ThresholdRow {
 }
 
 impl ThresholdRow {
-    /// The load at the threshold, N m: the middle of its bracket; 0 if nothing separates at any load.
+    /// The load at the threshold, N m: the middle of its bracket, if it was located.
     #[must_use]
-    pub fn load(&self) -> f64 {
-        self.threshold.middle().unwrap_or(0.0)
+    pub fn load(&self) -> Option<f64> {
+        match self.threshold {
+            Threshold::Located { below, above, .. } => Some(0.5 * (below + above)),
+            _ => None,
+        }
     }
 }
 
@@ -53,20 +56,23 @@ pub fn threshold(
             number(&scene, "/train/load/drag_torque_nm") + rpm * number(&scene, "/train/load/drag_torque_nm_per_rpm");
         Ok(ThresholdRow { rpm, threshold, drag })
     })?;
-    let pick = |value: fn(&ThresholdRow) -> f64| rows.iter().map(value).collect::<Vec<_>>();
-    let series = vec![
-        Series::line("load", 0, speeds.to_vec(), pick(ThresholdRow::load)).styled(Style::Joined),
-        Series::line("load and drag", 1, speeds.to_vec(), pick(|row| row.load() + row.drag)).styled(Style::Joined),
-    ];
-    let beyond = rows.iter().filter(|row| matches!(row.threshold, Threshold::Beyond { .. })).count();
+    let points = |value: &dyn Fn(&ThresholdRow, f64) -> f64| -> (Vec<f64>, Vec<f64>) {
+        rows.iter().filter_map(|row| Some((row.rpm, value(row, row.load()?)))).unzip()
+    };
+    let line = |name: &str, colour, (x, y)| Series::line(name, colour, x, y).styled(Style::Joined);
+    let series =
+        vec![line("load", 0, points(&|_, load| load)), line("load and drag", 1, points(&|row, load| load + row.drag))];
+    let count = |wanted: fn(&Threshold) -> bool| rows.iter().filter(|row| wanted(&row.threshold)).count();
+    let beyond = count(|threshold| matches!(threshold, Threshold::Beyond { .. }));
+    let none = count(|threshold| matches!(threshold, Threshold::None));
     let figure = Figure {
         id: "threshold-vs-speed".to_owned(),
         title: "Load at which separations end, against speed".to_owned(),
         caption: format!(
             "Largest output torque at which the {stem} meshes still leave their flanks, each found by bisection to {} N m \
-             with a cold start at every load; with the drag torque at that speed added. {}",
-            search.resolution,
-            if beyond > 0 { format!("{beyond} lie beyond the loads searched.") } else { String::new() }
+             with a cold start at every load; with the drag torque at that speed added. Not drawn: {beyond} speeds whose \
+             threshold lies beyond the loads searched, {none} without separations.",
+            search.resolution
         ),
         columns: 1,
         panels: vec![Panel {

@@ -2,7 +2,7 @@ use serde_json::json;
 
 use super::{Context, number};
 use crate::{
-    analysis::{Spectrum, Window},
+    analysis::Spectrum,
     plot::{Axis, Figure, Panel, Series, Style},
     scene::Scene,
     study::{Case, StudyError, record::record, steady::settled},
@@ -20,14 +20,12 @@ pub struct Trajectory {
     pub period: Option<u32>,
     /// Largest distance from the centre, m.
     pub range: f64,
-    /// Maxima of the distance from the centre over one turn.
-    pub leaves: usize,
+    /// Maxima of the distance from the centre over one turn, of a periodic motion.
+    pub leaves: Option<usize>,
     /// Root mean square of `x(t + T) − x(t)` over that of x (mean taken off), carrier frame.
     pub residual: f64,
     /// Share of the energy of x off the multiples of the mesh frequency, carrier frame.
     pub off_harmonics: f64,
-    /// Strongest line of x, in multiples of the mesh frequency, and its amplitude, m.
-    pub strongest: Option<(f64, f64)>,
 }
 
 const PER_CYCLE: u32 = 128;
@@ -56,7 +54,7 @@ pub fn trajectories(
         let turn = number(&scene, "/train/teeth/ring") as u64;
         let recording = record(&case, &mut engine, turn, PER_CYCLE)?;
         (context.done)();
-        let window = if settled.period.is_some() { Window::Rectangular } else { Window::Hann };
+        let window = settled.window();
         let mut found = Vec::new();
         for (body, x, y) in bodies {
             let path: Vec<[f64; 2]> = recording
@@ -71,10 +69,9 @@ pub fn trajectories(
                 rpm,
                 period: settled.period,
                 range: path.iter().fold(0.0, |m, p| p[0].hypot(p[1]).max(m)),
-                leaves: leaves(&path),
+                leaves: settled.period.map(|_| leaves(&path)),
                 residual: residual(&recording.x[x]),
                 off_harmonics: spectrum.off_multiples(1.0),
-                strongest: spectrum.lines(0.99).first().copied(),
             };
             let (px, py) = path.iter().map(|p| (1e6 * p[0], 1e6 * p[1])).unzip();
             found.push((trajectory, Series::line("", 0, px, py).styled(Style::Hairline)));
@@ -85,7 +82,7 @@ pub fn trajectories(
         id: "trajectories".to_owned(),
         title: "Paths of the centres over one turn of the carrier".to_owned(),
         caption:
-            "Fixed frame. Leaves are the maxima of the distance from the centre, counted on 128 samples a mesh period."
+            "Fixed frame. Leaves of a periodic path are the maxima of the distance from the centre, counted on 128 samples a mesh period."
                 .to_owned(),
         columns: speeds.len(),
         ..Figure::default()
@@ -94,9 +91,12 @@ pub fn trajectories(
     for body in 0..columns.iter().map(Vec::len).min().unwrap_or(0) {
         for column in &columns {
             let (trajectory, series) = column[body].clone();
-            let kind = trajectory.period.map_or("no period".to_owned(), |p| format!("period {p}"));
+            let kind = match (trajectory.period, trajectory.leaves) {
+                (Some(period), Some(leaves)) => format!("period {period}, {leaves} leaves"),
+                _ => "no period".to_owned(),
+            };
             figure.panels.push(Panel {
-                title: format!("{}, {} rev/min: {kind}, {} leaves", trajectory.body, trajectory.rpm, trajectory.leaves),
+                title: format!("{}, {} rev/min: {kind}", trajectory.body, trajectory.rpm),
                 x: Axis::new("x", "µm"),
                 y: Axis::new("y", "µm"),
                 equal_scales: true,

@@ -2,7 +2,7 @@ use serde_json::json;
 
 use super::{Context, forces::order, representatives};
 use crate::{
-    analysis::{Spectrum, Window},
+    analysis::Spectrum,
     plot::{Axis, Figure, Guide, Panel, Series, Style},
     scene::Scene,
     study::{Case, StudyError, record::record, steady::settled},
@@ -53,7 +53,7 @@ pub fn waterfall(
         let (mut engine, settled, _) = settled(&case, None, &context.rule, context.interrupted)?;
         let cycles = settled.period.map_or(2 * CYCLES, |p| CYCLES.next_multiple_of(p as usize));
         let recording = record(&case, &mut engine, cycles as u64, PER_CYCLE)?;
-        let window = if settled.period.is_some() { Window::Rectangular } else { Window::Hann };
+        let window = settled.window();
         let rate = f64::from(PER_CYCLE) / case.period()?;
         let spectra = representatives(&case)
             .into_iter()
@@ -87,8 +87,8 @@ pub fn waterfall(
         let orders = frequency / row.mesh_frequency;
         found.push(Strongest { family: name.clone(), rpm: row.rpm, order: orders, amplitude: strongest });
         // The strongest line reaches over six speeds.
-        let scale = if strongest > 0.0 { 6.0 * step / strongest } else { 0.0 };
-        scales.push(format!("{name}: {:.0} N", strongest / 6.0));
+        let scale = if strongest > 0.0 { 6.0 * step / strongest.sqrt() } else { 0.0 };
+        scales.push(format!("{name}: {strongest:.0} N"));
         let series = rows
             .iter()
             .map(|row| {
@@ -98,7 +98,8 @@ pub fn waterfall(
                 // Along the base line its ends are enough.
                 let flat = |k: usize| height(k) < SHOWN * strongest;
                 let drawn = (0..last).filter(|&k| k == 0 || k + 1 == last || !(flat(k - 1) && flat(k) && flat(k + 1)));
-                let (x, y) = drawn.map(|k| (k as f64 * spectrum.resolution, row.rpm + scale * height(k))).unzip();
+                let (x, y) =
+                    drawn.map(|k| (k as f64 * spectrum.resolution, row.rpm + scale * height(k).sqrt())).unzip();
                 Series::line("", family, x, y).styled(Style::Hairline)
             })
             .collect();
@@ -117,15 +118,16 @@ pub fn waterfall(
         figure.panels.push(Panel {
             title: name.clone(),
             x: Axis::new("frequency", "Hz").between(0.0, highest),
-            y: Axis::new("speed of the sun, raised by the amplitude", "rev/min"),
+            y: Axis::new("speed", "rev/min"),
             series,
             guides: orders.chain(lines).collect(),
             ..Panel::default()
         });
     }
     figure.caption = format!(
-        "Each line is the spectrum at one speed, raised by its amplitude; one speed step stands for {}. Slanted: orders of \
-         the mesh frequency; upright: natural frequencies.",
+        "Each line is the spectrum at one speed, raised by the square root of its amplitude so that weak lines show beside \
+         strong ones; the strongest line ({}) reaches over six speed steps. Slanted: orders of the mesh frequency; upright: \
+         natural frequencies.",
         scales.join(", ")
     );
     Ok((figure, found))

@@ -30,13 +30,13 @@ pub fn trajectories(found: &[Trajectory]) -> Vec<Comparison> {
         rows.push(statement("12", &quantity, published, words(t), verdict));
     }
     if let Some(slow) = sun.iter().find(|t| t.rpm == 100.0) {
-        let verdict = if slow.leaves == 96 { Verdict::Agrees } else { Verdict::Deviates };
+        let verdict = if slow.leaves == Some(96) { Verdict::Agrees } else { Verdict::Deviates };
         rows.push(
             statement(
                 "12",
                 "leaves of the sun's path at 100 rev/min",
                 "96 (teeth of the ring)",
-                slow.leaves.to_string(),
+                slow.leaves.map_or("none".to_owned(), |n| n.to_string()),
                 verdict,
             )
             .noting("three sun meshes one after the other make three a mesh period; 96 mesh periods make a turn"),

@@ -41,7 +41,7 @@ const QUESTIONS: [Question; 4] = [
     },
     Question {
         preset: "reference-heavy",
-        vary: &[("sun shaft", &[SUN_TURN], [1e6, 1e8]), ("carrier shaft", &[CARRIER_TURN], [1e8, 1e10])],
+        vary: &[("sun shaft", &[SUN_TURN], [1e6, 1e9]), ("carrier shaft", &[CARRIER_TURN], [1e7, 1e11])],
         targets: &["rotational:3=1046", "force:sun-planet 1=774"],
     },
     Question {
@@ -103,8 +103,15 @@ pub fn identified() -> Result<Vec<Comparison>, StudyError> {
         let answer = question.answer()?;
         let residuals: Vec<String> =
             answer.targets.iter().map(|t| format!("{} {} {} got {:.2}", t.quantity, t.wanted, t.unit, t.got)).collect();
-        let unique = if answer.uniqueness.is_unique() && answer.solutions.len() == 1 { "unique" } else { "not unique" };
-        let note = format!("from {}; {unique} within the bounds", residuals.join(", "));
+        let unique = match (answer.uniqueness.is_unique(), answer.solutions.len()) {
+            (false, _) => "not unique".to_owned(),
+            (true, 1) => "unique within the bounds".to_owned(),
+            (true, n) => {
+                let other = answer.solutions[1].values.iter().map(|v| format!("{v:.2e}")).collect::<Vec<_>>();
+                format!("{n} solutions; another: {} N/m", other.join(", "))
+            }
+        };
+        let note = format!("from {}; {unique}", residuals.join(", "));
         for ((words, ..), found) in question.vary.iter().zip(&answer.parameters) {
             let row =
                 numbers("preset", &format!("{words}, {}", question.preset), (found.own, found.found), "N/m", &note);

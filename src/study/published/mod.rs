@@ -58,6 +58,8 @@ pub struct Comparison {
     pub found: String,
     /// What comes of it.
     pub verdict: Verdict,
+    /// Whether it was part of the fit that gave the preset, and is no test of it.
+    pub fitted: bool,
     /// What to know before quoting it; may be empty.
     pub note: String,
 }
@@ -87,6 +89,7 @@ fn numbers(place: &'static str, quantity: &str, (published, found): (f64, f64), 
         published: format!("{published}{}{unit}", if unit.is_empty() { "" } else { " " }),
         found: write(found, digits),
         verdict,
+        fitted: false,
         note: note.to_owned(),
     }
 }
@@ -99,11 +102,18 @@ fn statement(place: &'static str, quantity: &str, published: &str, found: String
         published: published.to_owned(),
         found,
         verdict,
+        fitted: false,
         note: String::new(),
     }
 }
 
 impl Comparison {
+    /// The same row, part of the fit.
+    #[must_use]
+    fn fitted(self) -> Self {
+        Self { fitted: true, ..self }
+    }
+
     /// The same row with a note.
     #[must_use]
     fn noting(self, note: &str) -> Self {
@@ -125,9 +135,10 @@ fn linearity(x: &[f64], y: &[f64]) -> f64 {
     if xx * yy > 0.0 { xy * xy / (xx * yy) } else { 0.0 }
 }
 
-/// Whether values in rising order reach from `low` to `high`: a study of fewer of them has nothing to compare.
-fn cover(xs: &[f64], low: f64, high: f64) -> bool {
-    xs.first().is_some_and(|x| *x <= low) && xs.last().is_some_and(|x| *x >= high)
+/// Whether a study has enough points to speak of a curve, and these among them. What was read off the paper at one place is
+/// compared there, not between its neighbours.
+fn has(xs: &[f64], wanted: &[f64]) -> bool {
+    xs.len() >= 20 && wanted.iter().all(|x| xs.iter().any(|own| (own - x).abs() <= 1e-9 * x.abs().max(1.0)))
 }
 
 /// Value at `x` of a curve through points in rising order, linear between them.
