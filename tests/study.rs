@@ -116,6 +116,17 @@ fn the_threshold_is_located_in_the_load() {
 }
 
 #[test]
+fn published_points_lie_in_the_panel_they_belong_to() {
+    for kind in [Kind::ApartVsLoad, Kind::ApartVsSpeed] {
+        let figure = small().make(kind, &context()).unwrap().figure.unwrap();
+        for panel in &figure.panels {
+            let published = panel.series.iter().any(|series| series.name == "published");
+            assert_eq!(published, panel.title == "ring-planet: time without force", "{}", panel.title);
+        }
+    }
+}
+
+#[test]
 fn modes_of_the_reference_set() {
     let plan = Plan::reference().unwrap();
     let full = plan.heavy.with("/train/freedoms", Value::from("full")).unwrap();

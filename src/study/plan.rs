@@ -5,14 +5,14 @@ use serde_json::{Value, json};
 use super::{
     Kind, Listing, StudyError,
     changes::{changes, effects},
-    figures::{self, Context, Way, load_pointer, speed_pointer},
+    figures::{self, Context, Way, fraction_title, load_pointer, speed_pointer},
     listing,
     published::{self, Comparison},
     threshold::{Search, Threshold, locate},
     values::{Scenes, values},
 };
 use crate::{
-    plot::{Axis, Figure, Guide, Series, Style},
+    plot::{Axis, Figure, Guide, Panel, Series, Style},
     scene::{Scene, SceneError},
 };
 
@@ -231,7 +231,7 @@ impl Plan {
                 let x = Axis::new("speed", "rev/min");
                 let (mut figure, curves) = figures::apart(context, &self.light, kind.id(), x, (pointer, &self.speeds))?;
                 if self.published {
-                    publish(&mut figure, 2, vec![50.0, 500.0, 2000.0], vec![0.34, 0.24, 0.11]);
+                    publish(&mut figure, &self.last_family()?, vec![50.0, 500.0, 2000.0], vec![0.34, 0.24, 0.11]);
                 }
                 entry(figure, &self.light, "speed varied", &|| published::apart_by_speed(&curves))
             }
@@ -297,14 +297,13 @@ impl Plan {
             Some(range) => locate(context, &self.light, pointer, &stem, &Search { range, scan: 2, ..self.search() })?,
             None => last.map_or(Threshold::None, |i| Threshold::Beyond { value: self.loads[i] }),
         };
-        let panels = figure.panels.len();
         if let (Threshold::Located { .. }, Some(x), Some(panel)) =
-            (&threshold, threshold.middle(), figure.panels.get_mut(panels.saturating_sub(2)))
+            (&threshold, threshold.middle(), fraction_panel(&mut figure, &stem))
         {
             panel.guides.push(Guide::Vertical { x, name: format!("separations end: {x:.2} N m") });
         }
         if self.published {
-            publish(&mut figure, 2, vec![0.0, 21.0], vec![0.24, 0.0]);
+            publish(&mut figure, &stem, vec![0.0, 21.0], vec![0.24, 0.0]);
         }
         Ok(entry(figure, &self.light, "load varied", &|| published::apart_by_load(&curves, &threshold)))
     }
@@ -367,9 +366,13 @@ fn thinned(values: &[f64], count: usize) -> Vec<f64> {
     (0..count).map(|i| values[i * (values.len() - 1) / (count - 1)]).collect()
 }
 
-/// Puts published points into a panel.
-fn publish(figure: &mut Figure, panel: usize, x: Vec<f64>, y: Vec<f64>) {
-    if let Some(panel) = figure.panels.get_mut(panel) {
+/// Puts published times apart into the panel of a family.
+fn publish(figure: &mut Figure, family: &str, x: Vec<f64>, y: Vec<f64>) {
+    if let Some(panel) = fraction_panel(figure, family) {
         panel.series.push(Series { name: "published".to_owned(), x, y, style: Style::Points, colour: 6 });
     }
+}
+
+fn fraction_panel<'f>(figure: &'f mut Figure, family: &str) -> Option<&'f mut Panel> {
+    figure.panels.iter_mut().find(|panel| panel.title == fraction_title(family))
 }

@@ -55,6 +55,12 @@ impl Curve {
     }
 }
 
+/// Title of the panel of a family's time without force, which is there only if the family ever opens.
+#[must_use]
+pub fn fraction_title(family: &str) -> String {
+    format!("{family}: time without force")
+}
+
 /// Time apart and force amplitude against the number at `pointer`, started in three ways so that branches which exist side by
 /// side show.
 ///
@@ -85,10 +91,10 @@ pub fn apart(
         columns: 2,
         ..Figure::default()
     };
-    let mut closed = Vec::new();
+    let (mut closed, mut rest) = (Vec::new(), Vec::new());
     for (_, family) in curves[0].rows.first().map(families).unwrap_or_default() {
         let panel = |title: String, y: Axis| Panel { title, x: x.clone(), y, ..Panel::default() };
-        let mut fraction = panel(format!("{family}: time without force"), Axis::new("share of the mesh period", ""));
+        let mut fraction = panel(fraction_title(&family), Axis::new("share of the mesh period", ""));
         let mut amplitude = panel(format!("{family}: force amplitude"), Axis::new("half of the force's range", "N"));
         for curve in &curves {
             let series = |y: Vec<f64>| {
@@ -104,13 +110,14 @@ pub fn apart(
         fraction.y = fraction.y.between(0.0, f64::max(1.1 * highest, 0.1));
         // A family that never opens has no curve worth looking at.
         if highest > 0.0 {
-            figure.panels.push(fraction);
+            figure.panels.extend([fraction, amplitude]);
         } else {
             closed.push(family);
+            rest.push(amplitude);
         }
-        figure.panels.push(amplitude);
     }
     let irregular = curves.iter().flat_map(|curve| &curve.rows).filter(|row| row.settled.period.is_none()).count();
+    figure.panels.append(&mut rest);
     let never = match closed.len() {
         0 => String::new(),
         _ => format!(" Never without force: {}.", closed.join(", ")),

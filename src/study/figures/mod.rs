@@ -12,7 +12,7 @@ mod threshold;
 mod trajectories;
 mod waterfall;
 
-pub use apart::{Curve, Way, apart};
+pub use apart::{Curve, Way, apart, fraction_title};
 pub use cycles::{Cycle, cycles};
 pub use forces::{Forces, forces};
 pub use harmonics::{Harmonics, harmonics};
