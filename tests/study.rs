@@ -342,6 +342,12 @@ fn a_scene_of_ones_own_is_studied_as_far_as_it_goes() {
     // Asked for by name, what cannot be had is an error.
     let refused = flank(folder.path(), &["study", &pair, "--only", "trajectories", "--out", "none"]).code(2);
     assert!(text(&refused.get_output().stderr).contains("carrier"));
+    assert_eq!(fs::read_dir(folder.path().join("none")).unwrap().count(), 0);
+    // Dimensionless trains have no units.
+    let pair = format!("{}/examples/scenes/kahraman-singh.json", env!("CARGO_MANIFEST_DIR"));
+    flank(folder.path(), &["study", &pair, "--only", "forces", "cycles", "--out", "plain", "--quiet"]).code(0);
+    let figure = fs::read_to_string(folder.path().join("plain/figures/cycles.json")).unwrap();
+    assert!(!figure.contains("ms") && !figure.contains("rev/min") && !figure.contains("\"N\""));
 }
 
 #[test]

@@ -75,7 +75,6 @@ struct Summary<'a> {
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let plan = plan(arguments)?;
     let folder = Folder::open(&arguments.out, arguments.force)?;
-    let figures = Folder::open(&arguments.out.join("figures"), true)?;
     let asked: Vec<Kind> = Kind::ALL
         .into_iter()
         .filter(|kind| arguments.only.is_empty() || arguments.only.contains(kind))
@@ -97,6 +96,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     for kind in asked {
         match pool.install(|| plan.make(kind, &context)) {
             Ok(entry) => {
+                // Opened only now: a study that cannot be made leaves nothing behind.
+                let figures = Folder::open(&arguments.out.join("figures"), true)?;
                 if let Some(figure) = &entry.figure {
                     write(&figures, figure)?;
                 }
