@@ -33,42 +33,25 @@ fn close(found: f64, expected: f64, tolerance: f64) {
     assert!((found - expected).abs() <= tolerance, "{found} is not {expected} to {tolerance}");
 }
 
+/// At 1425 rev/min an arc ends within rounding of the section after an impact just before it, in the root clock: it has
+/// arrived, and is not cut into ever smaller steps.
 #[test]
-fn apart_fractions_against_load_and_speed() {
-    let by_load = [
-        (0.0, 0.254),
-        (3.0, 0.239),
-        (6.0, 0.223),
-        (9.0, 0.204),
-        (12.0, 0.185),
-        (15.0, 0.161),
-        (17.0, 0.140),
-        (19.0, 0.115),
-        (20.0, 0.095),
-        (21.0, 0.0),
-    ];
-    let by_speed = [
-        (50.0, 0.349),
-        (100.0, 0.316),
-        (200.0, 0.326),
-        (300.0, 0.359),
-        (400.0, 0.405),
-        (600.0, 0.131),
-        (700.0, 0.161),
-        (800.0, 0.312),
-        (1000.0, 0.276),
-        (1200.0, 0.229),
-        (2000.0, 0.109),
-        (2500.0, 0.0),
-    ];
-    let rows = by_load.map(|(load, apart)| (500.0, load, apart)).into_iter();
-    for (rpm, load, apart) in rows.chain(by_speed.map(|(rpm, apart)| (rpm, 0.0, apart))) {
-        let steady = run(&scene("reference-light", rpm, load), None);
-        let ring = steady.contact("ring").unwrap();
-        assert_eq!(steady.settled.period, Some(1), "{rpm} rpm, {load} N m");
-        let found = ring.report.no_force_fraction;
-        assert!((found - apart).abs() <= 0.002, "{rpm} rpm, {load} N m: {found} for {apart}");
-    }
+fn an_arc_that_ends_within_rounding_of_a_section_has_arrived() {
+    assert_eq!(run(&scene("reference-light", 1425.0, 0.0), None).settled.period, Some(1));
+}
+
+/// A transient that outlasts the cycles allowed is told from a motion that never settles.
+#[test]
+fn three_ways_to_end() {
+    let with = |scene: &Scene, most_cycles: u64| {
+        let mut rule = Rule { irregular_cycles: 4, ..Rule::default() };
+        rule.settling.most_cycles = most_cycles;
+        steady(scene, None, &rule, &AtomicBool::new(false)).unwrap().settled.word()
+    };
+    let light = scene("reference-light", 500.0, 0.0);
+    assert_eq!([with(&light, 10), with(&light, 100)], ["settling", "periodic"]);
+    let chaotic = format!("{}/examples/scenes/W1a-ch.json", env!("CARGO_MANIFEST_DIR"));
+    assert_eq!(with(&Scene::from_file(chaotic).unwrap(), 400), "irregular");
 }
 
 /// At 1500 rev/min the sun meshes never separate in the end: their hysteresis stays latched at the last, weak impact of the

@@ -262,6 +262,13 @@ fn verdicts_do_not_flatter() {
     assert_eq!(verdict("bilateral law"), Verdict::Deviates);
     assert_eq!(verdict("1050 to 2000 rev/min: sun"), Verdict::Agrees);
     assert_eq!(verdict("1050 to 2000 rev/min: ring"), Verdict::Partly);
+    // What presets were identified from is no test of them.
+    let fitted = |kind: Kind| -> Vec<bool> {
+        let entry = Plan::reference().unwrap().make(kind, &context()).unwrap();
+        entry.comparisons.iter().map(|row| row.fitted).collect()
+    };
+    assert!(fitted(Kind::Modes).iter().all(|fitted| *fitted));
+    assert_eq!(fitted(Kind::Forces).iter().filter(|fitted| **fitted).count(), 5);
     // A few points are no curve: nothing is said about them.
     assert!(small().make(Kind::Harmonics, &context()).unwrap().comparisons.is_empty());
     assert!(small().make(Kind::ApartVsSpeed, &context()).unwrap().comparisons.is_empty());
@@ -313,6 +320,7 @@ fn the_command_writes_every_form_of_a_figure() {
     assert!(page.len() < 8_000_000 && page.contains("id=\"cycles\"") && page.contains("431.4 Hz"));
     let summary: Value = serde_json::from_str(&fs::read_to_string(out.join("study.json")).unwrap()).unwrap();
     assert_eq!(summary["figures"][0]["id"], "modes");
+    assert_eq!(summary["figures"][0]["table"]["rows"][0][1], "431.39");
     assert!(summary["comparisons"].as_array().unwrap().len() > 5);
     // The same bytes from two threads; a folder in use is not written into.
     flank(folder.path(), &["study", "--only", "modes", "cycles", "--out", "b", "--threads", "2", "--quiet"]).code(0);

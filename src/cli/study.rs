@@ -198,7 +198,11 @@ fn provenance(contents: &Contents, rule: &Rule) -> Vec<String> {
 }
 
 fn summary(contents: &Contents, rule: Rule) -> Summary<'_> {
-    let figure = |(kind, entry): &(Kind, Entry)| json!({ "id": kind.id(), "scene": entry.scene[0], "scene_sha256": entry.scene[1] });
+    let figure = |(kind, entry): &(Kind, Entry)| {
+        json!({
+            "id": kind.id(), "scene": entry.scene[0], "scene_sha256": entry.scene[1], "table": entry.listing,
+        })
+    };
     Summary {
         flank: env!("CARGO_PKG_VERSION"),
         rule,

@@ -37,7 +37,8 @@ pub fn forces(found: &[Forces]) -> Vec<Comparison> {
             (774.0, sun.mean),
             "N",
             "T_out = 500 N m shared with the springs of sun and carrier; without them 968 N",
-        ),
+        )
+        .fitted(),
         contradicting(numbers(
             "6a",
             "ring-planet force: mean",
@@ -177,7 +178,8 @@ pub fn modes(found: &[ModeRow]) -> Vec<Comparison> {
         let (part, share) = mode.shares.first()?;
         let quantity = format!("natural frequency {} ({words})", mode.name());
         let note = format!("{part} {:.0} %{}{note}", 100.0 * share, if note.is_empty() { "" } else { "; " });
-        Some(numbers("text", &quantity, (*hertz, mode.hertz), "Hz", &note))
+        // The stiffnesses were identified from these.
+        Some(numbers("text", &quantity, (*hertz, mode.hertz), "Hz", &note).fitted())
     });
     rows.collect()
 }
