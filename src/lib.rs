@@ -57,6 +57,7 @@
 //! | [`event`] | where the first guard falls on a step, and the record of it |
 //! | [`engine`] | flow, first event, jump, again; observers, outcomes, accumulating impacts |
 //! | [`analysis`] | measures taken during a run: contacts, energy, event rows, trajectories |
+//! | [`baseline`] | fixed-step penalty codes, which know no events: what the engine is measured against |
 //! | [`sweep`] | the same work at every point of a grid, kept row by row |
 //! | [`study`] | steady motions, their change with the numbers of a scene, identification of such numbers |
 //! | [`plot`] | figures as data, and their pictures |
@@ -73,6 +74,7 @@
 #![warn(missing_docs)]
 
 pub mod analysis;
+pub mod baseline;
 pub mod engine;
 pub mod event;
 pub mod gear;

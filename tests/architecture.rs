@@ -45,7 +45,7 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
             ("integrate", Only(&["Choice"])),
         ],
     ),
-    ("baseline", &[("gear", All), ("train", All), ("linalg", All), ("hybrid", All)]),
+    ("baseline", &[("gear", All), ("train", All), ("hybrid", All), ("integrate", All)]),
     ("accuracy", &[("engine", All), ("baseline", All), ("analysis", All)]),
     ("plot", &[]),
     (

@@ -1,0 +1,215 @@
+//! Solvers that choose their steps, straight through kinks and jumps: what `solve_ivp` without events does.
+
+use std::{cell::RefCell, ops::ControlFlow};
+
+use super::{
+    Counters, Grid, Penalty, Point, Sample, Watch,
+    forcing::{Forcing, Moment},
+};
+use crate::{
+    gear::contact::Law,
+    hybrid::{Clock, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, VectorField},
+    integrate::{Arc, DenseStep, Diffsol, IntegrateError, Integrator, Method},
+};
+
+/// An adaptive solver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Solver {
+    /// Tsitouras 5(4).
+    Explicit,
+    /// ESDIRK 3(4).
+    Sdirk,
+    /// Backward differences of order 1 to 5.
+    Bdf,
+}
+
+/// A penalty train as one smooth mode, which it is not: the solver has to find out.
+struct Through<'p> {
+    model: &'p Penalty,
+    scratch: RefCell<Scratch>,
+}
+
+struct Scratch {
+    forcing: Forcing,
+    moment: Moment,
+    force: Vec<f64>,
+    latch: Vec<f64>,
+    touched: Vec<bool>,
+    evaluations: u64,
+}
+
+impl VectorField for Through<'_> {
+    fn dim(&self) -> usize {
+        2 * self.model.n
+    }
+
+    fn eval(&self, _: Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]) {
+        let Scratch { forcing, moment, force, latch, evaluations, .. } = &mut *self.scratch.borrow_mut();
+        *evaluations += 1;
+        forcing.at(self.model, self.model.clock.advance(base, t), moment);
+        let (q, v) = x.split_at(self.model.n);
+        let (dq, dv) = dx.split_at_mut(self.model.n);
+        dq.copy_from_slice(v);
+        self.model.forces(moment, q, v, latch, force);
+        self.model.accelerations(moment, q, v, force, dv);
+    }
+
+    fn jac_mul(&self, _: Mode, base: Instant, t: f64, x: &[f64], y: &[f64], jv: &mut [f64]) {
+        let Scratch { forcing, moment, latch, .. } = &mut *self.scratch.borrow_mut();
+        forcing.at(self.model, self.model.clock.advance(base, t), moment);
+        let n = self.model.n;
+        let ((q, v), (q1, v1)) = (x.split_at(n), y.split_at(n));
+        jv[..n].copy_from_slice(v1);
+        for (a, row) in jv[n..].iter_mut().zip(&self.model.rows) {
+            *a = row.iter().fold(0.0, |a, (j, k, c)| a - k * q1[*j as usize] - c * v1[*j as usize]);
+        }
+        for (j, c) in self.model.contacts.iter().enumerate() {
+            let at = self.model.deflection(j, moment, q, v);
+            let (_, by_d, by_r) = self.model.law(j, moment.stiffness[j], at, latch[j]);
+            let [d1, r1] =
+                c.direction.iter().fold([0.0; 2], |[d, r], (i, g)| [d + g * q1[*i as usize], r + g * v1[*i as usize]]);
+            let force = by_d * d1 + by_r * r1;
+            c.push.iter().for_each(|(i, p)| jv[n + *i as usize] -= p * force);
+        }
+    }
+}
+
+impl HybridSystem for Through<'_> {
+    fn dim(&self) -> usize {
+        2 * self.model.n
+    }
+    fn clock(&self) -> &Clock {
+        &self.model.clock
+    }
+    fn flow(&self) -> Flow<'_> {
+        Flow::Smooth(self)
+    }
+    fn guards(&self, _: Mode, out: &mut Vec<Guard>) {
+        out.clear();
+    }
+    fn guard(&self, _: Mode, _: GuardId, _: Instant, _: &[f64]) -> f64 {
+        1.0
+    }
+    fn jump(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
+        Ok(*from)
+    }
+    fn next_switch(&self, _: Instant) -> Option<Instant> {
+        None
+    }
+    fn switched(&self, mode: Mode, _: Instant) -> Mode {
+        mode
+    }
+    fn restitution(&self, _: GuardId) -> Option<f64> {
+        None
+    }
+    fn settle(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
+        Ok(*from)
+    }
+}
+
+/// Runs an adaptive solver with relative tolerance `rtol` over `grid`, whose points are sampled from its dense output.
+///
+/// # Errors
+/// [`IntegrateError`] where the solver gives up, as it may at jumps of the force.
+///
+/// # Panics
+/// If the train has a rigid contact: there is no force to integrate. [`Penalty::flanks`] tells.
+pub fn adaptive(
+    model: &Penalty,
+    solver: Solver,
+    rtol: f64,
+    grid: &Grid,
+    (q, v): (&[f64], &[f64]),
+    watch: &mut dyn Watch,
+) -> Result<Counters, IntegrateError> {
+    assert!(!(0..model.contacts()).any(|j| model.flanks(j).2), "a rigid contact has no force to integrate");
+    let mut point = model.blank();
+    point.q.copy_from_slice(q);
+    point.v.copy_from_slice(v);
+    let through = Through {
+        model,
+        scratch: RefCell::new(Scratch {
+            forcing: Forcing::new(model, grid.from, grid.step),
+            moment: model.moment(),
+            force: point.force.clone(),
+            latch: point.latch.clone(),
+            touched: point.touched.clone(),
+            evaluations: 0,
+        }),
+    };
+    through.look(grid.from, &mut point);
+    through.scratch.borrow_mut().touched.clone_from(&point.touched);
+    let mut flow = watch.sample(&Sample { number: 0, t: 0.0, point: &point });
+    let mut counters = Counters::default();
+    let start: Vec<f64> = q.iter().chain(v).copied().collect();
+    let bound = model.clock.advance(grid.from, grid.steps as f64 * grid.step);
+    let arc =
+        Arc { mode: Mode::default(), at: grid.from, x: &start, pinned: GuardSet::EMPTY, still: GuardSet::EMPTY, bound };
+    let mut integrator = Diffsol::new(
+        match solver {
+            Solver::Explicit => Method::Explicit,
+            Solver::Sdirk => Method::Sdirk,
+            Solver::Bdf => Method::Bdf,
+        },
+        rtol,
+    );
+    let (mut x, mut next) = (start.clone(), 1);
+    if flow.is_continue() {
+        integrator.integrate_arc(&through, &arc, &mut start.clone(), &mut |step: &dyn DenseStep| {
+            counters.steps += 1;
+            let from = model.clock.between(grid.from, step.start());
+            let to = from + step.time(1.0);
+            while next <= grid.steps && next as f64 * grid.step <= to {
+                let t = next as f64 * grid.step;
+                step.state(((t - from) / (to - from)).clamp(0.0, 1.0), &mut x);
+                point.q.copy_from_slice(&x[..model.n]);
+                point.v.copy_from_slice(&x[model.n..]);
+                through.look(model.clock.advance(grid.from, t), &mut point);
+                flow = watch.sample(&Sample { number: next, t, point: &point });
+                next += 1;
+                if flow.is_break() {
+                    return ControlFlow::Break(());
+                }
+            }
+            step.state(1.0, &mut x);
+            through.latch(step.start(), step.time(1.0), &x);
+            ControlFlow::Continue(())
+        })?;
+    }
+    counters.evaluations = through.scratch.borrow().evaluations;
+    Ok(counters)
+}
+
+impl Through<'_> {
+    /// Deflections and forces at a sample.
+    fn look(&self, at: Instant, point: &mut Point) {
+        let scratch = &mut *self.scratch.borrow_mut();
+        scratch.forcing.at(self.model, at, &mut point.moment);
+        point.latch.copy_from_slice(&scratch.latch);
+        // What a step latches is decided at its end, not at samples within it.
+        for j in 0..self.model.contacts() {
+            let d = self.model.deflection(j, &point.moment, &point.q, &point.v);
+            point.touched[j] = self.model.penetration(j, d[0]).0 > 0.0;
+        }
+        self.model.arrive(point);
+    }
+
+    /// Latches approach speeds at the end of a step that entered contact.
+    fn latch(&self, from: Instant, dt: f64, x: &[f64]) {
+        let Scratch { forcing, moment, latch, touched, .. } = &mut *self.scratch.borrow_mut();
+        forcing.at(self.model, self.model.clock.advance(from, dt), moment);
+        let (q, v) = x.split_at(self.model.n);
+        for (j, c) in self.model.contacts.iter().enumerate() {
+            let [d, r] = self.model.deflection(j, moment, q, v);
+            let (p, side) = self.model.penetration(j, d);
+            if let Law::Power(l) = c.law {
+                if p <= 0.0 {
+                    latch[j] = r.abs().max(l.speed_floor);
+                } else if !touched[j] {
+                    latch[j] = (side * r).max(l.speed_floor);
+                }
+            }
+            touched[j] = p > 0.0;
+        }
+    }
+}

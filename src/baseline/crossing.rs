@@ -1,0 +1,108 @@
+//! Events as users of fixed-step codes get them: sign changes between samples.
+
+use std::ops::ControlFlow;
+
+use super::{Penalty, Sample, Watch};
+
+/// A flank passed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// When, s after the start.
+    pub t: f64,
+    /// Which contact.
+    pub contact: usize,
+    /// Its back flank, `δ = −b`; else its drive flank, `δ = b`.
+    pub back: bool,
+    /// Into contact; else out of it.
+    pub closing: bool,
+}
+
+/// How a crossing is placed between two samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interpolation {
+    /// On the straight line between the deflections.
+    #[default]
+    Linear,
+    /// On the cubic through the deflections and their rates.
+    Cubic,
+}
+
+impl Interpolation {
+    /// Where in `[0, 1]` the distance from the flank passes zero, between values `g` of opposite signs with the slopes
+    /// `s`, per step.
+    fn place(self, g: [f64; 2], s: [f64; 2]) -> f64 {
+        let straight = g[0] / (g[0] - g[1]);
+        if self == Self::Linear {
+            return straight;
+        }
+        let cubic = |u: f64| {
+            let w = 1.0 - u;
+            ((1.0 + 2.0 * u) * g[0] + u * s[0]) * w * w + ((3.0 - 2.0 * u) * g[1] - w * s[1]) * u * u
+        };
+        let (mut low, mut high) = (0.0, 1.0);
+        // To the last bit of [0, 1].
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if (cubic(middle) > 0.0) == (g[0] > 0.0) { low = middle } else { high = middle }
+        }
+        0.5 * (low + high)
+    }
+}
+
+/// Collects the crossings of all flanks of the contacts that can be lost.
+///
+/// A rigid contact shows its strikes only: it is found beyond a flank once, and mirrored at once.
+#[derive(Clone, Debug)]
+pub struct Crossings {
+    /// In the order of the samples between which they lie.
+    pub found: Vec<Crossing>,
+    interpolation: Interpolation,
+    /// `(contact, half backlash, back, rigid)` of each flank watched.
+    flanks: Vec<(usize, f64, bool, bool)>,
+    before: Vec<[f64; 2]>,
+    t: f64,
+}
+
+impl Crossings {
+    /// Watches the flanks of `model`.
+    #[must_use]
+    pub fn new(model: &Penalty, interpolation: Interpolation) -> Self {
+        let mut flanks = Vec::new();
+        for j in (0..model.contacts()).filter(|j| model.separates(*j)) {
+            let (b, has_back, rigid) = model.flanks(j);
+            flanks.push((j, b, false, rigid));
+            if has_back {
+                flanks.push((j, b, true, rigid));
+            }
+        }
+        Self { found: Vec::new(), interpolation, flanks, before: Vec::new(), t: 0.0 }
+    }
+}
+
+impl Watch for Crossings {
+    fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
+        let now = &sample.point.deflection;
+        if self.before.is_empty() {
+            self.before.clone_from(now);
+            return ControlFlow::Continue(());
+        }
+        let h = sample.t - self.t;
+        for &(contact, b, back, rigid) in &self.flanks {
+            let side = if back { -1.0 } else { 1.0 };
+            let ([d0, r0], [d1, r1]) = (self.before[contact], now[contact]);
+            let g = [side * d0 - b, side * d1 - b];
+            if rigid {
+                if let Some(strike) = sample.point.strike[contact].filter(|s| s.side == side) {
+                    let t = self.t + h * strike.place;
+                    self.found.push(Crossing { t, contact, back, closing: true });
+                }
+            } else if (g[0] > 0.0) != (g[1] > 0.0) {
+                let u = self.interpolation.place(g, [side * r0 * h, side * r1 * h]);
+                self.found.push(Crossing { t: self.t + h * u, contact, back, closing: g[1] > 0.0 });
+            }
+        }
+        self.before.copy_from_slice(now);
+        self.t = sample.t;
+        ControlFlow::Continue(())
+    }
+}

@@ -1,0 +1,129 @@
+//! The loop of a fixed-step code.
+
+use std::ops::ControlFlow;
+
+use super::{Method, Penalty, Point, forcing::Forcing};
+use crate::hybrid::Instant;
+
+/// Equal steps from an instant on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// Where the first step starts.
+    pub from: Instant,
+    /// Length of a step h, s, > 0.
+    pub step: f64,
+    /// How many.
+    pub steps: u64,
+}
+
+/// Work done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Steps.
+    pub steps: u64,
+    /// Evaluations of all contact forces, those of Newton's iterations included.
+    pub evaluations: u64,
+    /// Newton iterations.
+    pub iterations: u64,
+    /// Matrices factorised.
+    pub factorisations: u64,
+    /// Steps whose Newton iteration did not converge.
+    pub unconverged: u64,
+}
+
+/// A solution that stopped being finite.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("the solution stops being finite at t = {t} s, after {} steps", counters.steps)]
+pub struct Diverged {
+    /// When, s after the start.
+    pub t: f64,
+    /// Work done until then.
+    pub counters: Counters,
+}
+
+/// The end of a step (or the start of the run, number 0).
+#[derive(Clone, Copy, Debug)]
+pub struct Sample<'a> {
+    /// Number of the step.
+    pub number: u64,
+    /// Time since the start, s: `number · h`.
+    pub t: f64,
+    /// State, deflections and forces there.
+    pub point: &'a Point,
+}
+
+/// Watches a fixed-step run from sample to sample.
+pub trait Watch {
+    /// One sample; may break the run off.
+    fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()>;
+}
+
+/// Watches nothing.
+impl Watch for () {
+    fn sample(&mut self, _: &Sample<'_>) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}
+
+/// Both watch.
+impl<A: Watch, B: Watch> Watch for (A, B) {
+    fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
+        self.0.sample(sample)?;
+        self.1.sample(sample)
+    }
+}
+
+impl<T: Watch + ?Sized> Watch for &mut T {
+    fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
+        (**self).sample(sample)
+    }
+}
+
+/// A fixed-step method: from the point at the start of a step to coordinates and velocities at its end.
+pub(super) trait Stepper {
+    /// Strides of the forcing in a step: 2 where its middle is used.
+    fn strides(&self) -> u32;
+    /// One step of length h. Leaves `point.moment` at the end of the step.
+    fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, counters: &mut Counters);
+}
+
+/// Runs `method` on `grid` from `q`, `v`, `[n]` each.
+///
+/// # Errors
+/// [`Diverged`] as soon as a coordinate or a velocity is not finite.
+pub fn drive(
+    model: &Penalty,
+    method: Method,
+    grid: &Grid,
+    (q, v): (&[f64], &[f64]),
+    watch: &mut (impl Watch + ?Sized),
+) -> Result<Counters, Diverged> {
+    let mut point = model.blank();
+    point.q.copy_from_slice(q);
+    point.v.copy_from_slice(v);
+    let mut stepper = method.stepper(model, grid.step);
+    let mut forcing = Forcing::new(model, grid.from, grid.step / f64::from(stepper.strides()));
+    forcing.moment(model, &mut point.moment);
+    let mut counters = Counters::default();
+    // A start beyond a flank latches nothing: the scene says with which speed contact began.
+    for (j, touched) in point.touched.iter_mut().enumerate() {
+        let d = model.deflection(j, &point.moment, &point.q, &point.v)[0];
+        *touched = model.penetration(j, d).0 > 0.0;
+    }
+    model.arrive(&mut point);
+    let mut flow = watch.sample(&Sample { number: 0, t: 0.0, point: &point });
+    while flow.is_continue() && counters.steps < grid.steps {
+        stepper.step(model, &mut forcing, &mut point, grid.step, &mut counters);
+        counters.steps += 1;
+        counters.evaluations += 1;
+        model.arrive(&mut point);
+        let t = counters.steps as f64 * grid.step;
+        // A finite number times zero is zero.
+        let zero = point.q.iter().chain(&point.v).fold(0.0, |s, x| s + x * 0.0);
+        if zero != 0.0 {
+            return Err(Diverged { t, counters });
+        }
+        flow = watch.sample(&Sample { number: counters.steps, t, point: &point });
+    }
+    Ok(counters)
+}

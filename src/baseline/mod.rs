@@ -1,0 +1,37 @@
+//! Fixed-step penalty codes, written as their best practitioners would: what Flank is measured against.
+//!
+//! A baseline sees the same train, the same loads and the same contact laws as the engine, and knows no events, on
+//! purpose: the force is whatever the law gives at the deflection of the moment, a step runs across a flank without
+//! noticing, and contact starts and ends are read off afterwards from sign changes between samples.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `penalty` | the train without modes; impacts of rigid contacts at the ends of steps |
+//! | `ramp` | sharp and smoothed `max(p, 0)` |
+//! | `forcing` | what depends on time alone, on a grid of equal steps |
+//! | `rk4`, `euler`, `verlet`, `alpha` | the methods, one a file |
+//! | `adaptive` | solvers that choose their steps, straight through the kinks |
+//! | `drive` | the loop, and what it can be asked to watch |
+//! | `crossing` | events from sign changes |
+
+#[cfg(feature = "diffsol")]
+mod adaptive;
+mod alpha;
+mod crossing;
+mod drive;
+mod euler;
+mod forcing;
+mod method;
+mod penalty;
+mod ramp;
+mod rk4;
+mod verlet;
+
+#[cfg(feature = "diffsol")]
+pub use adaptive::{Solver, adaptive};
+pub use alpha::Alpha;
+pub use crossing::{Crossing, Crossings, Interpolation};
+pub use drive::{Counters, Diverged, Grid, Sample, Watch, drive};
+pub use method::Method;
+pub use penalty::{Penalty, Point, Strike};
+pub use ramp::Ramp;

@@ -1,0 +1,314 @@
+//! The train as a penalty code sees it: one right-hand side for every place a mesh can be in.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+use super::{
+    Ramp,
+    forcing::{Moment, Spring, Wave, wave},
+};
+use crate::{
+    gear::{
+        Harmonic,
+        contact::{Law, Release},
+    },
+    hybrid::Clock,
+    train::{Flanks, Structure},
+};
+
+/// A contact without modes.
+#[derive(Clone, Debug)]
+pub(super) struct Contact {
+    pub law: Law,
+    pub half_backlash: f64,
+    pub has_back: bool,
+    /// `g` and `M⁻¹ g`, their entries that are not zero.
+    pub direction: Vec<(u32, f64)>,
+    pub push: Vec<(u32, f64)>,
+    /// `gᵀ M⁻¹ g`, 1/kg.
+    pub mobility: f64,
+    pub spring: Spring,
+    pub error: Vec<Wave>,
+    pub error_rate: Vec<Wave>,
+    pub error_offset: f64,
+}
+
+/// A train as a penalty code sees it: `q̈ = M⁻¹ (f − C q̇ − K q − Σ g F(δ, δ̇, t))`, with F the law at the deflection of the
+/// moment, zero inside the gap, sharp or smoothed.
+///
+/// Laws with hysteresis take the speed at the start of the step that enters contact, and from its end on the one found
+/// there. Forces that a law says never pull are cut at zero. Rigid contacts have no force; a step that ends beyond a flank is mirrored in it.
+#[derive(Clone, Debug)]
+pub struct Penalty {
+    pub(super) clock: Clock,
+    pub(super) n: usize,
+    /// Rows of `M⁻¹K` and `M⁻¹C` together.
+    pub(super) rows: Vec<Vec<(u32, f64, f64)>>,
+    pub(super) load: Vec<f64>,
+    pub(super) load_waves: Vec<(usize, Vec<f64>, Vec<f64>)>,
+    pub(super) frequencies: Vec<f64>,
+    pub(super) contacts: Vec<Contact>,
+    pub(super) ramp: Ramp,
+    mass: DMatrix<f64>,
+    stiffness: DMatrix<f64>,
+}
+
+/// A point of a fixed-step solution.
+#[derive(Clone, Debug, Default)]
+pub struct Point {
+    /// Coordinates, m, `[n]`.
+    pub q: Vec<f64>,
+    /// Velocities, m/s, `[n]`.
+    pub v: Vec<f64>,
+    /// Deflection of each contact and its rate, m, m/s.
+    pub deflection: Vec<[f64; 2]>,
+    /// Force of each contact along its direction, N.
+    pub force: Vec<f64>,
+    /// Approach speed each contact latched last, m/s.
+    pub latch: Vec<f64>,
+    /// Where each rigid contact was struck on the step that ended here.
+    pub strike: Vec<Option<Strike>>,
+    /// Whether each contact was beyond a flank at the end of the step before.
+    pub(super) touched: Vec<bool>,
+    pub(super) moment: Moment,
+}
+
+/// A rigid contact found beyond a flank at the end of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Strike {
+    /// +1 on the drive flank, −1 on the back flank.
+    pub side: f64,
+    /// Where on the step the straight line between the deflections passes the flank, `[0, 1]`.
+    pub place: f64,
+}
+
+fn entries(values: &[f64]) -> Vec<(u32, f64)> {
+    values.iter().enumerate().filter(|(_, v)| **v != 0.0).map(|(i, v)| (i as u32, *v)).collect()
+}
+
+fn dot(row: &[(u32, f64)], x: &[f64]) -> f64 {
+    row.iter().fold(0.0, |s, (i, g)| s + g * x[*i as usize])
+}
+
+impl Penalty {
+    /// The penalty form of a train that was assembled for the engine.
+    #[must_use]
+    pub fn new(structure: &Structure, ramp: Ramp) -> Self {
+        let spec = structure.spec();
+        let n = spec.freedoms.len();
+        let mass = Cholesky::new(spec.mass.clone()).expect("a structure has a positive definite mass matrix");
+        let over_mass = |v: &[f64]| mass.solve(&DVector::from_column_slice(v)).as_slice().to_vec();
+        let mut frequencies = Vec::new();
+        let load_waves = spec.load_harmonics.iter().map(|l| {
+            let (i, c, s) = wave(&Harmonic { omega: l.omega, amplitude: 1.0, phase: l.phase }, 1.0, &mut frequencies);
+            let a = over_mass(&l.vector);
+            (i, a.iter().map(|a| a * c).collect(), a.iter().map(|a| a * s).collect())
+        });
+        let load_waves = load_waves.collect();
+        let contacts = spec.contacts.iter().map(|c| {
+            let error: Vec<Wave> = c.error.iter().map(|h| wave(h, 1.0, &mut frequencies)).collect();
+            let rate = |(i, cosine, sine): &Wave| (*i, frequencies[*i] * sine, -frequencies[*i] * cosine);
+            let error_rate = error.iter().map(rate).collect();
+            let push = over_mass(&c.direction);
+            Contact {
+                law: c.law,
+                half_backlash: c.half_backlash,
+                has_back: c.flanks == Flanks::Both,
+                direction: entries(&c.direction),
+                mobility: c.direction.iter().zip(&push).map(|(g, p)| g * p).sum(),
+                push: entries(&push),
+                spring: Spring::new(&c.stiffness, &mut frequencies),
+                error,
+                error_rate,
+                error_offset: c.error_offset,
+            }
+        });
+        let contacts = contacts.collect();
+        let (k, c) = (mass.solve(&spec.stiffness), mass.solve(&spec.damping));
+        let row = |i: usize| {
+            let entries = (0..n).map(|j| (j as u32, k[(i, j)], c[(i, j)]));
+            entries.filter(|(_, k, c)| *k != 0.0 || *c != 0.0).collect()
+        };
+        Self {
+            clock: *structure.clock(),
+            n,
+            rows: (0..n).map(row).collect(),
+            load: over_mass(&spec.load),
+            load_waves,
+            frequencies,
+            contacts,
+            ramp,
+            mass: spec.mass.clone(),
+            stiffness: spec.stiffness.clone(),
+        }
+    }
+
+    /// Number of contacts.
+    #[must_use]
+    pub fn contacts(&self) -> usize {
+        self.contacts.len()
+    }
+
+    /// Half backlash of contact `j`, m; whether it has a back flank; whether it is rigid.
+    #[must_use]
+    pub fn flanks(&self, j: usize) -> (f64, bool, bool) {
+        let c = &self.contacts[j];
+        (c.half_backlash, c.has_back, matches!(c.law, Law::Rigid(_)))
+    }
+
+    /// Whether contact `j` can be lost.
+    #[must_use]
+    pub fn separates(&self, j: usize) -> bool {
+        !matches!(self.contacts[j].law, Law::Bilateral(_))
+    }
+
+    /// Force of contact `j` at deflection `d`, m, and rate `r`, m/s, with stiffness `k` and latched speed `latch`; and its
+    /// slopes by d and by r, which implicit methods need.
+    pub(super) fn law(&self, j: usize, k: f64, [d, r]: [f64; 2], latch: f64) -> (f64, f64, f64) {
+        let c = &self.contacts[j];
+        let (law, b) = (&c.law, c.half_backlash);
+        if let Law::Bilateral(l) = law {
+            return (k * d + l.damping * r, k, l.damping);
+        }
+        let drive = self.one_flank(law, k, d - b, r, latch);
+        if !c.has_back {
+            return drive;
+        }
+        // The back flank is the drive flank seen in a mirror.
+        let back = self.one_flank(law, k, -d - b, -r, latch);
+        (drive.0 - back.0, drive.1 + back.1, drive.2 + back.2)
+    }
+
+    /// The same on one flank, by its penetration and the rate of that.
+    #[inline]
+    fn one_flank(&self, law: &Law, k: f64, p: f64, rate: f64, latch: f64) -> (f64, f64, f64) {
+        if self.ramp == Ramp::Sharp && p <= 0.0 {
+            return (0.0, 0.0, 0.0);
+        }
+        let (depth, closed) = self.ramp.at(p);
+        match law {
+            Law::KelvinVoigt(l, release) => {
+                let c = l.damping;
+                let force = k * depth + c * rate * closed;
+                if *release == Release::Force && force < 0.0 {
+                    return (0.0, 0.0, 0.0);
+                }
+                (force, k * closed + c * rate * self.ramp.curvature(p), c * closed)
+            }
+            Law::Power(l) => {
+                let depth = depth.max(0.0);
+                let n = l.exponent.value();
+                // OK to compare: a scene says 1.5.
+                let lower = if n == 1.5 { depth.sqrt() } else { depth.powf(n - 1.0) };
+                let chi = if l.hysteresis > 0.0 { l.hysteresis / latch } else { 0.0 };
+                let factor = 1.0 + chi * rate;
+                if factor < 0.0 {
+                    return (0.0, 0.0, 0.0);
+                }
+                let elastic = k * depth * lower;
+                (elastic * factor, n * k * lower * closed * factor, elastic * chi)
+            }
+            Law::Rigid(_) | Law::Bilateral(_) => (0.0, 0.0, 0.0),
+        }
+    }
+
+    /// A point at rest in nothing: the sizes are right, the values zero.
+    pub(super) fn blank(&self) -> Point {
+        let m = self.contacts.len();
+        let initial = |c: &Contact| if let Law::Power(l) = c.law { l.initial_speed } else { 0.0 };
+        Point {
+            q: vec![0.0; self.n],
+            v: vec![0.0; self.n],
+            deflection: vec![[0.0; 2]; m],
+            force: vec![0.0; m],
+            latch: self.contacts.iter().map(initial).collect(),
+            strike: vec![None; m],
+            touched: vec![false; m],
+            moment: self.moment(),
+        }
+    }
+
+    pub(super) fn moment(&self) -> Moment {
+        let m = self.contacts.len();
+        Moment { stiffness: vec![0.0; m], error: vec![[0.0; 2]; m], load: vec![0.0; self.n] }
+    }
+
+    /// Deflection of contact `j` and its rate.
+    pub(super) fn deflection(&self, j: usize, moment: &Moment, q: &[f64], v: &[f64]) -> [f64; 2] {
+        let ([e, de], g) = (moment.error[j], &self.contacts[j].direction);
+        [dot(g, q) - e, dot(g, v) - de]
+    }
+
+    /// Penetration beyond a flank, positive on it, and the flank's side.
+    pub(super) fn penetration(&self, j: usize, d: f64) -> (f64, f64) {
+        let c = &self.contacts[j];
+        if c.has_back && d < 0.0 { (-d - c.half_backlash, -1.0) } else { (d - c.half_backlash, 1.0) }
+    }
+
+    /// Forces at a state that a step has not ended in.
+    pub(super) fn forces(&self, moment: &Moment, q: &[f64], v: &[f64], latch: &[f64], force: &mut [f64]) {
+        for (j, f) in force.iter_mut().enumerate() {
+            *f = self.law(j, moment.stiffness[j], self.deflection(j, moment, q, v), latch[j]).0;
+        }
+    }
+
+    /// Accelerations, m/s², `[n]`.
+    pub(super) fn accelerations(&self, moment: &Moment, q: &[f64], v: &[f64], force: &[f64], a: &mut [f64]) {
+        for ((a, load), row) in a.iter_mut().zip(&moment.load).zip(&self.rows) {
+            *a = row.iter().fold(*load, |a, (j, k, c)| a - k * q[*j as usize] - c * v[*j as usize]);
+        }
+        for (c, f) in self.contacts.iter().zip(force) {
+            if *f != 0.0 {
+                c.push.iter().for_each(|(i, p)| a[*i as usize] -= p * f);
+            }
+        }
+    }
+
+    /// What the end of a step brings: deflections, impacts of rigid contacts, latched speeds, forces.
+    pub(super) fn arrive(&self, point: &mut Point) {
+        let Point { q, v, deflection, force, latch, strike, touched, moment } = point;
+        for (j, c) in self.contacts.iter().enumerate() {
+            let mut at = self.deflection(j, moment, q, v);
+            let (p, side) = self.penetration(j, at[0]);
+            strike[j] = None;
+            match c.law {
+                Law::Rigid(law) if p > 0.0 && side * at[1] > 0.0 => {
+                    // Mirrored in the flank: as far back as the rebound speed would have carried it.
+                    let back = (1.0 + law.restitution) / c.mobility;
+                    for (i, push) in &c.push {
+                        q[*i as usize] -= push * back * side * p;
+                        v[*i as usize] -= push * back * at[1];
+                    }
+                    let before = c.half_backlash - side * deflection[j][0];
+                    strike[j] = Some(Strike { side, place: (before / (before + p)).clamp(0.0, 1.0) });
+                    at = self.deflection(j, moment, q, v);
+                }
+                // Outside, the speed of the moment: the stages of the step that enters contact need one.
+                Law::Power(law) if p <= 0.0 => latch[j] = at[1].abs().max(law.speed_floor),
+                Law::Power(law) if !touched[j] => latch[j] = (side * at[1]).max(law.speed_floor),
+                _ => {}
+            }
+            touched[j] = p > 0.0;
+            deflection[j] = at;
+        }
+        for (j, f) in force.iter_mut().enumerate() {
+            *f = self.law(j, moment.stiffness[j], deflection[j], latch[j]).0;
+        }
+    }
+
+    /// Mechanical energy, J: kinetic, of the structure, and of the springs (sharp penetrations).
+    #[must_use]
+    pub fn energy(&self, point: &Point) -> f64 {
+        let (q, v) = (DVector::from_column_slice(&point.q), DVector::from_column_slice(&point.v));
+        let springs = self.contacts.iter().enumerate().map(|(j, c)| {
+            let (d, k) = (point.deflection[j][0], point.moment.stiffness[j]);
+            let p = self.penetration(j, d).0.max(0.0);
+            match c.law {
+                Law::Bilateral(_) => 0.5 * k * d * d,
+                Law::KelvinVoigt(..) => 0.5 * k * p * p,
+                Law::Power(l) => k * p.powf(l.exponent.value() + 1.0) / (l.exponent.value() + 1.0),
+                Law::Rigid(_) => 0.0,
+            }
+        });
+        0.5 * v.dot(&(&self.mass * &v)) + 0.5 * q.dot(&(&self.stiffness * &q)) + springs.sum::<f64>()
+    }
+}

@@ -1,0 +1,108 @@
+/// The penetration a penalty law sees: `max(p, 0)`, sharp or smoothed over a width `1/σ`, σ in 1/m.
+///
+/// Each form is `r(p)` with its slope `r′(p)`, which stands for the contact being closed: it multiplies the damping.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Ramp {
+    /// `max(p, 0)`.
+    #[default]
+    Sharp,
+    /// `p (1 + tanh σp)/2`: common in the gear literature. Up to 0.139232/σ too small, and negative for `p < 0`: it pulls just
+    /// inside the gap.
+    Tanh(f64),
+    /// `(p + √(p² + 1/σ²))/2`: at most 1/(2σ) too large, never negative.
+    SquareRoot(f64),
+    /// `(p + w)³ (3w − p)/(16 w³)` for `|p| < w = 1/σ`, sharp beyond: twice continuously differentiable, at most 3/(16σ) too
+    /// large, exact outside the width.
+    Polynomial(f64),
+}
+
+impl Ramp {
+    /// `r(p)` and `r′(p)`.
+    #[inline]
+    #[must_use]
+    pub fn at(self, p: f64) -> (f64, f64) {
+        match self {
+            Self::Sharp if p > 0.0 => (p, 1.0),
+            Self::Sharp => (0.0, 0.0),
+            Self::Tanh(s) => {
+                let t = (s * p).tanh();
+                (0.5 * p * (1.0 + t), 0.5 * (1.0 + t + s * p * (1.0 - t * t)))
+            }
+            Self::SquareRoot(s) => {
+                let root = p.hypot(s.recip());
+                (0.5 * (p + root), 0.5 * (1.0 + p / root))
+            }
+            Self::Polynomial(s) => {
+                let u = s * p;
+                if u <= -1.0 {
+                    (0.0, 0.0)
+                } else if u >= 1.0 {
+                    (p, 1.0)
+                } else {
+                    let v = u + 1.0;
+                    (v * v * v * (3.0 - u) / (16.0 * s), v * v * (2.0 - u) * 0.25)
+                }
+            }
+        }
+    }
+
+    /// `r″(p)`, for implicit methods; 0 at the corner of the sharp form.
+    pub(super) fn curvature(self, p: f64) -> f64 {
+        match self {
+            Self::Sharp => 0.0,
+            Self::Tanh(s) => {
+                let t = (s * p).tanh();
+                s * (1.0 - t * t) * (1.0 - s * p * t)
+            }
+            Self::SquareRoot(s) => {
+                let root = p.hypot(s.recip());
+                0.5 / (s * s * root * root * root)
+            }
+            Self::Polynomial(s) if (s * p).abs() < 1.0 => 0.75 * s * (1.0 - s * s * p * p),
+            Self::Polynomial(_) => 0.0,
+        }
+    }
+
+    /// Largest `|r(p) − max(p, 0)|`, m: `½ max u (1 − tanh u) = 0.139232` in units of 1/σ for tanh.
+    #[must_use]
+    pub fn bias(self) -> f64 {
+        match self {
+            Self::Sharp => 0.0,
+            Self::Tanh(s) => 0.139_231_935_4 / s,
+            Self::SquareRoot(s) => 0.5 / s,
+            Self::Polynomial(s) => 0.1875 / s,
+        }
+    }
+
+    /// Sharpness σ, 1/m; none for the sharp form.
+    #[must_use]
+    pub fn sharpness(self) -> Option<f64> {
+        match self {
+            Self::Sharp => None,
+            Self::Tanh(s) | Self::SquareRoot(s) | Self::Polynomial(s) => Some(s),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn smoothed_ramps_have_their_slopes_and_their_bias() {
+        for ramp in [Ramp::Tanh(40.0), Ramp::SquareRoot(40.0), Ramp::Polynomial(40.0)] {
+            let mut worst: f64 = 0.0;
+            for i in -40_000..=40_000 {
+                let (p, h) = (f64::from(i) * 5e-6, 1e-6);
+                let slope = (ramp.at(p + h).0 - ramp.at(p - h).0) / (2.0 * h);
+                // Central differences: h²/6 times a third derivative of at most about σ² = 1600, and rounding over h.
+                assert!((ramp.at(p).1 - slope).abs() < 2e-9, "{ramp:?} at {p}");
+                let curvature = (ramp.at(p + h).1 - ramp.at(p - h).1) / (2.0 * h);
+                // The polynomial's third derivative jumps by 1.5 σ² at its ends.
+                assert!((ramp.curvature(p) - curvature).abs() < 2e-3, "{ramp:?} at {p}");
+                worst = worst.max((ramp.at(p).0 - p.max(0.0)).abs());
+            }
+            assert!((worst - ramp.bias()).abs() < 1e-6 * ramp.bias(), "{ramp:?}: {worst:e} {:e}", ramp.bias());
+        }
+    }
+}
