@@ -57,6 +57,7 @@
 //! | [`event`] | where the first guard falls on a step, and the record of it |
 //! | [`engine`] | flow, first event, jump, again; observers, outcomes, accumulating impacts |
 //! | [`analysis`] | measures taken during a run: contacts, energy, event rows, trajectories |
+//! | [`accuracy`] | the engine and the baselines on one problem: errors against a truth that states its own, charts |
 //! | [`baseline`] | fixed-step penalty codes, which know no events: what the engine is measured against |
 //! | [`sweep`] | the same work at every point of a grid, kept row by row |
 //! | [`study`] | steady motions, their change with the numbers of a scene, identification of such numbers |
@@ -73,6 +74,7 @@
 //! events. It prints nothing and reads no clock; the same input gives the same numbers.
 #![warn(missing_docs)]
 
+pub mod accuracy;
 pub mod analysis;
 pub mod baseline;
 pub mod engine;

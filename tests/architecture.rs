@@ -46,7 +46,20 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
         ],
     ),
     ("baseline", &[("gear", All), ("train", All), ("hybrid", All), ("integrate", All)]),
-    ("accuracy", &[("engine", All), ("baseline", All), ("analysis", All)]),
+    (
+        "accuracy",
+        &[
+            ("analysis", All),
+            ("baseline", All),
+            ("engine", All),
+            ("event", All),
+            ("gear", All),
+            ("hybrid", All),
+            ("integrate", All),
+            ("plot", All),
+            ("train", All),
+        ],
+    ),
     ("plot", &[]),
     (
         "study",

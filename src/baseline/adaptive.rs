@@ -123,9 +123,7 @@ pub fn adaptive(
     watch: &mut dyn Watch,
 ) -> Result<Counters, IntegrateError> {
     assert!(!(0..model.contacts()).any(|j| model.flanks(j).2), "a rigid contact has no force to integrate");
-    let mut point = model.blank();
-    point.q.copy_from_slice(q);
-    point.v.copy_from_slice(v);
+    let mut point = model.point(grid.from, q, v);
     let through = Through {
         model,
         scratch: RefCell::new(Scratch {
@@ -137,8 +135,6 @@ pub fn adaptive(
             evaluations: 0,
         }),
     };
-    through.look(grid.from, &mut point);
-    through.scratch.borrow_mut().touched.clone_from(&point.touched);
     let mut flow = watch.sample(&Sample { number: 0, t: 0.0, point: &point });
     let mut counters = Counters::default();
     let start: Vec<f64> = q.iter().chain(v).copied().collect();

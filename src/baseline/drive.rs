@@ -98,19 +98,10 @@ pub fn drive(
     (q, v): (&[f64], &[f64]),
     watch: &mut (impl Watch + ?Sized),
 ) -> Result<Counters, Diverged> {
-    let mut point = model.blank();
-    point.q.copy_from_slice(q);
-    point.v.copy_from_slice(v);
+    let mut point = model.point(grid.from, q, v);
     let mut stepper = method.stepper(model, grid.step);
     let mut forcing = Forcing::new(model, grid.from, grid.step / f64::from(stepper.strides()));
-    forcing.moment(model, &mut point.moment);
     let mut counters = Counters::default();
-    // A start beyond a flank latches nothing: the scene says with which speed contact began.
-    for (j, touched) in point.touched.iter_mut().enumerate() {
-        let d = model.deflection(j, &point.moment, &point.q, &point.v)[0];
-        *touched = model.penetration(j, d).0 > 0.0;
-    }
-    model.arrive(&mut point);
     let mut flow = watch.sample(&Sample { number: 0, t: 0.0, point: &point });
     while flow.is_continue() && counters.steps < grid.steps {
         stepper.step(model, &mut forcing, &mut point, grid.step, &mut counters);

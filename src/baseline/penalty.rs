@@ -4,14 +4,14 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::{
     Ramp,
-    forcing::{Moment, Spring, Wave, wave},
+    forcing::{Forcing, Moment, Spring, Wave, wave},
 };
 use crate::{
     gear::{
         Harmonic,
         contact::{Law, Release},
     },
-    hybrid::Clock,
+    hybrid::{Clock, Instant},
     train::{Flanks, Structure},
 };
 
@@ -155,6 +155,12 @@ impl Penalty {
         (c.half_backlash, c.has_back, matches!(c.law, Law::Rigid(_)))
     }
 
+    /// Whether contact `j` is beyond a flank at `point`.
+    #[must_use]
+    pub fn is_beyond(&self, j: usize, point: &Point) -> bool {
+        self.penetration(j, point.deflection[j][0]).0 > 0.0
+    }
+
     /// Whether contact `j` can be lost.
     #[must_use]
     pub fn separates(&self, j: usize) -> bool {
@@ -225,6 +231,22 @@ impl Penalty {
             touched: vec![false; m],
             moment: self.moment(),
         }
+    }
+
+    /// The point with coordinates `q` and velocities `v`, `[n]` each, at an instant, as a run that starts there sees it.
+    #[must_use]
+    pub fn point(&self, at: Instant, q: &[f64], v: &[f64]) -> Point {
+        let mut point = self.blank();
+        point.q.copy_from_slice(q);
+        point.v.copy_from_slice(v);
+        Forcing::new(self, at, 0.0).moment(self, &mut point.moment);
+        // A start beyond a flank latches nothing: the scene says with which speed contact began.
+        for (j, touched) in point.touched.iter_mut().enumerate() {
+            let d = self.deflection(j, &point.moment, q, v)[0];
+            *touched = self.penetration(j, d).0 > 0.0;
+        }
+        self.arrive(&mut point);
+        point
     }
 
     pub(super) fn moment(&self) -> Moment {

@@ -1,0 +1,349 @@
+//! Ways to solve a problem, by name.
+
+use std::{fmt, ops::ControlFlow};
+
+use serde::Serialize;
+
+use super::{AccuracyError, Problem, problem::Passages};
+use crate::{
+    analysis::Contacts,
+    baseline::{
+        Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Watch, drive,
+    },
+    integrate::Choice,
+    train::Structure,
+};
+
+/// What solves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Kind {
+    /// A fixed-step method.
+    Fixed(Method),
+    /// An adaptive solver without events.
+    Adaptive(Adaptive),
+    /// The engine, with one of its integrators.
+    Engine(Choice),
+}
+
+/// An adaptive solver without events.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Adaptive {
+    /// Explicit, Tsitouras 5(4).
+    Tsit45,
+    /// Implicit, ESDIRK 3(4).
+    Esdirk34,
+    /// Implicit, backward differences.
+    Bdf,
+}
+
+/// A way to solve a problem.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contender {
+    /// Its word: see [`Contender::parse`].
+    pub name: String,
+    /// What solves.
+    pub kind: Kind,
+    /// How the flank is smoothed (baselines).
+    pub ramp: Ramp,
+    /// How crossings are placed between samples (baselines).
+    pub interpolation: Interpolation,
+}
+
+/// How finely.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Setting {
+    /// Steps a cycle, of fixed-step methods.
+    StepsPerCycle(u64),
+    /// Relative tolerance.
+    Tolerance(f64),
+    /// To round-off: nothing to set.
+    RoundOff,
+}
+
+impl fmt::Display for Setting {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::StepsPerCycle(n) => write!(f, "{n} steps"),
+            Self::Tolerance(t) => write!(f, "tol {t:e}"),
+            Self::RoundOff => f.write_str("round-off"),
+        }
+    }
+}
+
+/// Work done over the window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Work {
+    /// Steps.
+    pub steps: u64,
+    /// Evaluations of the contact forces; absent for the engine, which expands series.
+    pub evaluations: Option<u64>,
+    /// Newton iterations.
+    pub iterations: u64,
+    /// Matrices factorised.
+    pub factorisations: u64,
+    /// Steps whose Newton iteration did not converge.
+    pub unconverged: u64,
+}
+
+impl From<Counters> for Work {
+    fn from(c: Counters) -> Self {
+        Self {
+            steps: c.steps,
+            evaluations: Some(c.evaluations),
+            iterations: c.iterations,
+            factorisations: c.factorisations,
+            unconverged: c.unconverged,
+        }
+    }
+}
+
+/// What a run gave.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Performance {
+    /// Passages of flanks.
+    pub passages: Vec<Crossing>,
+    /// Coordinates and velocities at the starts of cycles and at the end.
+    pub sections: Vec<Vec<f64>>,
+    /// Largest force of each contact, N.
+    pub peak: Vec<f64>,
+    /// Mechanical energy at the sections, J.
+    pub energy: Vec<f64>,
+    /// Work done.
+    pub work: Work,
+    /// Why it stopped before the end, if it did.
+    pub stopped: Option<String>,
+}
+
+/// Samples a cycle that adaptive solvers are asked for.
+const SAMPLES: u64 = 2000;
+
+/// The words [`Contender::parse`] knows.
+const WORDS: &str = "rk4, newmark, hht[=ALPHA], generalized-alpha[=RHO], euler, verlet, tsit45, esdirk34, bdf, flank, \
+                     flank-explicit, flank-sdirk, flank-bdf; after a baseline +cubic, +tanh=SIGMA, +sqrt=SIGMA, +poly=SIGMA";
+
+impl Contender {
+    /// The contender a word names: a method, for baselines with what is added to it.
+    ///
+    /// | word | method |
+    /// |---|---|
+    /// | `rk4`, `euler`, `verlet` | Runge–Kutta, semi-implicit Euler, velocity Verlet, fixed steps |
+    /// | `newmark`, `hht=0.1`, `generalized-alpha=0.8` | average acceleration; α in `[0, 1/3]`; spectral radius ρ in `[0, 1]` |
+    /// | `tsit45`, `esdirk34`, `bdf` | adaptive solvers without events (feature `diffsol`) |
+    /// | `flank`, `flank-explicit`, `flank-sdirk`, `flank-bdf` | the engine: as the scene says, or with another integrator |
+    /// | `+tanh=σ`, `+sqrt=σ`, `+poly=σ` | the flank smoothed over 1/σ, σ in 1/m: [`Ramp`] |
+    /// | `+cubic` | crossings on cubics instead of straight lines |
+    ///
+    /// # Errors
+    /// [`AccuracyError::Word`].
+    pub fn parse(word: &str) -> Result<Self, AccuracyError> {
+        let fault = |problem: String| AccuracyError::Word { word: word.to_owned(), problem };
+        let number = |text: &str, low: f64, high: f64| match text.parse::<f64>() {
+            Ok(x) if (low..=high).contains(&x) => Ok(x),
+            _ => Err(fault(format!("{text} is not a number from {low} to {high}"))),
+        };
+        let mut parts = word.split('+');
+        let base = parts.next().unwrap_or_default();
+        let (base, value) = base.split_once('=').map_or((base, None), |(b, v)| (b, Some(v)));
+        let kind = match base {
+            "rk4" => Kind::Fixed(Method::Rk4),
+            "newmark" => Kind::Fixed(Method::Alpha(Alpha::NEWMARK)),
+            "hht" => Kind::Fixed(Method::Alpha(Alpha::hht(number(value.unwrap_or("0.1"), 0.0, 1.0 / 3.0)?))),
+            "generalized-alpha" => {
+                Kind::Fixed(Method::Alpha(Alpha::generalised(number(value.unwrap_or("0.8"), 0.0, 1.0)?)))
+            }
+            "euler" => Kind::Fixed(Method::SemiImplicitEuler),
+            "verlet" => Kind::Fixed(Method::Verlet),
+            "tsit45" => Kind::Adaptive(Adaptive::Tsit45),
+            "esdirk34" => Kind::Adaptive(Adaptive::Esdirk34),
+            "bdf" => Kind::Adaptive(Adaptive::Bdf),
+            "flank" => Kind::Engine(Choice::Auto),
+            "flank-explicit" => Kind::Engine(Choice::Explicit),
+            "flank-sdirk" => Kind::Engine(Choice::Sdirk),
+            "flank-bdf" => Kind::Engine(Choice::Bdf),
+            _ => return Err(fault(format!("known methods: {WORDS}"))),
+        };
+        if value.is_some() && !matches!(base, "hht" | "generalized-alpha") {
+            return Err(fault(format!("{base} takes no number")));
+        }
+        let (mut ramp, mut interpolation) = (Ramp::Sharp, Interpolation::Linear);
+        for part in parts {
+            if matches!(kind, Kind::Engine(_)) {
+                return Err(fault(
+                    "the engine's flanks are sharp and its events exact: nothing can be added".to_owned(),
+                ));
+            }
+            let sigma = |text| number(text, f64::MIN_POSITIVE, f64::MAX);
+            match part.split_once('=') {
+                None if part == "cubic" => interpolation = Interpolation::Cubic,
+                Some(("tanh", s)) => ramp = Ramp::Tanh(sigma(s)?),
+                Some(("sqrt", s)) => ramp = Ramp::SquareRoot(sigma(s)?),
+                Some(("poly", s)) => ramp = Ramp::Polynomial(sigma(s)?),
+                _ => return Err(fault(format!("+{part} is not known; known are +cubic, +tanh=, +sqrt=, +poly="))),
+            }
+        }
+        Ok(Self { name: word.to_owned(), kind, ramp, interpolation })
+    }
+
+    /// Whether it can solve a train at all: adaptive solvers need a force at every contact, and a build that has them.
+    #[must_use]
+    pub fn applies_to(&self, structure: &Structure) -> bool {
+        let model = Penalty::new(structure, Ramp::Sharp);
+        let rigid = (0..model.contacts()).any(|j| model.flanks(j).2);
+        match self.kind {
+            Kind::Adaptive(_) => cfg!(feature = "diffsol") && !rigid,
+            Kind::Engine(Choice::Explicit | Choice::Sdirk | Choice::Bdf) => cfg!(feature = "diffsol"),
+            _ => true,
+        }
+    }
+
+    /// Settings from coarse to fine, with at most `most` steps over `cycles`.
+    #[must_use]
+    pub fn settings(&self, cycles: u64, most: u64) -> Vec<Setting> {
+        match self.kind {
+            // Numbers of steps that no stiffness step of a round duty falls on.
+            Kind::Fixed(_) => (0..40)
+                .map(|i| [47, 101, 211, 467][i % 4] * 10u64.pow((i / 4) as u32))
+                .map(|n| if n > 1000 { n + 1 - n % 2 } else { n })
+                .take_while(|n| n.saturating_mul(cycles) <= most)
+                .map(Setting::StepsPerCycle)
+                .collect(),
+            Kind::Engine(Choice::Auto | Choice::Taylor) => vec![Setting::RoundOff],
+            Kind::Adaptive(_) | Kind::Engine(_) => (1..=6).map(|i| Setting::Tolerance(10f64.powi(-2 * i))).collect(),
+        }
+    }
+
+    /// Solves `problem` over `cycles` and records everything that is scored.
+    ///
+    /// # Errors
+    /// [`AccuracyError`] if the engine fails; a baseline that breaks down says so in its [`Performance`].
+    pub fn perform(&self, problem: &Problem<'_>, cycles: u64, setting: Setting) -> Result<Performance, AccuracyError> {
+        if let Kind::Engine(choice) = self.kind {
+            return engine(problem, cycles, other(choice, setting));
+        }
+        let model = Penalty::new(problem.structure, self.ramp);
+        let mut crossings = Crossings::new(&model, self.interpolation);
+        let mut record = Record::new(&model, self.per_cycle(setting));
+        let done = self.drive(&model, problem, cycles, setting, &mut (&mut crossings, &mut record));
+        let (work, stopped) = match done {
+            Ok(counters) => (counters.into(), None),
+            Err((counters, why)) => (counters.into(), Some(why)),
+        };
+        let Record { sections, peak, energy, .. } = record;
+        let mut passages = crossings.found;
+        passages.sort_by(|a, b| a.t.total_cmp(&b.t));
+        Ok(Performance { passages, sections, peak, energy, work, stopped })
+    }
+
+    /// Solves `problem` over `cycles` and records its events alone, as a user would: this is what is timed. Gives their number.
+    ///
+    /// # Errors
+    /// As [`perform`](Self::perform).
+    pub fn solve(&self, problem: &Problem<'_>, cycles: u64, setting: Setting) -> Result<usize, AccuracyError> {
+        if let Kind::Engine(choice) = self.kind {
+            let mut passages = Passages::new(problem);
+            let mut engine = problem.engine(problem.start.clone(), other(choice, setting))?;
+            engine.run(problem.section(cycles), &mut passages)?;
+            return Ok(passages.found.len());
+        }
+        let model = Penalty::new(problem.structure, self.ramp);
+        let mut crossings = Crossings::new(&model, self.interpolation);
+        // One that breaks down has done its work up to there.
+        let _ = self.drive(&model, problem, cycles, setting, &mut crossings);
+        Ok(crossings.found.len())
+    }
+
+    /// Samples a cycle.
+    fn per_cycle(&self, setting: Setting) -> u64 {
+        match setting {
+            Setting::StepsPerCycle(n) => n,
+            _ => SAMPLES,
+        }
+    }
+
+    fn drive(
+        &self,
+        model: &Penalty,
+        problem: &Problem<'_>,
+        cycles: u64,
+        setting: Setting,
+        watch: &mut impl Watch,
+    ) -> Result<Counters, (Counters, String)> {
+        let per_cycle = self.per_cycle(setting);
+        let step = problem.period / per_cycle as f64;
+        let grid = Grid { from: problem.start.at, step, steps: per_cycle * cycles };
+        match (self.kind, setting) {
+            (Kind::Fixed(method), _) => drive(model, method, &grid, problem.start(), watch)
+                .map_err(|diverged| (diverged.counters, diverged.to_string())),
+            #[cfg(feature = "diffsol")]
+            (Kind::Adaptive(adaptive), Setting::Tolerance(rtol)) => {
+                use crate::baseline::Solver;
+                let solver = match adaptive {
+                    Adaptive::Tsit45 => Solver::Explicit,
+                    Adaptive::Esdirk34 => Solver::Sdirk,
+                    Adaptive::Bdf => Solver::Bdf,
+                };
+                crate::baseline::adaptive(model, solver, rtol, &grid, problem.start(), watch)
+                    .map_err(|error| (Counters::default(), error.to_string()))
+            }
+            _ => Err((Counters::default(), "not part of this build: it needs the cargo feature `diffsol`".to_owned())),
+        }
+    }
+}
+
+fn other(choice: Choice, setting: Setting) -> Option<(Choice, f64)> {
+    match setting {
+        Setting::Tolerance(tolerance) => Some((choice, tolerance)),
+        _ => None,
+    }
+}
+
+fn engine(problem: &Problem<'_>, cycles: u64, other: Option<(Choice, f64)>) -> Result<Performance, AccuracyError> {
+    let n = problem.structure.freedoms();
+    let model = Penalty::new(problem.structure, Ramp::Sharp);
+    let mut watch = (Passages::new(problem), Contacts::new(problem.structure, None).keep(0));
+    let mut engine = problem.engine(problem.start.clone(), other)?;
+    let mut run = Performance::default();
+    for k in 0..=cycles {
+        let at = problem.section(k);
+        if let Err(error) = engine.run(at, &mut watch) {
+            run.stopped = Some(error.to_string());
+            break;
+        }
+        let x = &engine.state().x;
+        run.energy.push(model.energy(&model.point(at, &x[..n], &x[n..2 * n])));
+        run.sections.push(x[..2 * n].to_vec());
+    }
+    run.peak = (0..model.contacts()).map(|j| watch.1.report(j).force_abs_max).collect();
+    run.passages = watch.0.found;
+    run.work.steps = engine.counters().steps;
+    Ok(run)
+}
+
+/// Sections and largest forces of a baseline.
+struct Record<'m> {
+    model: &'m Penalty,
+    per_cycle: u64,
+    sections: Vec<Vec<f64>>,
+    energy: Vec<f64>,
+    peak: Vec<f64>,
+}
+
+impl<'m> Record<'m> {
+    fn new(model: &'m Penalty, per_cycle: u64) -> Self {
+        Self { model, per_cycle, sections: Vec::new(), energy: Vec::new(), peak: vec![0.0; model.contacts()] }
+    }
+}
+
+impl Watch for Record<'_> {
+    fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
+        for (peak, force) in self.peak.iter_mut().zip(&sample.point.force) {
+            *peak = peak.max(force.abs());
+        }
+        if sample.number.is_multiple_of(self.per_cycle) {
+            self.sections.push(sample.point.q.iter().chain(&sample.point.v).copied().collect());
+            self.energy.push(self.model.energy(sample.point));
+        }
+        ControlFlow::Continue(())
+    }
+}

@@ -1,0 +1,21 @@
+//! Accuracy against work: the engine and the fixed-step baselines on the same problem, measured by the same rule.
+//!
+//! A [`Truth`] is the engine's own solution with a bound on its error that was measured, not assumed, over a window that ends
+//! before the motion amplifies errors. A [`Contender`] is any way of solving the problem; its [`Score`] says how far it is
+//! from the truth and what work it did. Nothing here reads a clock: time is taken by whoever runs the contenders.
+
+mod charts;
+mod contender;
+mod error;
+mod order;
+mod problem;
+mod score;
+mod truth;
+
+pub use charts::{Row, Timed, by_steps, by_time};
+pub use contender::{Contender, Kind, Performance, Setting, Work};
+pub use error::AccuracyError;
+pub use order::{Order, Roughness, orders, reached};
+pub use problem::Problem;
+pub use score::{Score, score};
+pub use truth::{Truth, Window};

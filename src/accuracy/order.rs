@@ -1,0 +1,150 @@
+//! The order a method shows, and why it is not the one it was built for.
+
+use serde::Serialize;
+
+use super::{Contender, Kind};
+use crate::{
+    baseline::{Interpolation, Penalty, Ramp},
+    gear::{
+        Stiffness,
+        contact::{Law, Release},
+    },
+    train::Structure,
+};
+
+/// How rough the right-hand side of a train is where a fixed step runs across an event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Roughness {
+    /// Velocities jump: rigid impacts.
+    Impact,
+    /// The force jumps: damping that acts in contact alone, a stiffness step under load, hysteresis.
+    Jump,
+    /// The force has a kink: a spring with backlash.
+    Kink,
+    /// The force is continuously differentiable: Hertz.
+    Smooth,
+}
+
+impl Roughness {
+    /// The roughest thing a train has.
+    #[must_use]
+    pub fn of(structure: &Structure) -> Self {
+        let contacts = structure.spec().contacts.iter().map(|c| {
+            let steps = match &c.stiffness {
+                Stiffness::Periodic { pieces, period, .. } => (0..pieces.len()).any(|i| {
+                    let (p, next) = (pieces[i], pieces[(i + 1) % pieces.len()]);
+                    let width = if i + 1 < pieces.len() { next.start - p.start } else { 1.0 + next.start - p.start };
+                    let jump = next.value - (p.value + p.slope * width * period);
+                    jump.abs() > 1e-9 * next.value.abs()
+                }),
+                Stiffness::Switched { times, levels } => !times.is_empty() && levels[0] != levels[1],
+                _ => false,
+            };
+            match c.law {
+                Law::Rigid(_) => Self::Impact,
+                _ if steps => Self::Jump,
+                // Released by force, the force of a damper is still not zero where contact begins.
+                Law::KelvinVoigt(l, Release::Deflection | Release::Force) if l.damping > 0.0 => Self::Jump,
+                Law::KelvinVoigt(..) => Self::Kink,
+                Law::Power(l) if l.exponent.value() <= 1.0 => Self::Kink,
+                Law::Power(_) | Law::Bilateral(_) => Self::Smooth,
+            }
+        });
+        contacts.min().unwrap_or(Self::Smooth)
+    }
+
+    /// The largest order of event times that a step across such a place leaves, and the reason in words.
+    fn limit(self) -> (f64, &'static str) {
+        match self {
+            Self::Impact => (1.0, "velocities jump at impacts, which are found at the ends of steps"),
+            Self::Jump => (1.0, "the force jumps inside steps"),
+            Self::Kink => (2.0, "the force has a kink inside steps"),
+            Self::Smooth => (f64::INFINITY, ""),
+        }
+    }
+}
+
+/// The order seen on the finest steps, the one expected, and why.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Order {
+    /// Median slope of `log error` against `log step` over the finest four settings that are right, and above rounding.
+    pub observed: Option<f64>,
+    /// Order of the method on smooth problems.
+    pub smooth: u32,
+    /// What limits it here.
+    pub reason: String,
+}
+
+/// Errors below this many times the truth's own are not told from it.
+pub(super) const RESOLVED: f64 = 10.0;
+
+/// The order of event times of a fixed-step contender, from its runs `(steps a cycle, error)` with the right sequence of
+/// events, coarse to fine; `error` is the truth's own. `None` for others.
+#[must_use]
+pub fn orders(contender: &Contender, structure: &Structure, runs: &[(u64, f64)], error: f64) -> Option<Order> {
+    let Kind::Fixed(method) = contender.kind else { return None };
+    let runs: Vec<_> = runs.iter().filter(|(_, e)| *e > RESOLVED * error).collect();
+    let mut slopes: Vec<f64> =
+        runs.windows(2).rev().take(3).map(|w| (w[0].1 / w[1].1).ln() / (w[1].0 as f64 / w[0].0 as f64).ln()).collect();
+    slopes.sort_by(f64::total_cmp);
+    let observed = slopes.get(slopes.len() / 2).copied();
+    let smooth = method.order();
+    let mut reasons = Vec::new();
+    if contender.ramp == Ramp::Sharp {
+        let (limit, why) = Roughness::of(structure).limit();
+        if limit < f64::from(smooth) {
+            reasons.push(format!("{why} (order {limit})"));
+        }
+    } else {
+        let model = Penalty::new(structure, contender.ramp);
+        let narrow = (0..model.contacts()).map(|j| model.flanks(j).0).fold(f64::INFINITY, f64::min);
+        let mut why = format!("the smoothed flank is {:.2e} m off, whatever the step", contender.ramp.bias());
+        if let Some(sharp) = contender.ramp.sharpness().filter(|s| narrow > 0.0 && s * narrow < 50.0) {
+            why += &format!("; over 1/σ = {:.2e} m, wide beside a half backlash of {narrow:.2e} m", 1.0 / sharp);
+        }
+        reasons.push(why);
+    }
+    if contender.interpolation == Interpolation::Linear && smooth > 2 {
+        reasons.push("straight lines between samples (order 2)".to_owned());
+    }
+    Some(Order { observed, smooth, reason: reasons.join("; ") })
+}
+
+/// Cost at which a contender's error falls below `target`, from runs `(error, cost)`, coarse to fine: between two runs on the
+/// straight line through their logarithms. The second number tells whether it was reached; if not, the line through the
+/// finest two runs is followed on, if it falls.
+#[must_use]
+pub fn reached(runs: &[(f64, f64)], target: f64) -> Option<(f64, bool)> {
+    let line = |a: &(f64, f64), b: &(f64, f64)| {
+        let slope = (b.1 / a.1).ln() / (b.0 / a.0).ln();
+        (b.1.ln() + slope * (target / b.0).ln()).exp()
+    };
+    // Only from where all finer ones stay below: one lucky run is no accuracy.
+    let first = runs.len() - runs.iter().rev().take_while(|(e, _)| *e <= target).count();
+    match (first, runs) {
+        (_, []) => None,
+        (0, [first, ..]) => Some((first.1, true)),
+        (i, _) if i < runs.len() => Some((line(&runs[i - 1], &runs[i]), true)),
+        (_, [.., a, b]) if b.0 < a.0 && b.1 > a.1 => Some((line(a, b), false)),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn costs_are_read_off_straight_lines() {
+        // Order 2: error = 1/cost².
+        let runs = [(1e-2, 1e1), (1e-4, 1e2), (1e-6, 1e3)];
+        let (cost, is_reached) = reached(&runs, 1e-5).unwrap();
+        assert!((cost - 10f64.powf(2.5)).abs() < 1e-9 * cost && is_reached);
+        let (cost, is_reached) = reached(&runs, 1e-8).unwrap();
+        assert!((cost - 1e4).abs() < 1e-8 * cost && !is_reached);
+        assert_eq!(reached(&runs, 0.1), Some((10.0, true)));
+        // A lucky run in between does not count.
+        assert!(!reached(&[(1e-2, 1.0), (1e-7, 2.0), (1e-3, 3.0)], 1e-6).is_some_and(|r| r.1));
+    }
+}

@@ -1,0 +1,133 @@
+use std::ops::ControlFlow;
+
+use crate::{
+    baseline::Crossing,
+    engine::{Engine, Observer, Options, State},
+    event::EventRecord,
+    hybrid::{Clock, ContactView, Instant, Watch},
+    integrate::{Choice, IntegrateError, build},
+    train::Structure,
+};
+
+/// What is solved: a train from a start on, over whole cycles.
+#[derive(Clone, Debug)]
+pub struct Problem<'s> {
+    /// The train.
+    pub structure: &'s Structure,
+    /// Where it starts.
+    pub start: State,
+    /// Length of a cycle T, s: the unit of times and the distance of sections.
+    pub period: f64,
+    /// Cycles, ≥ 1.
+    pub cycles: u64,
+    /// Integrator of the engine.
+    pub choice: Choice,
+    /// Its tolerance.
+    pub tolerance: f64,
+}
+
+impl<'s> Problem<'s> {
+    /// Coordinates and velocities at the start, `[n]` each.
+    #[must_use]
+    pub fn start(&self) -> (&[f64], &[f64]) {
+        let n = self.structure.freedoms();
+        (&self.start.x[..n], &self.start.x[n..2 * n])
+    }
+
+    /// An engine at `start`, with another integrator if one is named.
+    ///
+    /// # Errors
+    /// [`IntegrateError`] if this build has no such method.
+    pub fn engine(&self, start: State, other: Option<(Choice, f64)>) -> Result<Engine<'s>, IntegrateError> {
+        let (choice, tolerance) = other.unwrap_or((self.choice, self.tolerance));
+        let (integrator, _) = build(choice, tolerance, self.structure)?;
+        Ok(Engine::new(self.structure, integrator, Options::default(), start))
+    }
+
+    /// The start of cycle `k`, counted from the start; on a clock of the same period exactly.
+    #[must_use]
+    pub fn section(&self, k: u64) -> Instant {
+        let clock = self.clock();
+        let own = clock.period().filter(|t| (t.value() - self.period).abs() <= 1e-14 * self.period);
+        match own {
+            // OK to convert: comparisons run over a few cycles.
+            Some(_) => Instant { cycle: self.start.at.cycle + k as i64, ..self.start.at },
+            None => clock.advance(self.start.at, k as f64 * self.period),
+        }
+    }
+
+    /// The forcing clock.
+    #[must_use]
+    pub fn clock(&self) -> &'s Clock {
+        self.structure.clock()
+    }
+
+    /// Time since the start, s.
+    #[must_use]
+    pub fn elapsed(&self, at: Instant) -> f64 {
+        self.clock().between(self.start.at, at)
+    }
+}
+
+/// Every passage of a flank, as [`baseline::Crossings`](crate::baseline::Crossings) sees them: of a rigid contact its strikes.
+#[derive(Clone, Debug)]
+pub(super) struct Passages<'p> {
+    problem: &'p Problem<'p>,
+    pub found: Vec<Crossing>,
+    /// Uncertainty of each, s.
+    pub uncertainty: Vec<f64>,
+    /// Largest coordinate and largest velocity at events.
+    pub sizes: [f64; 2],
+}
+
+impl<'p> Passages<'p> {
+    pub fn new(problem: &'p Problem<'p>) -> Self {
+        Self { problem, found: Vec::new(), uncertainty: Vec::new(), sizes: [0.0; 2] }
+    }
+
+    pub fn measure(&mut self, x: &[f64]) {
+        let n = self.problem.structure.freedoms();
+        let most = |x: &[f64]| x.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        self.sizes = [self.sizes[0].max(most(&x[..n])), self.sizes[1].max(most(&x[n..2 * n]))];
+    }
+}
+
+impl Observer for Passages<'_> {
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        if record.graze || record.start || record.accumulation.is_some() {
+            return ControlFlow::Continue(());
+        }
+        self.measure(&record.x_minus);
+        let structure = self.problem.structure;
+        let t = self.problem.elapsed(record.at);
+        for (contact, watch) in record.fired.iter().map(|id| structure.watch(id)) {
+            if watch == Watch::Force {
+                continue;
+            }
+            let back = watch == Watch::BackFlank;
+            let rate = structure.deflection(contact, record.at, &record.x_minus).1;
+            let closing = (rate > 0.0) != back;
+            self.found.push(Crossing { t, contact, back, closing });
+            self.uncertainty.push(record.conditioning.time);
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// How long each contact is between its flanks up to `end`, s, from its passages.
+pub(super) fn time_apart(passages: &[Crossing], closed_at_start: &[bool], end: f64) -> Vec<f64> {
+    let mut open_since: Vec<Option<f64>> = closed_at_start.iter().map(|c| (!c).then_some(0.0)).collect();
+    let mut apart = vec![0.0; closed_at_start.len()];
+    for passage in passages.iter().filter(|p| p.t <= end) {
+        match open_since[passage.contact].take() {
+            Some(since) if passage.closing => apart[passage.contact] += passage.t - since,
+            // Closed twice or opened twice: a passage of the other flank in between was missed.
+            _ if passage.closing => {}
+            _ => open_since[passage.contact] = Some(passage.t),
+        }
+    }
+    for (apart, since) in apart.iter_mut().zip(open_since) {
+        *apart += since.map_or(0.0, |since| end - since);
+    }
+    apart
+}

@@ -1,0 +1,114 @@
+//! How far a solution is from the truth.
+
+use serde::Serialize;
+
+use super::{Truth, contender::Performance, problem::time_apart};
+use crate::baseline::Crossing;
+
+/// Errors of one run against the truth, over its window.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Score {
+    /// Largest error of an event time over the events that were found, periods; absent if none was.
+    pub event_time: Option<f64>,
+    /// Events of the truth that were not found (within 2 % of a period).
+    pub missed: usize,
+    /// Events found that are none.
+    pub spurious: usize,
+    /// Largest error of a contact's time apart, over the window's length.
+    pub apart: f64,
+    /// Largest error of coordinates and velocities at the starts of cycles, relative to their sizes.
+    pub state: f64,
+    /// Largest relative error of a contact's largest force; absent for rigid contacts.
+    pub peak_force: Option<f64>,
+    /// Largest error of the mechanical energy at the starts of cycles, signed, relative to the largest energy.
+    pub energy: f64,
+}
+
+impl Score {
+    /// Whether the sequence of events is right: none missed, none spurious.
+    #[must_use]
+    pub fn is_right(&self) -> bool {
+        self.missed == 0 && self.spurious == 0
+    }
+}
+
+/// What two solutions are compared by.
+pub(super) struct Measured<'a> {
+    pub passages: &'a [Crossing],
+    pub sections: &'a [Vec<f64>],
+    pub apart: &'a [f64],
+    pub peak: &'a [f64],
+    pub energy: &'a [f64],
+}
+
+/// Events further apart than this share of a period are not the same event.
+const GATE: f64 = 0.02;
+/// Nor are events further apart than this share of the way to the next passage of the same kind.
+const NEIGHBOUR: f64 = 0.45;
+
+fn kind(c: &Crossing) -> (usize, bool, bool) {
+    (c.contact, c.back, c.closing)
+}
+
+/// Pairs of events of the same kind, in order; how many of `truth` and how many of `other` have no partner. Events within
+/// the gate of `end` need none: they may fall on the other side of it.
+pub(super) fn pairs<'a>(
+    truth: &'a [Crossing],
+    other: &'a [Crossing],
+    period: f64,
+    end: f64,
+) -> (Vec<(&'a Crossing, &'a Crossing)>, usize, usize) {
+    let mut kinds: Vec<_> = truth.iter().chain(other).map(kind).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    let (mut matched, mut missed, mut spurious) = (Vec::new(), 0, 0);
+    let counts = |c: &Crossing| usize::from(c.t < end - GATE * period);
+    for of in kinds {
+        let mine: Vec<&Crossing> = truth.iter().filter(|c| kind(c) == of).collect();
+        let mut theirs = other.iter().filter(|c| kind(c) == of).peekable();
+        for (i, event) in mine.iter().enumerate() {
+            let gap = |j: Option<&&Crossing>| j.map_or(f64::INFINITY, |n| NEIGHBOUR * (n.t - event.t).abs());
+            let gate = (GATE * period).min(gap(mine.get(i + 1))).min(gap(i.checked_sub(1).and_then(|i| mine.get(i))));
+            while let Some(early) = theirs.next_if(|c| c.t < event.t - gate) {
+                spurious += counts(early);
+            }
+            match theirs.next_if(|c| c.t <= event.t + gate) {
+                Some(found) => matched.push((*event, found)),
+                None => missed += counts(event),
+            }
+        }
+        spurious += theirs.map(counts).sum::<usize>();
+    }
+    (matched, missed, spurious)
+}
+
+/// The score of a contender's run on a problem of the given period and coordinates.
+#[must_use]
+pub fn score(truth: &Truth, run: &Performance, period: f64) -> Score {
+    let end = truth.window.cycles as f64 * period;
+    let exact = truth.measured();
+    let (matched, missed, spurious) = pairs(exact.passages, &run.passages, period, end);
+    let event_time = matched
+        .iter()
+        .map(|(a, b)| (a.t - b.t).abs() / period)
+        .fold(None, |m: Option<f64>, e| Some(m.map_or(e, |m| m.max(e))));
+    let apart = time_apart(&run.passages, &truth.closed, end);
+    let apart = exact.apart.iter().zip(&apart).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs() / end));
+    // A run that stopped early is wrong by all there is from there on.
+    let whole = |found: usize| if found < exact.sections.len() { 1.0 } else { 0.0 };
+    let mut state: f64 = whole(run.sections.len());
+    for (a, b) in exact.sections.iter().zip(&run.sections) {
+        let n = a.len() / 2;
+        for (i, (a, b)) in a.iter().zip(b).enumerate() {
+            state = state.max((a - b).abs() / truth.sizes[usize::from(i >= n)]);
+        }
+    }
+    let forces = exact.peak.iter().zip(&run.peak).filter(|(exact, _)| **exact > 0.0);
+    let peak_force = forces
+        .map(|(exact, found)| (found - exact).abs() / exact)
+        .fold(None, |m: Option<f64>, e| Some(m.map_or(e, |m| m.max(e))));
+    let largest = exact.energy.iter().fold(f64::MIN_POSITIVE, |m: f64, e| m.max(e.abs()));
+    let energy = exact.energy.iter().zip(&run.energy).map(|(a, b)| (b - a) / largest);
+    let energy = energy.fold(0.0, |m: f64, e| if e.abs() > m.abs() { e } else { m });
+    Score { event_time, missed, spurious, apart, state, peak_force, energy }
+}

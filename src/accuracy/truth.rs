@@ -1,0 +1,203 @@
+//! A solution that says how far it can be trusted.
+
+use super::{
+    AccuracyError, Problem,
+    problem::{Passages, time_apart},
+    score::{Measured, pairs},
+};
+use crate::{
+    analysis::Contacts,
+    baseline::{Crossing, Penalty, Ramp},
+    engine::State,
+    integrate::Choice,
+};
+
+/// Where errors can be compared: before the motion itself amplifies them.
+///
+/// The variational growth is measured on neighbouring runs: their starts differ by a billionth of the motion's size, each in
+/// another direction, and the shift of their events, in periods, over that billionth is the growth. The window ends with
+/// the last cycle before it passes the limit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Window {
+    /// Whole cycles from the start.
+    pub cycles: u64,
+    /// Largest growth in it: an error of 1 in the start shifts an event by so many periods.
+    pub growth: f64,
+    /// The run was longer, and the window was cut where growth passed the limit.
+    pub cut: bool,
+}
+
+/// The engine's solution.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Truth {
+    /// Where it can be compared.
+    pub window: Window,
+    /// Passages of flanks in the window, in order.
+    pub passages: Vec<Crossing>,
+    /// Error of the event times, periods, measured: the same run with its steps cut elsewhere, and the uncertainty that
+    /// each event states, the larger.
+    pub error: f64,
+    /// Difference of event times, periods, from a run with an integrator that has nothing in common with the first
+    /// (explicit Runge–Kutta, relative tolerance 1e-12); absent where this build has none or it fails.
+    pub independent: Option<f64>,
+    /// Coordinates and velocities at the start of every cycle of the window and at its end.
+    pub sections: Vec<Vec<f64>>,
+    /// Sizes of coordinates and velocities, m, m/s: errors of the state are relative to these.
+    pub sizes: [f64; 2],
+    /// Time between the flanks of each contact over the window, s.
+    pub apart: Vec<f64>,
+    /// Largest force of each contact, N; 0 for rigid ones.
+    pub peak: Vec<f64>,
+    /// Mechanical energy at each section, J.
+    pub energy: Vec<f64>,
+    /// Whether each contact is closed at the start.
+    pub closed: Vec<bool>,
+}
+
+/// Disturbance of neighbouring starts, relative.
+const NEAR: f64 = 1e-9;
+/// Neighbouring runs.
+const NEIGHBOURS: u32 = 3;
+/// Tolerance of the independent run.
+const INDEPENDENT: f64 = 1e-12;
+/// Pieces a cycle in which the control run is cut: a number with no simple relation to stiffness steps.
+const PIECES: u64 = 7;
+
+/// One run of the engine, section by section.
+struct Pass<'p> {
+    passages: Passages<'p>,
+    sections: Vec<Vec<f64>>,
+}
+
+fn pass<'p>(
+    problem: &'p Problem<'p>,
+    start: State,
+    cycles: u64,
+    pieces: u64,
+    other: Option<(Choice, f64)>,
+) -> Result<Pass<'p>, AccuracyError> {
+    let dim = 2 * problem.structure.freedoms();
+    let mut passages = Passages::new(problem);
+    passages.measure(&start.x);
+    let mut sections = vec![start.x[..dim].to_vec()];
+    let mut engine = problem.engine(start, other)?;
+    for k in 1..=cycles {
+        for i in 1..pieces {
+            let at = problem.section(k - 1);
+            engine.run(problem.clock().advance(at, problem.period * i as f64 / pieces as f64), &mut passages)?;
+        }
+        engine.run(problem.section(k), &mut passages)?;
+        passages.measure(&engine.state().x);
+        sections.push(engine.state().x[..dim].to_vec());
+    }
+    Ok(Pass { passages, sections })
+}
+
+impl Truth {
+    /// Solves `problem`, finds the window in which growth stays below `limit`, and measures the solution's own error.
+    ///
+    /// # Errors
+    /// [`AccuracyError`].
+    pub fn find(problem: &Problem<'_>, limit: f64) -> Result<Self, AccuracyError> {
+        let pass_of = |start, cycles, pieces, other| pass(problem, start, cycles, pieces, other);
+        let Pass { passages, mut sections } = pass_of(problem.start.clone(), problem.cycles, 1, None)?;
+        let sizes = passages.sizes.map(|s| s.max(f64::MIN_POSITIVE));
+        let mut found = passages.found;
+        if found.is_empty() {
+            return Err(AccuracyError::NoEvents { cycles: problem.cycles });
+        }
+        let window = window(problem, &found, sizes, limit)?;
+        let end = window.cycles as f64 * problem.period;
+        let count = found.iter().take_while(|p| p.t <= end).count();
+        found.truncate(count);
+        sections.truncate(window.cycles as usize + 1);
+
+        // The same solution again, cut into other steps; and by an integrator of another kind.
+        let control = pass_of(problem.start.clone(), window.cycles, PIECES, None)?.passages;
+        let shift = |other: &[Crossing]| {
+            let (matched, missed, spurious) = pairs(&found, other, problem.period, end);
+            let worst = matched.iter().fold(0.0, |m: f64, (a, b)| m.max((a.t - b.t).abs()));
+            (missed == 0 && spurious == 0).then_some(worst / problem.period)
+        };
+        let stated = passages.uncertainty[..count].iter().fold(0.0, |m: f64, u| m.max(*u)) / problem.period;
+        let error = shift(&control.found).map_or(f64::INFINITY, |s| s.max(stated));
+        let independent = pass_of(problem.start.clone(), window.cycles, 1, Some((Choice::Explicit, INDEPENDENT)))
+            .ok()
+            .and_then(|other| shift(&other.passages.found));
+
+        let model = Penalty::new(problem.structure, Ramp::Sharp);
+        let n = problem.structure.freedoms();
+        let point = |k: usize, x: &[f64]| model.point(problem.section(k as u64), &x[..n], &x[n..]);
+        let begin = point(0, &sections[0]);
+        let closed: Vec<bool> = (0..model.contacts()).map(|j| model.is_beyond(j, &begin)).collect();
+        let energy = sections.iter().enumerate().map(|(k, x)| model.energy(&point(k, x))).collect();
+        let mut forces = Contacts::new(problem.structure, None).keep(0);
+        problem.engine(problem.start.clone(), None)?.run(problem.section(window.cycles), &mut forces)?;
+        Ok(Self {
+            window,
+            apart: time_apart(&found, &closed, end),
+            peak: (0..model.contacts()).map(|j| forces.report(j).force_abs_max).collect(),
+            passages: found,
+            error,
+            independent,
+            sections,
+            sizes,
+            energy,
+            closed,
+        })
+    }
+
+    /// What a contender is compared with.
+    pub(super) fn measured(&self) -> Measured<'_> {
+        Measured {
+            passages: &self.passages,
+            sections: &self.sections,
+            apart: &self.apart,
+            peak: &self.peak,
+            energy: &self.energy,
+        }
+    }
+}
+
+/// Numbers in `(−1, 1)` from a fixed sequence (splitmix64): directions of disturbance that favour none.
+fn scattered(seed: u64) -> f64 {
+    let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    (z ^ (z >> 31)) as f64 / 2.0f64.powi(63) - 1.0
+}
+
+fn window(problem: &Problem<'_>, found: &[Crossing], sizes: [f64; 2], limit: f64) -> Result<Window, AccuracyError> {
+    let n = problem.structure.freedoms();
+    let (q, v) = problem.start();
+    let all = problem.cycles as f64 * problem.period;
+    // Growth at each event that grew more than any before it.
+    let mut rises: Vec<(f64, f64)> = Vec::new();
+    for neighbour in 0..NEIGHBOURS {
+        let moved = |x: &[f64], size: f64, from: usize| -> Vec<f64> {
+            let by = |i: usize| NEAR * size * scattered(u64::from(neighbour) * 1000 + (from + i) as u64 + 1);
+            x.iter().enumerate().map(|(i, x)| x + by(i)).collect()
+        };
+        let start = problem.structure.start(problem.start.at, &moved(q, sizes[0], 0), &moved(v, sizes[1], n))?;
+        let mut x = start.x;
+        x[2 * n..].copy_from_slice(&problem.start.x[2 * n..]);
+        let state = State { at: problem.start.at, x, jump: start.jump };
+        let other = pass(problem, state, problem.cycles, 1, None)?.passages.found;
+        let (matched, missed, spurious) = pairs(found, &other, problem.period, all);
+        rises.extend(matched.iter().map(|(a, b)| (a.t, (a.t - b.t).abs() / (NEAR * problem.period))));
+        if missed + spurious > 0 {
+            // The first event without a partner: the motions have parted.
+            let parted = found.iter().find(|e| !matched.iter().any(|(a, _)| a == e));
+            rises.extend(parted.map(|e| (e.t, f64::INFINITY)));
+        }
+    }
+    rises.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let broken = rises.iter().find(|(_, growth)| *growth > limit);
+    let cycles = broken.map_or(problem.cycles, |(t, _)| (t / problem.period).floor() as u64);
+    if cycles == 0 {
+        return Err(AccuracyError::NoWindow { growth: broken.map_or(0.0, |b| b.1) });
+    }
+    let end = cycles as f64 * problem.period;
+    let growth = rises.iter().filter(|(t, _)| *t <= end).fold(0.0, |m: f64, (_, g)| m.max(*g));
+    Ok(Window { cycles, growth, cut: broken.is_some() })
+}
