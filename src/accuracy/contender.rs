@@ -202,9 +202,9 @@ impl Contender {
     pub fn settings(&self, cycles: u64, most: u64) -> Vec<Setting> {
         match self.kind {
             // Numbers of steps that no stiffness step of a round duty falls on.
-            Kind::Fixed(_) => (0..40)
-                .map(|i| [47, 101, 211, 467][i % 4] * 10u64.pow((i / 4) as u32))
-                .map(|n| if n > 1000 { n + 1 - n % 2 } else { n })
+            Kind::Fixed(_) => (0..36)
+                .map(|i| [47, 101, 223][i % 3] * 10u64.pow((i / 3) as u32))
+                .map(|n| if n > 1000 { n + 1 } else { n })
                 .take_while(|n| n.saturating_mul(cycles) <= most)
                 .map(Setting::StepsPerCycle)
                 .collect(),
@@ -337,8 +337,8 @@ impl<'m> Record<'m> {
 
 impl Watch for Record<'_> {
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
-        for (peak, force) in self.peak.iter_mut().zip(&sample.point.force) {
-            *peak = peak.max(force.abs());
+        for (peak, touch) in self.peak.iter_mut().zip(&sample.point.contacts) {
+            *peak = peak.max(touch.force.abs());
         }
         if sample.number.is_multiple_of(self.per_cycle) {
             self.sections.push(sample.point.q.iter().chain(&sample.point.v).copied().collect());

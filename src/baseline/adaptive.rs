@@ -3,7 +3,7 @@
 use std::{cell::RefCell, ops::ControlFlow};
 
 use super::{
-    Counters, Grid, Penalty, Point, Sample, Watch,
+    Counters, Grid, Penalty, Point, Sample, Touch, Watch,
     forcing::{Forcing, Moment},
 };
 use crate::{
@@ -33,8 +33,7 @@ struct Scratch {
     forcing: Forcing,
     moment: Moment,
     force: Vec<f64>,
-    latch: Vec<f64>,
-    touched: Vec<bool>,
+    touches: Vec<Touch>,
     evaluations: u64,
 }
 
@@ -44,18 +43,18 @@ impl VectorField for Through<'_> {
     }
 
     fn eval(&self, _: Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]) {
-        let Scratch { forcing, moment, force, latch, evaluations, .. } = &mut *self.scratch.borrow_mut();
+        let Scratch { forcing, moment, force, touches, evaluations } = &mut *self.scratch.borrow_mut();
         *evaluations += 1;
         forcing.at(self.model, self.model.clock.advance(base, t), moment);
         let (q, v) = x.split_at(self.model.n);
         let (dq, dv) = dx.split_at_mut(self.model.n);
         dq.copy_from_slice(v);
-        self.model.forces(moment, q, v, latch, force);
-        self.model.accelerations(moment, q, v, force, dv);
+        self.model.forces(moment, q, v, touches, force);
+        self.model.accelerations(moment, q, v, force.iter().copied(), dv);
     }
 
     fn jac_mul(&self, _: Mode, base: Instant, t: f64, x: &[f64], y: &[f64], jv: &mut [f64]) {
-        let Scratch { forcing, moment, latch, .. } = &mut *self.scratch.borrow_mut();
+        let Scratch { forcing, moment, touches, .. } = &mut *self.scratch.borrow_mut();
         forcing.at(self.model, self.model.clock.advance(base, t), moment);
         let n = self.model.n;
         let ((q, v), (q1, v1)) = (x.split_at(n), y.split_at(n));
@@ -63,9 +62,9 @@ impl VectorField for Through<'_> {
         for (a, row) in jv[n..].iter_mut().zip(&self.model.rows) {
             *a = row.iter().fold(0.0, |a, (j, k, c)| a - k * q1[*j as usize] - c * v1[*j as usize]);
         }
-        for (j, c) in self.model.contacts.iter().enumerate() {
-            let at = self.model.deflection(j, moment, q, v);
-            let (_, by_d, by_r) = self.model.law(j, moment.stiffness[j], at, latch[j]);
+        for ((c, forced), touch) in self.model.contacts.iter().zip(&moment.contacts).zip(touches.iter()) {
+            let at = c.deflection(forced, q, v);
+            let (_, by_d, by_r) = self.model.law(c, forced.stiffness, at, touch.latch);
             let [d1, r1] =
                 c.direction.iter().fold([0.0; 2], |[d, r], (i, g)| [d + g * q1[*i as usize], r + g * v1[*i as usize]]);
             let force = by_d * d1 + by_r * r1;
@@ -129,9 +128,8 @@ pub fn adaptive(
         scratch: RefCell::new(Scratch {
             forcing: Forcing::new(model, grid.from, grid.step),
             moment: model.moment(),
-            force: point.force.clone(),
-            latch: point.latch.clone(),
-            touched: point.touched.clone(),
+            force: vec![0.0; model.contacts()],
+            touches: point.contacts.clone(),
             evaluations: 0,
         }),
     };
@@ -181,31 +179,31 @@ impl Through<'_> {
     fn look(&self, at: Instant, point: &mut Point) {
         let scratch = &mut *self.scratch.borrow_mut();
         scratch.forcing.at(self.model, at, &mut point.moment);
-        point.latch.copy_from_slice(&scratch.latch);
         // What a step latches is decided at its end, not at samples within it.
-        for j in 0..self.model.contacts() {
-            let d = self.model.deflection(j, &point.moment, &point.q, &point.v);
-            point.touched[j] = self.model.penetration(j, d[0]).0 > 0.0;
+        let known = scratch.touches.iter().zip(self.model.contacts.iter().zip(&point.moment.contacts));
+        for (touch, (known, (c, forced))) in point.contacts.iter_mut().zip(known) {
+            touch.latch = known.latch;
+            touch.touched = c.penetration(c.deflection(forced, &point.q, &point.v)[0]).0 > 0.0;
         }
         self.model.arrive(point);
     }
 
     /// Latches approach speeds at the end of a step that entered contact.
     fn latch(&self, from: Instant, dt: f64, x: &[f64]) {
-        let Scratch { forcing, moment, latch, touched, .. } = &mut *self.scratch.borrow_mut();
+        let Scratch { forcing, moment, touches, .. } = &mut *self.scratch.borrow_mut();
         forcing.at(self.model, self.model.clock.advance(from, dt), moment);
         let (q, v) = x.split_at(self.model.n);
-        for (j, c) in self.model.contacts.iter().enumerate() {
-            let [d, r] = self.model.deflection(j, moment, q, v);
-            let (p, side) = self.model.penetration(j, d);
+        for ((c, forced), touch) in self.model.contacts.iter().zip(&moment.contacts).zip(touches) {
+            let [d, r] = c.deflection(forced, q, v);
+            let (p, side) = c.penetration(d);
             if let Law::Power(l) = c.law {
                 if p <= 0.0 {
-                    latch[j] = r.abs().max(l.speed_floor);
-                } else if !touched[j] {
-                    latch[j] = (side * r).max(l.speed_floor);
+                    touch.latch = r.abs().max(l.speed_floor);
+                } else if !touch.touched {
+                    touch.latch = (side * r).max(l.speed_floor);
                 }
             }
-            touched[j] = p > 0.0;
+            touch.touched = p > 0.0;
         }
     }
 }

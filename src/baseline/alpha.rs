@@ -125,9 +125,10 @@ impl GeneralisedAlpha {
             counters.evaluations += 1;
             let mut changed = self.newton.is_none();
             for j in 0..m {
-                let [d, r] = model.deflection(j, &point.moment, &self.predicted[0], &self.predicted[1]);
+                let (c, forced) = (&model.contacts[j], &point.moment.contacts[j]);
+                let [d, r] = c.deflection(forced, &self.predicted[0], &self.predicted[1]);
                 let at = [d + by_q * self.unknowns[j], r + by_v * self.unknowns[j]];
-                let (force, by_d, by_r) = model.law(j, point.moment.stiffness[j], at, point.latch[j]);
+                let (force, by_d, by_r) = model.law(c, forced.stiffness, at, point.contacts[j].latch);
                 self.force[j] = force;
                 let slope = by_d * by_q + by_r * by_v;
                 // Not equal, NaN included.
@@ -157,7 +158,7 @@ impl GeneralisedAlpha {
             let mut arrived = true;
             for j in 0..m {
                 self.unknowns[j] += self.residual[j];
-                let size = point.deflection[j][0].abs() + model.contacts[j].half_backlash;
+                let size = point.contacts[j].deflection[0].abs() + model.contacts[j].half_backlash;
                 arrived &= by_q * self.residual[j].abs() <= TOLERANCE * size;
             }
             if arrived {
@@ -176,7 +177,7 @@ impl Stepper for GeneralisedAlpha {
     fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, counters: &mut Counters) {
         let Alpha { mass, force, beta, gamma } = self.alpha;
         if !self.started || force != 0.0 {
-            model.accelerations(&point.moment, &point.q, &point.v, &point.force, &mut self.true_a);
+            model.accelerations(&point.moment, &point.q, &point.v, point.forces(), &mut self.true_a);
         }
         if !self.started {
             self.a.copy_from_slice(&self.true_a);
@@ -188,8 +189,7 @@ impl Stepper for GeneralisedAlpha {
             v[k] = point.v[k] + h * (1.0 - gamma) * self.a[k];
         }
         forcing.advance(model, &mut point.moment);
-        let no_force = &[];
-        model.accelerations(&point.moment, q, v, no_force, self.end.as_mut_slice());
+        model.accelerations(&point.moment, q, v, [], self.end.as_mut_slice());
         for (k, end) in self.end.iter_mut().enumerate() {
             *end = (1.0 - force) * *end - mass * self.a[k] + force * self.true_a[k];
         }
@@ -197,7 +197,7 @@ impl Stepper for GeneralisedAlpha {
         for (j, c) in model.contacts.iter().enumerate() {
             self.without[j] = c.direction.iter().map(|(i, g)| g * self.end[*i as usize]).sum();
             // The force of the step before is the first guess.
-            let pushed: f64 = point.force.iter().enumerate().map(|(k, f)| self.coupling[(j, k)] * f).sum();
+            let pushed: f64 = point.forces().enumerate().map(|(k, f)| self.coupling[(j, k)] * f).sum();
             self.unknowns[j] = self.without[j] - pushed;
         }
         self.newton(model, point, h, counters);

@@ -81,18 +81,18 @@ impl Crossings {
 
 impl Watch for Crossings {
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
-        let now = &sample.point.deflection;
+        let now = &sample.point.contacts;
         if self.before.is_empty() {
-            self.before.clone_from(now);
+            self.before = now.iter().map(|touch| touch.deflection).collect();
             return ControlFlow::Continue(());
         }
         let h = sample.t - self.t;
         for &(contact, b, back, rigid) in &self.flanks {
             let side = if back { -1.0 } else { 1.0 };
-            let ([d0, r0], [d1, r1]) = (self.before[contact], now[contact]);
+            let ([d0, r0], [d1, r1]) = (self.before[contact], now[contact].deflection);
             let g = [side * d0 - b, side * d1 - b];
             if rigid {
-                if let Some(strike) = sample.point.strike[contact].filter(|s| s.side == side) {
+                if let Some(strike) = now[contact].strike.filter(|s| s.side == side) {
                     let t = self.t + h * strike.place;
                     self.found.push(Crossing { t, contact, back, closing: true });
                 }
@@ -101,7 +101,9 @@ impl Watch for Crossings {
                 self.found.push(Crossing { t: self.t + h * u, contact, back, closing: g[1] > 0.0 });
             }
         }
-        self.before.copy_from_slice(now);
+        for (before, touch) in self.before.iter_mut().zip(now) {
+            *before = touch.deflection;
+        }
         self.t = sample.t;
         ControlFlow::Continue(())
     }

@@ -21,7 +21,7 @@ impl Stepper for SemiImplicitEuler {
     }
 
     fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, _: &mut Counters) {
-        model.accelerations(&point.moment, &point.q, &point.v, &point.force, &mut self.a);
+        model.accelerations(&point.moment, &point.q, &point.v, point.forces(), &mut self.a);
         for ((q, v), a) in point.q.iter_mut().zip(&mut point.v).zip(&self.a) {
             *v += h * a;
             *q += h * *v;

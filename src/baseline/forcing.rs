@@ -63,12 +63,19 @@ fn sum(waves: &[Wave], cosines: &[f64], sines: &[f64]) -> f64 {
 /// What depends on time alone, at one instant.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Moment {
-    /// Stiffness of each contact, N/m.
-    pub stiffness: Vec<f64>,
-    /// Transmission error of each contact, m, and its rate, m/s.
-    pub error: Vec<[f64; 2]>,
+    /// The contacts.
+    pub contacts: Vec<Forced>,
     /// Loads over M, m/s², `[n]`.
     pub load: Vec<f64>,
+}
+
+/// What depends on time alone at one contact.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Forced {
+    /// Stiffness, N/m.
+    pub stiffness: f64,
+    /// Transmission error, m, and its rate, m/s.
+    pub error: [f64; 2],
 }
 
 /// The forcing on a grid of equal strides.
@@ -154,14 +161,16 @@ impl Forcing {
     pub fn moment(&self, model: &Penalty, out: &mut Moment) {
         let t = self.t;
         let (cosines, sines) = (&self.cosines[..], &self.sines[..]);
-        for ((c, stiffness), error) in model.contacts.iter().zip(&mut out.stiffness).zip(&mut out.error) {
-            *stiffness = c.spring.at(t, cosines, sines);
-            *error = [c.error_offset + sum(&c.error, cosines, sines), sum(&c.error_rate, cosines, sines)];
+        for (c, forced) in model.contacts.iter().zip(&mut out.contacts) {
+            forced.stiffness = c.spring.at(t, cosines, sines);
+            forced.error = [c.error_offset + sum(&c.error, cosines, sines), sum(&c.error_rate, cosines, sines)];
         }
-        out.load.copy_from_slice(&model.load);
-        for (i, cosine, sine) in &model.load_waves {
-            let parts = cosine.iter().zip(sine);
-            out.load.iter_mut().zip(parts).for_each(|(a, (c, s))| *a += c * cosines[*i] + s * sines[*i]);
+        // The constant part is in there from the start, and stays where there are no waves.
+        for (number, (i, cosine, sine)) in model.load_waves.iter().enumerate() {
+            let before = |k: usize, out: &[f64]| if number == 0 { model.load[k] } else { out[k] };
+            for k in 0..model.n {
+                out.load[k] = before(k, &out.load) + cosine[k] * cosines[*i] + sine[k] * sines[*i];
+            }
         }
     }
 }

@@ -33,5 +33,5 @@ pub use alpha::Alpha;
 pub use crossing::{Crossing, Crossings, Interpolation};
 pub use drive::{Counters, Diverged, Grid, Sample, Watch, drive};
 pub use method::Method;
-pub use penalty::{Penalty, Point, Strike};
+pub use penalty::{Penalty, Point, Strike, Touch};
 pub use ramp::Ramp;

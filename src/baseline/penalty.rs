@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::{
     Ramp,
-    forcing::{Forcing, Moment, Spring, Wave, wave},
+    forcing::{Forced, Forcing, Moment, Spring, Wave, wave},
 };
 use crate::{
     gear::{
@@ -30,6 +30,21 @@ pub(super) struct Contact {
     pub error: Vec<Wave>,
     pub error_rate: Vec<Wave>,
     pub error_offset: f64,
+}
+
+impl Contact {
+    /// Deflection and its rate.
+    #[inline]
+    pub fn deflection(&self, forced: &Forced, q: &[f64], v: &[f64]) -> [f64; 2] {
+        let [e, de] = forced.error;
+        self.direction.iter().fold([-e, -de], |[d, r], (i, g)| [d + g * q[*i as usize], r + g * v[*i as usize]])
+    }
+
+    /// Penetration beyond a flank, positive on it, and the flank's side.
+    #[inline]
+    pub fn penetration(&self, d: f64) -> (f64, f64) {
+        if self.has_back && d < 0.0 { (-d - self.half_backlash, -1.0) } else { (d - self.half_backlash, 1.0) }
+    }
 }
 
 /// A train as a penalty code sees it: `q̈ = M⁻¹ (f − C q̇ − K q − Σ g F(δ, δ̇, t))`, with F the law at the deflection of the
@@ -59,17 +74,31 @@ pub struct Point {
     pub q: Vec<f64>,
     /// Velocities, m/s, `[n]`.
     pub v: Vec<f64>,
-    /// Deflection of each contact and its rate, m, m/s.
-    pub deflection: Vec<[f64; 2]>,
-    /// Force of each contact along its direction, N.
-    pub force: Vec<f64>,
-    /// Approach speed each contact latched last, m/s.
-    pub latch: Vec<f64>,
-    /// Where each rigid contact was struck on the step that ended here.
-    pub strike: Vec<Option<Strike>>,
-    /// Whether each contact was beyond a flank at the end of the step before.
-    pub(super) touched: Vec<bool>,
+    /// The contacts.
+    pub contacts: Vec<Touch>,
     pub(super) moment: Moment,
+}
+
+impl Point {
+    /// Force of each contact, N.
+    pub(super) fn forces(&self) -> impl Iterator<Item = f64> {
+        self.contacts.iter().map(|touch| touch.force)
+    }
+}
+
+/// A contact at a [`Point`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Touch {
+    /// Deflection and its rate, m, m/s.
+    pub deflection: [f64; 2],
+    /// Force along its direction, N.
+    pub force: f64,
+    /// Approach speed it latched last, m/s.
+    pub latch: f64,
+    /// Where it was struck on the step that ended here, if it is rigid and was.
+    pub strike: Option<Strike>,
+    /// Whether it was beyond a flank at the end of the step.
+    pub(super) touched: bool,
 }
 
 /// A rigid contact found beyond a flank at the end of a step.
@@ -83,10 +112,6 @@ pub struct Strike {
 
 fn entries(values: &[f64]) -> Vec<(u32, f64)> {
     values.iter().enumerate().filter(|(_, v)| **v != 0.0).map(|(i, v)| (i as u32, *v)).collect()
-}
-
-fn dot(row: &[(u32, f64)], x: &[f64]) -> f64 {
-    row.iter().fold(0.0, |s, (i, g)| s + g * x[*i as usize])
 }
 
 impl Penalty {
@@ -158,7 +183,7 @@ impl Penalty {
     /// Whether contact `j` is beyond a flank at `point`.
     #[must_use]
     pub fn is_beyond(&self, j: usize, point: &Point) -> bool {
-        self.penetration(j, point.deflection[j][0]).0 > 0.0
+        self.contacts[j].penetration(point.contacts[j].deflection[0]).0 > 0.0
     }
 
     /// Whether contact `j` can be lost.
@@ -167,29 +192,34 @@ impl Penalty {
         !matches!(self.contacts[j].law, Law::Bilateral(_))
     }
 
-    /// Force of contact `j` at deflection `d`, m, and rate `r`, m/s, with stiffness `k` and latched speed `latch`; and its
+    /// Force of a contact at deflection `d`, m, and rate `r`, m/s, with stiffness `k` and latched speed `latch`; and its
     /// slopes by d and by r, which implicit methods need.
-    pub(super) fn law(&self, j: usize, k: f64, [d, r]: [f64; 2], latch: f64) -> (f64, f64, f64) {
-        let c = &self.contacts[j];
+    #[inline(always)]
+    pub(super) fn law(&self, c: &Contact, k: f64, [d, r]: [f64; 2], latch: f64) -> (f64, f64, f64) {
         let (law, b) = (&c.law, c.half_backlash);
         if let Law::Bilateral(l) = law {
             return (k * d + l.damping * r, k, l.damping);
+        }
+        if self.ramp == Ramp::Sharp {
+            // On one flank at most. The back flank is the drive flank seen in a mirror.
+            let (p, side) = c.penetration(d);
+            if p <= 0.0 {
+                return (0.0, 0.0, 0.0);
+            }
+            let (force, by_d, by_r) = self.one_flank(law, k, p, side * r, latch);
+            return (side * force, by_d, by_r);
         }
         let drive = self.one_flank(law, k, d - b, r, latch);
         if !c.has_back {
             return drive;
         }
-        // The back flank is the drive flank seen in a mirror.
         let back = self.one_flank(law, k, -d - b, -r, latch);
         (drive.0 - back.0, drive.1 + back.1, drive.2 + back.2)
     }
 
     /// The same on one flank, by its penetration and the rate of that.
-    #[inline]
+    #[inline(always)]
     fn one_flank(&self, law: &Law, k: f64, p: f64, rate: f64, latch: f64) -> (f64, f64, f64) {
-        if self.ramp == Ramp::Sharp && p <= 0.0 {
-            return (0.0, 0.0, 0.0);
-        }
         let (depth, closed) = self.ramp.at(p);
         match law {
             Law::KelvinVoigt(l, release) => {
@@ -218,17 +248,12 @@ impl Penalty {
     }
 
     /// A point at rest in nothing: the sizes are right, the values zero.
-    pub(super) fn blank(&self) -> Point {
-        let m = self.contacts.len();
+    fn blank(&self) -> Point {
         let initial = |c: &Contact| if let Law::Power(l) = c.law { l.initial_speed } else { 0.0 };
         Point {
             q: vec![0.0; self.n],
             v: vec![0.0; self.n],
-            deflection: vec![[0.0; 2]; m],
-            force: vec![0.0; m],
-            latch: self.contacts.iter().map(initial).collect(),
-            strike: vec![None; m],
-            touched: vec![false; m],
+            contacts: self.contacts.iter().map(|c| Touch { latch: initial(c), ..Touch::default() }).collect(),
             moment: self.moment(),
         }
     }
@@ -241,45 +266,41 @@ impl Penalty {
         point.v.copy_from_slice(v);
         Forcing::new(self, at, 0.0).moment(self, &mut point.moment);
         // A start beyond a flank latches nothing: the scene says with which speed contact began.
-        for (j, touched) in point.touched.iter_mut().enumerate() {
-            let d = self.deflection(j, &point.moment, q, v)[0];
-            *touched = self.penetration(j, d).0 > 0.0;
+        for ((c, forced), touch) in self.contacts.iter().zip(&point.moment.contacts).zip(&mut point.contacts) {
+            touch.touched = c.penetration(c.deflection(forced, q, v)[0]).0 > 0.0;
         }
         self.arrive(&mut point);
         point
     }
 
     pub(super) fn moment(&self) -> Moment {
-        let m = self.contacts.len();
-        Moment { stiffness: vec![0.0; m], error: vec![[0.0; 2]; m], load: vec![0.0; self.n] }
-    }
-
-    /// Deflection of contact `j` and its rate.
-    pub(super) fn deflection(&self, j: usize, moment: &Moment, q: &[f64], v: &[f64]) -> [f64; 2] {
-        let ([e, de], g) = (moment.error[j], &self.contacts[j].direction);
-        [dot(g, q) - e, dot(g, v) - de]
-    }
-
-    /// Penetration beyond a flank, positive on it, and the flank's side.
-    pub(super) fn penetration(&self, j: usize, d: f64) -> (f64, f64) {
-        let c = &self.contacts[j];
-        if c.has_back && d < 0.0 { (-d - c.half_backlash, -1.0) } else { (d - c.half_backlash, 1.0) }
+        Moment { contacts: vec![Forced::default(); self.contacts.len()], load: self.load.clone() }
     }
 
     /// Forces at a state that a step has not ended in.
-    pub(super) fn forces(&self, moment: &Moment, q: &[f64], v: &[f64], latch: &[f64], force: &mut [f64]) {
-        for (j, f) in force.iter_mut().enumerate() {
-            *f = self.law(j, moment.stiffness[j], self.deflection(j, moment, q, v), latch[j]).0;
+    #[inline]
+    pub(super) fn forces(&self, moment: &Moment, q: &[f64], v: &[f64], touches: &[Touch], force: &mut [f64]) {
+        let contacts = self.contacts.iter().zip(&moment.contacts).zip(touches);
+        for (((c, forced), touch), f) in contacts.zip(force) {
+            *f = self.law(c, forced.stiffness, c.deflection(forced, q, v), touch.latch).0;
         }
     }
 
-    /// Accelerations, m/s², `[n]`.
-    pub(super) fn accelerations(&self, moment: &Moment, q: &[f64], v: &[f64], force: &[f64], a: &mut [f64]) {
+    /// Accelerations under contact forces, m/s², `[n]`.
+    #[inline]
+    pub(super) fn accelerations(
+        &self,
+        moment: &Moment,
+        q: &[f64],
+        v: &[f64],
+        force: impl IntoIterator<Item = f64>,
+        a: &mut [f64],
+    ) {
         for ((a, load), row) in a.iter_mut().zip(&moment.load).zip(&self.rows) {
             *a = row.iter().fold(*load, |a, (j, k, c)| a - k * q[*j as usize] - c * v[*j as usize]);
         }
         for (c, f) in self.contacts.iter().zip(force) {
-            if *f != 0.0 {
+            if f != 0.0 {
                 c.push.iter().for_each(|(i, p)| a[*i as usize] -= p * f);
             }
         }
@@ -287,11 +308,11 @@ impl Penalty {
 
     /// What the end of a step brings: deflections, impacts of rigid contacts, latched speeds, forces.
     pub(super) fn arrive(&self, point: &mut Point) {
-        let Point { q, v, deflection, force, latch, strike, touched, moment } = point;
-        for (j, c) in self.contacts.iter().enumerate() {
-            let mut at = self.deflection(j, moment, q, v);
-            let (p, side) = self.penetration(j, at[0]);
-            strike[j] = None;
+        let Point { q, v, contacts, moment } = point;
+        for ((c, forced), touch) in self.contacts.iter().zip(&moment.contacts).zip(contacts.iter_mut()) {
+            let mut at = c.deflection(forced, q, v);
+            let (p, side) = c.penetration(at[0]);
+            touch.strike = None;
             match c.law {
                 Law::Rigid(law) if p > 0.0 && side * at[1] > 0.0 => {
                     // Mirrored in the flank: as far back as the rebound speed would have carried it.
@@ -300,20 +321,18 @@ impl Penalty {
                         q[*i as usize] -= push * back * side * p;
                         v[*i as usize] -= push * back * at[1];
                     }
-                    let before = c.half_backlash - side * deflection[j][0];
-                    strike[j] = Some(Strike { side, place: (before / (before + p)).clamp(0.0, 1.0) });
-                    at = self.deflection(j, moment, q, v);
+                    let before = c.half_backlash - side * touch.deflection[0];
+                    touch.strike = Some(Strike { side, place: (before / (before + p)).clamp(0.0, 1.0) });
+                    at = c.deflection(forced, q, v);
                 }
                 // Outside, the speed of the moment: the stages of the step that enters contact need one.
-                Law::Power(law) if p <= 0.0 => latch[j] = at[1].abs().max(law.speed_floor),
-                Law::Power(law) if !touched[j] => latch[j] = (side * at[1]).max(law.speed_floor),
+                Law::Power(law) if p <= 0.0 => touch.latch = at[1].abs().max(law.speed_floor),
+                Law::Power(law) if !touch.touched => touch.latch = (side * at[1]).max(law.speed_floor),
                 _ => {}
             }
-            touched[j] = p > 0.0;
-            deflection[j] = at;
-        }
-        for (j, f) in force.iter_mut().enumerate() {
-            *f = self.law(j, moment.stiffness[j], deflection[j], latch[j]).0;
+            touch.touched = p > 0.0;
+            touch.deflection = at;
+            touch.force = self.law(c, forced.stiffness, at, touch.latch).0;
         }
     }
 
@@ -322,8 +341,8 @@ impl Penalty {
     pub fn energy(&self, point: &Point) -> f64 {
         let (q, v) = (DVector::from_column_slice(&point.q), DVector::from_column_slice(&point.v));
         let springs = self.contacts.iter().enumerate().map(|(j, c)| {
-            let (d, k) = (point.deflection[j][0], point.moment.stiffness[j]);
-            let p = self.penetration(j, d).0.max(0.0);
+            let (d, k) = (point.contacts[j].deflection[0], point.moment.contacts[j].stiffness);
+            let p = c.penetration(d).0.max(0.0);
             match c.law {
                 Law::Bilateral(_) => 0.5 * k * d * d,
                 Law::KelvinVoigt(..) => 0.5 * k * p * p,

@@ -28,14 +28,14 @@ impl Stepper for Verlet {
     }
 
     fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, counters: &mut Counters) {
-        model.accelerations(&point.moment, &point.q, &point.v, &point.force, &mut self.a);
+        model.accelerations(&point.moment, &point.q, &point.v, point.forces(), &mut self.a);
         for (k, predicted) in self.predicted.iter_mut().enumerate() {
             point.q[k] += h * point.v[k] + 0.5 * h * h * self.a[k];
             *predicted = point.v[k] + h * self.a[k];
         }
         forcing.advance(model, &mut point.moment);
-        model.forces(&point.moment, &point.q, &self.predicted, &point.latch, &mut self.force);
-        model.accelerations(&point.moment, &point.q, &self.predicted, &self.force, &mut self.end);
+        model.forces(&point.moment, &point.q, &self.predicted, &point.contacts, &mut self.force);
+        model.accelerations(&point.moment, &point.q, &self.predicted, self.force.iter().copied(), &mut self.end);
         for ((v, a), end) in point.v.iter_mut().zip(&self.a).zip(&self.end) {
             *v += 0.5 * h * (a + end);
         }

@@ -3,6 +3,7 @@
 use std::{fmt, path::Path, process::ExitCode};
 
 use flank::{
+    accuracy::AccuracyError,
     engine::EngineError,
     integrate::IntegrateError,
     scene::SceneError,
@@ -46,6 +47,12 @@ pub enum CliError {
     /// The study cannot be made.
     #[error(transparent)]
     Study(StudyError),
+    /// Methods that cannot be compared, all of them.
+    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
+    Methods(Vec<AccuracyError>),
+    /// The comparison cannot be made.
+    #[error(transparent)]
+    Accuracy(#[from] AccuracyError),
     /// The run failed.
     #[error("the run failed {0}")]
     Run(EngineError),
@@ -107,7 +114,7 @@ impl CliError {
     /// Writes the error to standard error and gives the exit code.
     pub fn report(self) -> ExitCode {
         let code = match self {
-            Self::Run(_) | Self::Overflow(_) | Self::File(..) => 1,
+            Self::Run(_) | Self::Overflow(_) | Self::File(..) | Self::Accuracy(AccuracyError::Engine(_)) => 1,
             Self::Study(StudyError::Budget { .. } | StudyError::Overflow(_)) => 1,
             _ => 2,
         };

@@ -1,6 +1,7 @@
 //! Commands, one file each. They print and write files; the library does neither.
 
 mod check;
+mod compare;
 mod error;
 mod folder;
 mod geometry;
@@ -40,6 +41,8 @@ enum Command {
     Study(study::Arguments),
     /// Measure the steady motion at every point of a grid of scene numbers
     Sweep(sweep::Arguments),
+    /// Compare Flank with fixed-step and adaptive codes on a scene: accuracy against work
+    Compare(compare::Arguments),
     /// Show what a scene builds: freedoms, contacts, natural frequencies, integrators, warnings
     Check(check::Arguments),
     /// Find numbers of a scene from natural frequencies and static contact forces
@@ -76,6 +79,7 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
         Command::Run(arguments) => return run::execute(&arguments),
         Command::Study(arguments) => return study::execute(&arguments),
         Command::Sweep(arguments) => return sweep::execute(&arguments),
+        Command::Compare(arguments) => return compare::execute(&arguments),
         Command::Identify(arguments) => return identify::execute(&arguments),
         Command::Check(arguments) => check::execute(&arguments)?,
         Command::Schema => schema::execute()?,

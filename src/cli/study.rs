@@ -175,7 +175,7 @@ fn title(plan: &Plan) -> String {
 }
 
 /// One figure in all its forms.
-fn write(folder: &Folder, figure: &plot::Figure) -> Result<(), CliError> {
+pub(super) fn write(folder: &Folder, figure: &plot::Figure) -> Result<(), CliError> {
     let file = |kind: &str, bytes: &[u8]| folder.bytes(&format!("{}.{kind}", figure.id), bytes);
     file("csv", figure.csv().as_bytes())?;
     file("json", figure.json().as_bytes())?;
