@@ -34,8 +34,9 @@ pub struct Truth {
     pub window: Window,
     /// Passages of flanks in the window, in order.
     pub passages: Vec<Crossing>,
-    /// Error of the event times, periods, measured: the same run with its steps cut elsewhere, and the uncertainty that
-    /// each event states, the larger.
+    /// Error of the event times, periods, measured: the difference to the same run with its steps cut elsewhere or the
+    /// uncertainty that each event states, the larger; and a unit in the last place of the motion's size times the growth,
+    /// nearer than which no computation in doubles can be.
     pub error: f64,
     /// Difference of event times, periods, from a run with an integrator that has nothing in common with the first
     /// (explicit Runge–Kutta, relative tolerance 1e-12); absent where this build has none or it fails.
@@ -120,7 +121,7 @@ impl Truth {
             (missed == 0 && spurious == 0).then_some(worst / problem.period)
         };
         let stated = passages.uncertainty[..count].iter().fold(0.0, |m: f64, u| m.max(*u)) / problem.period;
-        let error = shift(&control.found).map_or(f64::INFINITY, |s| s.max(stated));
+        let error = shift(&control.found).map_or(f64::INFINITY, |s| s.max(stated)) + window.growth * f64::EPSILON;
         let independent = pass_of(problem.start.clone(), window.cycles, 1, Some((Choice::Explicit, INDEPENDENT)))
             .ok()
             .and_then(|other| shift(&other.passages.found));

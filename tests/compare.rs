@@ -1,0 +1,236 @@
+//! Accuracy against work: the truth, the contenders, the command.
+#![allow(clippy::unwrap_used)]
+
+use std::{fs, path::Path};
+
+use assert_cmd::Command;
+use flank::{
+    accuracy::{AccuracyError, Contender, Problem, Roughness, Setting, Truth, orders, reached, score},
+    engine::State,
+    integrate::Choice,
+    scene::{Duration, Scene},
+    train::Structure,
+};
+use serde_json::Value;
+
+struct Case {
+    structure: Structure,
+    start: State,
+    period: f64,
+    cycles: u64,
+}
+
+fn of(scene: &Scene) -> Case {
+    let built = scene.build().unwrap();
+    let structure = Structure::new(built.spec).unwrap();
+    let [at, _, end] = built.run.instants(structure.clock());
+    let start = structure.start(at, &built.q0, &built.v0).unwrap();
+    let period = built.run.period.or(structure.clock().period().map(|t| t.value())).unwrap();
+    let cycles = match built.run.duration {
+        Duration::Cycles(n) => n,
+        Duration::Until(_) => (structure.clock().between(at, end) / period) as u64,
+    };
+    Case { start: State { at, x: start.x, jump: start.jump }, structure, period, cycles }
+}
+
+fn workload(name: &str) -> Case {
+    of(&Scene::from_file(format!("{}/examples/scenes/{name}.json", env!("CARGO_MANIFEST_DIR"))).unwrap())
+}
+
+impl Case {
+    fn problem(&self) -> Problem<'_> {
+        Problem {
+            structure: &self.structure,
+            start: self.start.clone(),
+            period: self.period,
+            cycles: self.cycles,
+            choice: Choice::Auto,
+            tolerance: 1e-13,
+        }
+    }
+
+    /// Error of event times and whether the sequence is right, for each number of steps.
+    fn runs(&self, word: &str, truth: &Truth, steps: &[u64]) -> Vec<(u64, f64)> {
+        let contender = Contender::parse(word).unwrap();
+        let problem = self.problem();
+        let run = |n: &u64| {
+            let run = contender.perform(&problem, truth.window.cycles, Setting::StepsPerCycle(*n)).unwrap();
+            let score = score(truth, &run, self.period);
+            assert!(score.is_right(), "{word} at {n}: {score:?}");
+            (*n, score.event_time.unwrap())
+        };
+        steps.iter().map(run).collect()
+    }
+}
+
+/// The reference states its own error: against event times known to 40 digits it must not be larger. Those also carry the
+/// sensitivity of every event to the start, which bounds the growth that neighbouring runs show.
+#[test]
+fn the_truth_is_as_good_as_it_says() {
+    for name in ["single-sided", "double-sided", "rectangular-stiffness", "torsional-planetary"] {
+        let text = fs::read_to_string(format!("{}/tests/fixtures/reference/{name}.json", env!("CARGO_MANIFEST_DIR")));
+        let fixture: Value = serde_json::from_str(&text.unwrap()).unwrap();
+        let mut case = of(&Scene::from_value(fixture["scene"].clone(), name).unwrap());
+        if name == "torsional-planetary" {
+            // Its load is slower than the run: the mesh is the cycle.
+            (case.period, case.cycles) = (std::f64::consts::TAU / 8.0, 15);
+        }
+        let truth = Truth::find(&case.problem(), 1e3).unwrap();
+        let end = truth.window.cycles as f64 * case.period;
+        let (mut worst, mut sensitivity): (f64, f64) = (0.0, 0.0);
+        for passage in &truth.passages {
+            let nearest = fixture["events"].as_array().unwrap().iter().map(|row| {
+                let t: f64 = row[0].as_str().unwrap().parse().unwrap();
+                ((t - passage.t).abs(), row[3].as_f64().unwrap())
+            });
+            let (off, s) = nearest.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+            worst = worst.max(off);
+            sensitivity = sensitivity.max(s);
+        }
+        // And the fixture's own time is a double here.
+        let allowed = truth.error * case.period + 2.0 * f64::EPSILON * end;
+        assert!(worst <= allowed, "{name}: {worst:e} s off, {allowed:e} s stated");
+        let n = 2 * case.structure.freedoms();
+        let moved = truth.sizes[0].max(truth.sizes[1]) * n as f64;
+        assert!(truth.window.growth * case.period <= sensitivity * moved, "{name}: growth {:e}", truth.window.growth);
+    }
+}
+
+/// Chaos amplifies: the window ends where the limit is passed, earlier for a smaller limit, and the stable motion keeps
+/// its whole run.
+#[test]
+fn the_window_ends_before_chaos_amplifies() {
+    let chaotic = workload("W1a-ch");
+    let (wide, narrow) = (Truth::find(&chaotic.problem(), 1e4).unwrap(), Truth::find(&chaotic.problem(), 1e2).unwrap());
+    assert!(narrow.window.cut && narrow.window.cycles < wide.window.cycles, "{:?} {:?}", narrow.window, wide.window);
+    assert!(narrow.window.growth <= 1e2 && wide.window.growth > 1e2);
+    let stable = Truth::find(&workload("W1a-ss").problem(), 1e2).unwrap();
+    assert!(!stable.window.cut && stable.window.cycles == 50);
+    assert!(stable.error < 1e-12, "{:e}", stable.error);
+}
+
+#[test]
+fn orders_fall_where_the_force_is_rough() {
+    // A kink: all methods of order 2 and above are of order 2.
+    let kink = workload("W1a-ss");
+    assert_eq!(Roughness::of(&kink.structure), Roughness::Kink);
+    let truth = Truth::find(&kink.problem(), 1e3).unwrap();
+    for (word, expected) in [("rk4", 2.0), ("newmark", 2.0), ("verlet", 2.0), ("euler", 1.0)] {
+        // Where in a step a kink falls scatters the error by a factor of a few: over two decades that is 0.2 in the order.
+        let runs = kink.runs(word, &truth, &[101, 331, 1013, 3301, 10103]);
+        let order = orders(&Contender::parse(word).unwrap(), &kink.structure, &runs, truth.error).unwrap();
+        let whole = (runs[0].1 / runs[4].1).ln() / (runs[4].0 as f64 / runs[0].0 as f64).ln();
+        assert!((whole - expected).abs() < 0.25, "{word}: {whole} {runs:?}");
+        assert!((order.observed.unwrap() - expected).abs() < 0.5, "{word}: {order:?}");
+        assert_eq!(order.reason.contains("kink"), word == "rk4", "{word}: {}", order.reason);
+    }
+    // Stiffness steps that fall inside steps: order 1, whatever the method.
+    let jump = workload("W1c-ds");
+    assert_eq!(Roughness::of(&jump.structure), Roughness::Jump);
+    let truth = Truth::find(&jump.problem(), 1e3).unwrap();
+    for word in ["rk4", "newmark"] {
+        let runs = jump.runs(word, &truth, &[331, 1013, 3301, 10103]);
+        let whole = (runs[0].1 / runs[3].1).ln() / (runs[3].0 as f64 / runs[0].0 as f64).ln();
+        assert!((whole - 1.0).abs() < 0.35, "{word}: {whole} {runs:?}");
+    }
+}
+
+/// A smoothed flank has an error of its own, which no step takes away: with tanh it falls in proportion to 1/σ or faster.
+#[test]
+fn smoothing_leaves_a_floor() {
+    let case = workload("W1a-ss");
+    let truth = Truth::find(&case.problem(), 1e3).unwrap();
+    let floor = |word: &str| {
+        let runs = case.runs(word, &truth, &[3301, 10103]);
+        assert!((runs[0].1 / runs[1].1 - 1.0).abs() < 0.2, "{word} still falls: {runs:?}");
+        runs[1].1
+    };
+    let (wide, narrow) = (floor("rk4+tanh=100"), floor("rk4+tanh=300"));
+    assert!(narrow < 0.5 * wide && narrow > 1e-5, "{wide:e} {narrow:e}");
+    assert!(floor("rk4+sqrt=100") > 1e-5 && floor("rk4+poly=100") > 1e-6);
+}
+
+#[test]
+fn words_name_contenders() {
+    for word in ["rk4", "hht=0.2", "generalized-alpha", "verlet+tanh=1e4+cubic", "bdf", "flank-sdirk"] {
+        assert_eq!(Contender::parse(word).unwrap().name, word);
+    }
+    for (word, part) in [
+        ("rk5", "known methods"),
+        ("hht=0.5", "from 0 to 0.333"),
+        ("rk4=2", "takes no number"),
+        ("rk4+tanh", "not known"),
+        ("rk4+tanh=-1", "not a number"),
+        ("flank+cubic", "nothing can be added"),
+        ("", "known methods"),
+    ] {
+        let Err(AccuracyError::Word { problem, .. }) = Contender::parse(word) else { panic!("{word} is taken") };
+        assert!(problem.contains(part), "{word}: {problem}");
+    }
+    assert_eq!(reached(&[], 1.0), None);
+}
+
+fn flank(arguments: &[&str]) -> std::process::Output {
+    Command::cargo_bin("flank").unwrap().args(arguments).output().unwrap()
+}
+
+fn read(folder: &Path, name: &str) -> String {
+    fs::read_to_string(folder.join(name)).unwrap()
+}
+
+#[test]
+fn the_command_compares_and_repeats_itself() {
+    let scene = format!("{}/examples/scenes/W1a-ds.json", env!("CARGO_MANIFEST_DIR"));
+    let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+    for folder in &folders {
+        let out = folder.path().to_str().unwrap();
+        let run = flank(&[
+            "compare",
+            &scene,
+            "--cycles",
+            "5",
+            "--most-steps",
+            "6000",
+            "--repetitions",
+            "1",
+            "--methods",
+            "rk4",
+            "newmark",
+            "--out",
+            out,
+        ]);
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        let text = String::from_utf8(run.stdout).unwrap();
+        assert!(text.contains("Reference: Flank, 18 events") && text.contains("order seen"), "{text}");
+    }
+    let [a, b] = folders.each_ref().map(|f| f.path());
+    for name in ["compare.json", "compare.csv", "figures/work-precision.svg", "figures/work-precision.csv"] {
+        assert_eq!(read(a, name), read(b, name), "{name}");
+    }
+    let json: Value = serde_json::from_str(&read(a, "compare.json")).unwrap();
+    assert_eq!(json["reference"]["window_cycles"], 5);
+    let rows = json["rows"].as_array().unwrap();
+    // Flank once, two methods at 47, 101, 223, 471, 1011 steps a cycle: six thousand steps in five cycles.
+    assert_eq!(rows.len(), 1 + 2 * 5);
+    assert!(rows[0]["error"]["event_time"].as_f64().unwrap() <= json["reference"]["error_periods"].as_f64().unwrap());
+    assert!(rows.iter().all(|row| row["right_sequence"] == true));
+    let times: Value = serde_json::from_str(&read(a, "timing.json")).unwrap();
+    assert_eq!(times["rows"].as_array().unwrap().len(), rows.len());
+    for name in ["figures/work-precision-time.png", "report.html"] {
+        assert!(a.join(name).exists(), "{name}");
+    }
+}
+
+#[test]
+fn the_command_names_every_fault() {
+    let scene = format!("{}/examples/scenes/W5b-p.json", env!("CARGO_MANIFEST_DIR"));
+    let out = tempfile::tempdir().unwrap();
+    let folder = out.path().join("new");
+    let run = flank(&["compare", &scene, "--methods", "rk5", "tsit45", "--out", folder.to_str().unwrap()]);
+    let text = String::from_utf8(run.stderr).unwrap();
+    assert_eq!(run.status.code(), Some(2), "{text}");
+    // A rigid contact has no force for an adaptive solver; the other word is none.
+    assert!(text.contains("rk5") && text.contains("tsit45"), "{text}");
+    assert!(!folder.exists());
+    assert_eq!(flank(&["compare", &scene, "--growth", "0.1"]).status.code(), Some(2));
+}
