@@ -1,15 +1,16 @@
 //! Known switching times of a stiffness: kept as instants, never root-found.
 
 use crate::{
-    gear::Stiffness,
+    gear::{Piece, Stiffness},
     hybrid::{Clock, Instant, Wide},
 };
 
 /// A stiffness schedule with its switching instants.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Schedule {
-    /// Repeats with the clock: piece starts as phases of the clock, the first piece's cycle offset 0 or −1.
-    Locked { starts: Vec<Instant>, values: Vec<f64>, slopes: Vec<f64> },
+    /// Repeats with the clock, every so many `cycles`: the starts of the pieces in them as phases of the clock, of as many
+    /// repetitions as fit, the first one's cycle offset 0 or −1.
+    Locked { cycles: i64, starts: Vec<Instant>, values: Vec<f64>, slopes: Vec<f64> },
     /// Repeats with a period of its own.
     Own { period: f64, origin: f64, starts: Vec<f64>, values: Vec<f64>, slopes: Vec<f64> },
     /// Alternates at listed times.
@@ -24,22 +25,38 @@ fn after(a: Instant, b: Instant) -> bool {
 /// Two known times this close (relative to the phase, in units in the last place) are one instant.
 const TIE: f64 = 8.0 * f64::EPSILON;
 
+/// Cycles of a clock, and repetitions in them, of a period that is a whole fraction of the clock's or a multiple of it, to
+/// rounding. Such a schedule keeps its phases in every cycle; any other goes by time.
+fn ratio(clock: f64, period: f64) -> Option<(i64, i64)> {
+    let (fraction, multiple) = ((clock / period).round(), (period / clock).round());
+    let is = |n: f64, part: f64, whole: f64| {
+        (1.0..=MOST).contains(&n) && (n * part - whole).abs() <= 4.0 * f64::EPSILON * whole
+    };
+    if is(fraction, period, clock) {
+        Some((1, fraction as i64))
+    } else {
+        is(multiple, clock, period).then_some((multiple as i64, 1))
+    }
+}
+
+/// The largest such number looked for.
+const MOST: f64 = 64.0;
+
 impl Schedule {
     pub fn new(stiffness: &Stiffness, clock: &Clock) -> Self {
         match stiffness {
             Stiffness::Periodic { period, origin, pieces } => {
                 let values = pieces.iter().map(|p| p.value).collect();
                 let slopes = pieces.iter().map(|p| p.slope).collect();
-                match clock.period() {
-                    Some(t) if (t.hi - period).abs() <= 4.0 * f64::EPSILON * t.hi => {
-                        let starts = pieces
-                            .iter()
-                            .map(|p| {
-                                let phase = Wide::from(*origin) + t * p.start;
-                                clock.advance(clock.instant(phase.hi), phase.lo)
-                            })
-                            .collect();
-                        Self::Locked { starts, values, slopes }
+                match clock.period().and_then(|t| Some((t, ratio(t.hi, *period)?))) {
+                    Some((t, (cycles, repetitions))) => {
+                        let scale = cycles as f64 / repetitions as f64;
+                        let start = |r: i64, p: &Piece| {
+                            let phase = Wide::from(*origin) + t * ((r as f64 + p.start) * scale);
+                            clock.advance(clock.instant(phase.hi), phase.lo)
+                        };
+                        let starts = (0..repetitions).flat_map(|r| pieces.iter().map(move |p| start(r, p))).collect();
+                        Self::Locked { cycles, starts, values, slopes }
                     }
                     _ => {
                         let starts = pieces.iter().map(|p| p.start).collect();
@@ -62,10 +79,19 @@ impl Schedule {
         }
     }
 
-    /// The start of piece `i` in repetition `k`.
+    /// Piece starts in one repetition.
+    fn starts(&self) -> usize {
+        match self {
+            Self::Locked { starts, .. } => starts.len(),
+            Self::Own { starts, .. } => starts.len(),
+            Self::Listed { times, .. } => times.len(),
+        }
+    }
+
+    /// Start number `i` of repetition `k`.
     fn start(&self, clock: &Clock, k: i64, i: usize) -> Instant {
         match self {
-            Self::Locked { starts, .. } => Instant { cycle: starts[i].cycle + k, ..starts[i] },
+            Self::Locked { cycles, starts, .. } => Instant { cycle: starts[i].cycle + k * cycles, ..starts[i] },
             Self::Own { period, origin, starts, .. } => {
                 let t = Wide::product(*period, k as f64) + Wide::product(*period, starts[i]) + (*origin).into();
                 clock.advance(clock.instant(t.hi), t.lo)
@@ -77,7 +103,7 @@ impl Schedule {
     /// The repetition that contains `at`, or a neighbour of it.
     fn repetition(&self, clock: &Clock, at: Instant) -> i64 {
         match self {
-            Self::Locked { starts, .. } => at.cycle - starts[0].cycle,
+            Self::Locked { cycles, starts, .. } => (at.cycle - starts[0].cycle).div_euclid(*cycles),
             Self::Own { period, origin, .. } => ((clock.time(at).hi - origin) / period).floor() as i64,
             Self::Listed { .. } => 0,
         }
@@ -93,10 +119,10 @@ impl Schedule {
                 }
             }
             Self::Locked { values, .. } | Self::Own { values, .. } => {
-                let k = self.repetition(clock, at);
+                let (k, starts) = (self.repetition(clock, at), self.starts());
                 for r in k - 1..=k + 1 {
-                    for i in 0..values.len() {
-                        visit(i as u32, self.start(clock, r, i));
+                    for i in 0..starts {
+                        visit((i % values.len()) as u32, self.start(clock, r, i));
                     }
                 }
             }

@@ -220,7 +220,8 @@ impl JetField for Course {
         if !request.pinned.is_empty() {
             out.guard_series[0] = 0.0;
         }
-        let size = self.c.iter().rev().fold(0.0, |s, c| s * t.abs() + c.abs());
+        // At the far end, where the terms are largest.
+        let size = self.c.iter().rev().fold(0.0, |s, c| s * (t.abs() + request.span) + c.abs());
         out.remainder = vec![0.0];
         out.rounding = vec![4.0 * f64::EPSILON * size];
     }
