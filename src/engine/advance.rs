@@ -245,7 +245,7 @@ impl<'s> Engine<'s> {
                     }
                 }
             })
-            .map_err(|source| EngineError::Integrate { mode: place.mode, source })?;
+            .map_err(|source| EngineError::Integrate { mode: core.system.mode_in_words(place.mode), source })?;
         let start = state.at;
         if let End::Bound = ended {
             state.at = bound;
@@ -276,9 +276,14 @@ impl<'s> Engine<'s> {
         }
         core.cascade.push(state.jump.mode);
         if core.cascade.len() > MAX_CASCADE {
+            let modes = &core.cascade;
+            let (last, before) = (modes[MAX_CASCADE], &modes[..MAX_CASCADE]);
+            let since = before.iter().rposition(|m| *m == last).unwrap_or(0);
+            let cycle = before[since..].iter().map(|m| core.system.mode_in_words(*m)).collect();
             return Err(EngineError::Cycle {
                 t: core.system.clock().time(state.at).value(),
-                modes: core.cascade.clone(),
+                rounds: MAX_CASCADE,
+                cycle,
             });
         }
         state.jump = core.system.jump(&state.jump, located.fired, state.at, &mut state.x).map_err(model)?;

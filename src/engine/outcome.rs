@@ -1,5 +1,5 @@
 use crate::{
-    hybrid::{Mode, ModelError},
+    hybrid::ModelError,
     integrate::IntegrateError,
 };
 
@@ -19,10 +19,10 @@ pub enum Outcome {
 #[non_exhaustive]
 pub enum EngineError {
     /// The integrator failed.
-    #[error("in mode {mode:?}: {source}")]
+    #[error("with {mode}: {source}")]
     Integrate {
-        /// In which mode.
-        mode: Mode,
+        /// In which mode, in the system's words.
+        mode: String,
         /// Why.
         source: IntegrateError,
     },
@@ -35,11 +35,13 @@ pub enum EngineError {
         source: ModelError,
     },
     /// Jumps at one instant that lead to each other without end.
-    #[error("at t = {t} s the jumps do not come to rest after {} rounds; the last modes were {modes:?}", modes.len())]
+    #[error("at t = {t} s the jumps do not come to rest after {rounds} rounds; they go round through: {}", cycle.join("; "))]
     Cycle {
         /// When, s.
         t: f64,
-        /// The modes visited.
-        modes: Vec<Mode>,
+        /// Jumps made.
+        rounds: usize,
+        /// The modes they go through, in the system's words: from the last one back to where it was met before, or all.
+        cycle: Vec<String>,
     },
 }

@@ -76,6 +76,10 @@ pub trait HybridSystem {
     /// # Errors
     /// As [`jump`](Self::jump).
     fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError>;
+    /// `mode` in words, for messages.
+    fn mode_in_words(&self, mode: Mode) -> String {
+        format!("mode {:#x}", mode.0)
+    }
     /// The own rates of `mode`, if the system knows them: they tell stiff modes from others.
     fn rates(&self, mode: Mode) -> Option<Rates> {
         let _ = mode;

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     gear::{Harmonic, contact::Law},
-    train::{ContactSpec, Spec, TrainError},
+    train::{AssembleError, ContactSpec, Spec, TrainError},
 };
 
 /// The kind of train in dimensionless form.
@@ -96,6 +96,20 @@ fn read_train(train: &Node) -> Option<(Spec, Option<f64>)> {
             "numbers whose products a double can hold",
             "check the units of very large and very small numbers",
         );
+    } else if !train.has_faults()
+        && let Err(error) = spec.check()
+    {
+        // Where the train writes out its contacts, at the one it is about.
+        let (contacts, items) = (train.at("contacts"), train.at("contacts").items());
+        let place = match &error {
+            AssembleError::Contact { contact, .. } => {
+                items.into_iter().zip(&spec.contacts).find(|(_, c)| c.name == *contact).map(|(item, _)| item)
+            }
+            AssembleError::TooManyContacts { .. } => contacts.written(),
+            _ => None,
+        };
+        let place = place.unwrap_or_else(|| train.clone());
+        place.fault(error.to_string(), "a train that can be assembled", "change what it names");
     }
     Some((spec, carrier_speed))
 }

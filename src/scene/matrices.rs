@@ -74,6 +74,12 @@ pub(super) fn read(node: &Node) -> Spec {
         contacts: contacts.iter().enumerate().map(|(i, item)| contact::read(item, i, n)).collect(),
         omega: None,
     };
+    for (i, c) in spec.contacts.iter().enumerate() {
+        if spec.contacts[..i].iter().any(|other| other.name == c.name) {
+            let found = format!("a second contact called \"{}\"", c.name);
+            contacts[i].at("name").fault(found, "a name of its own", "write a different name for each contact");
+        }
+    }
     if spec.stiffness != spec.stiffness.transpose() {
         node.at("stiffness_n_per_m")
             .warn("the stiffness matrix is not symmetric: energy is not conserved without damping");

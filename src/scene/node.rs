@@ -135,6 +135,11 @@ impl<'a> Node<'a> {
         DMatrix::from_row_slice(n, n, &rows)
     }
 
+    /// Whether a fault was found anywhere so far.
+    pub fn has_faults(&self) -> bool {
+        !self.findings.faults.borrow().is_empty()
+    }
+
     /// Notes that what stands here is not allowed.
     pub fn refuse(&self, allowed: impl Into<String>, remedy: impl Into<String>) {
         let found = if self.value.is_null() { "nothing: the key is missing".to_owned() } else { show(self.value) };

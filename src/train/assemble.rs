@@ -2,55 +2,11 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::{ContactSpec, Flanks, Spec, schedule::Schedule};
+use super::{ContactSpec, Flanks, Spec, check::AssembleError, schedule::Schedule};
 use crate::{
-    gear::{
-        Harmonic, Stiffness,
-        contact::{Law, Ratio},
-    },
+    gear::{Harmonic, Stiffness, contact::Law},
     hybrid::{Clock, Instant},
 };
-
-/// Why a [`Spec`] cannot be assembled.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum AssembleError {
-    /// A vector or matrix has the wrong shape.
-    #[error("{what} has {found} entries, and {expected} are needed (one for each freedom)")]
-    Shape {
-        /// Which array.
-        what: String,
-        /// Its length.
-        found: usize,
-        /// The length needed.
-        expected: usize,
-    },
-    /// The mass matrix is not symmetric positive definite.
-    #[error("the mass matrix is not symmetric positive definite")]
-    Mass,
-    /// More contacts than a mode can hold.
-    #[error("{found} contacts; at most {limit} fit into a mode")]
-    TooManyContacts {
-        /// Contacts asked for.
-        found: usize,
-        /// The limit.
-        limit: usize,
-    },
-    /// A number is not finite.
-    #[error("{what} is not a finite number")]
-    NotFinite {
-        /// Which quantity.
-        what: String,
-    },
-    /// A law and a stiffness schedule that do not go together.
-    #[error("{contact}: {problem}")]
-    Contact {
-        /// Which contact.
-        contact: String,
-        /// What is wrong.
-        problem: &'static str,
-    },
-}
 
 /// Contacts a mode has room for.
 pub const MAX_CONTACTS: usize = 21;
@@ -230,10 +186,10 @@ impl Structure {
     /// Assembles a train.
     ///
     /// # Errors
-    /// [`AssembleError`] if shapes do not fit, the mass matrix is not positive definite or a number is not finite.
+    /// [`AssembleError`] as [`Spec::check`].
     pub fn new(spec: Spec) -> Result<Self, AssembleError> {
         let n = spec.freedoms.len();
-        check(&spec, n)?;
+        spec.check()?;
         let cholesky = Cholesky::new(spec.mass.clone()).ok_or(AssembleError::Mass)?;
         let over_mass = |v: &[f64]| cholesky.solve(&DVector::from_column_slice(v)).as_slice().to_vec();
         let (clock, oscillators) = find_oscillators(&spec);
@@ -385,59 +341,6 @@ impl Structure {
         let largest = |r: &[f64]| r.iter().copied().fold(0.0, f64::max);
         largest(&k_rows).sqrt() + largest(&c_rows)
     }
-}
-
-fn check(spec: &Spec, n: usize) -> Result<(), AssembleError> {
-    let shape = |what: &str, found: usize, expected: usize| {
-        if found == expected { Ok(()) } else { Err(AssembleError::Shape { what: what.to_owned(), found, expected }) }
-    };
-    for (what, m) in
-        [("mass matrix", &spec.mass), ("damping matrix", &spec.damping), ("stiffness matrix", &spec.stiffness)]
-    {
-        shape(what, m.len(), n * n)?;
-        shape(what, m.nrows(), n)?;
-        if m.iter().any(|v| !v.is_finite()) {
-            return Err(AssembleError::NotFinite { what: what.to_owned() });
-        }
-    }
-    shape("constant load", spec.load.len(), n)?;
-    for l in &spec.load_harmonics {
-        shape("harmonic load", l.vector.len(), n)?;
-    }
-    let m = &spec.mass;
-    if (0..n).any(|i| (0..i).any(|j| (m[(i, j)] - m[(j, i)]).abs() > 1e-12 * (m[(i, i)] * m[(j, j)]).abs().sqrt())) {
-        return Err(AssembleError::Mass);
-    }
-    if spec.contacts.len() > MAX_CONTACTS {
-        return Err(AssembleError::TooManyContacts { found: spec.contacts.len(), limit: MAX_CONTACTS });
-    }
-    for c in &spec.contacts {
-        shape(&format!("direction of {}", c.name), c.direction.len(), n)?;
-        let fault = |problem| AssembleError::Contact { contact: c.name.clone(), problem };
-        if c.direction.iter().all(|g| *g == 0.0) {
-            return Err(fault("its direction is zero: no freedom moves it"));
-        }
-        if let Law::Power(l) = c.law {
-            let n = l.exponent;
-            if n.p < n.q || n.p > 5 * n.q || n.q == 0 || n.q > Ratio::MAX_DENOMINATOR {
-                return Err(fault("a power law needs an exponent p/q from 1 to 5 with q from 1 to 16"));
-            }
-            // A contact that starts together with another one is expanded in the other's root clock.
-            let shares = |o: &Law| !matches!(o, Law::Power(o) if o.exponent.q * n.p % n.q != 0);
-            if !spec.contacts.iter().all(|o| shares(&o.law)) {
-                return Err(fault("its power law's exponent and another contact's have no common root clock"));
-            }
-        }
-        if matches!(c.law, Law::Power(_)) && !matches!(c.stiffness, Stiffness::Constant(_)) {
-            return Err(fault("a power law needs a constant stiffness"));
-        }
-        if c.flanks == Flanks::Both && c.half_backlash <= 0.0 && !matches!(c.law, Law::Bilateral(_)) {
-            return Err(fault(
-                "a two-flank contact needs a positive half backlash; without backlash use a bilateral law",
-            ));
-        }
-    }
-    Ok(())
 }
 
 /// The clock and the distinct frequencies. Without a named base frequency the lowest one is the base if

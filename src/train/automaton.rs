@@ -1,7 +1,7 @@
 //! The train as a hybrid automaton: which guard leads where, and what it resets.
 
 use super::{
-    assemble::{MAX_CONTACTS, Structure},
+    assemble::{Contact, MAX_CONTACTS, Structure},
     contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, with_contact, with_piece},
     impact::Striker,
 };
@@ -339,6 +339,11 @@ impl HybridSystem for Structure {
             Spring::Scheduled(s) => with_piece(mode, j, s.piece(&self.clock, at).0),
             _ => mode,
         })
+    }
+
+    fn mode_in_words(&self, mode: Mode) -> String {
+        let words = |(j, c): (usize, &Contact)| format!("{} {}", c.spec.name, contact_mode(mode, j).name());
+        self.contacts.iter().enumerate().map(words).collect::<Vec<_>>().join(", ")
     }
 
     fn rates(&self, mode: Mode) -> Option<Rates> {

@@ -5,6 +5,7 @@
 mod assemble;
 mod automaton;
 mod body;
+mod check;
 mod contact_mode;
 mod energy;
 mod error;
@@ -22,9 +23,10 @@ mod sticking;
 mod view;
 mod wall;
 
-pub use assemble::{AssembleError, Contact, MAX_CONTACTS, Structure};
+pub use assemble::{Contact, MAX_CONTACTS, Structure};
 pub use automaton::{Start, StartError};
 pub use body::{Body, Damping, Support};
+pub use check::AssembleError;
 pub use contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, piece, with_contact};
 pub use error::TrainError;
 pub use linear::{Equilibrium, bonded_modes, bonded_stiffness, equilibrium, tangent_stiffness};

@@ -1,1 +1,221 @@
-//! accumulation
+//! Accumulation, sticking, cycling: C1 to C5.
+
+use std::{
+    f64::consts::{FRAC_PI_2, PI},
+    sync::atomic::AtomicBool,
+};
+
+use flank::{
+    analysis::Ledger,
+    engine::{Options, Outcome},
+    gear::{
+        Harmonic, Stiffness,
+        contact::{Law, Linear, Release},
+    },
+    hybrid::ContactMode::{Drive, DriveDetached, Separated},
+    scene::Scene,
+    study::steady::{Rule, steady},
+    train::{Structure, Walled, Walls, contact_mode},
+};
+use serde_json::json;
+
+use crate::support::{Log, ball, engine, ghost, modes, rigid, run, state, walled};
+
+/// C1. Dropped from h = 10 m with g = 9.81 and e = 0.8: at rest after `√(2h/g) (1 + e)/(1 − e)` = 12.850588 s.
+#[test]
+fn c1_a_ball_dropped_from_ten_metres_is_at_rest_when_the_series_says() {
+    let s = walled(&Walled { load: -9.81, ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.8), Stiffness::Constant(0.0)) });
+    let run = run(&s, &[10.0], &[0.0], 1000.0);
+    let exact = (20.0f64 / 9.81).sqrt() * 1.8 / 0.2;
+    assert!((exact - 12.850_588).abs() < 1e-6);
+    let rest = *run.times().last().unwrap();
+    assert!((rest / exact - 1.0).abs() <= 1e-13, "{rest} {exact}");
+    assert_eq!((&run.state.x[..], contact_mode(run.state.jump.mode, 0)), (&[0.0, 0.0][..], Drive));
+    // ln 10⁻¹⁰/ln 0.8 = 103.2 impacts, each one arc; a few more steps for the rest of 987 s.
+    assert!(run.counters.events <= 106 && run.counters.steps <= 2 * 106, "{:?}", run.counters);
+}
+
+/// C1. From the floor with speed 1, e = ½: the rebound after impact k is 2⁻ᵏ, below 10⁻⁶ first at k = 20. Whoever sums
+/// there has the same end, 4.
+#[test]
+fn c1_impacts_are_resolved_down_to_the_speed_asked_for() {
+    let s = ball(0.5);
+    let mut log = Log::default();
+    let options = Options { chatter_speed: 1e-6, ..Options::default() };
+    engine(&s, state(&s, &[0.0], &[1.0]), options).run(s.clock().instant(5.0), &mut log).unwrap();
+    let last = log.records.last().unwrap();
+    assert_eq!(last.accumulation.unwrap().resolved, 20);
+    assert!((s.clock().time(last.at).value() - 4.0).abs() <= 16.0 * f64::EPSILON);
+}
+
+/// C1. The accumulation point is 4. A run, or a piece of stiffness, that ends there or next to it gets past it.
+#[test]
+fn c1_an_accumulation_point_at_the_end_of_a_run_or_of_a_stiffness_piece_is_passed() {
+    for end in [4.0f64.next_down(), 4.0, 4.0f64.next_up(), 4.0 - 1e-12, 4.0 + 1e-12] {
+        let s = ball(0.5);
+        let first = run(&s, &[0.0], &[1.0], end);
+        assert!(first.counters.steps <= 400, "{end}: {:?}", first.counters);
+        let second = crate::support::run_from(&s, first.state, s.clock().instant(30.0));
+        assert_eq!(contact_mode(second.state.jump.mode, 0), Drive, "{end}");
+        assert!(second.state.x[0].abs() + second.state.x[1].abs() <= 1e-14, "{end}: {:?}", second.state.x);
+
+        let mut spec = s.spec().clone();
+        let mut watched = spec.contacts[0].clone();
+        (watched.name, watched.law, watched.half_backlash) = ("watched".into(), ghost(), 1e3);
+        watched.stiffness = Stiffness::Switched { times: vec![end], levels: [1.0, 2.0] };
+        spec.contacts.push(watched);
+        let s = Structure::new(spec).unwrap();
+        let run = run(&s, &[0.0], &[1.0], 30.0);
+        assert_eq!((contact_mode(run.state.jump.mode, 0), run.counters.switches), (Drive, 1), "{end}");
+        assert!(run.state.x[0].abs() + run.state.x[1].abs() <= 1e-14, "{end}: {:?}", run.state.x);
+    }
+}
+
+/// C1. Not a demonstration only: `x″ + x = cos ωt` on a rigid floor at 0 with e = 0.8 chatters to rest again and again at
+/// ω = 2.7 (every sixth period, beside a motion that never does) and, in chaos, at 2.9. At rest the floor's force is −cos ωt,
+/// and it lets go at the phase 3π/2 each time.
+#[test]
+fn c1_a_forced_impact_oscillator_chatters_to_rest_and_lets_go_on_time() {
+    for (omega, start) in [(2.7, 0.1), (2.9, 0.3)] {
+        let s = walled(&Walled {
+            stiffness: 1.0,
+            load_harmonics: vec![Harmonic { omega, amplitude: 1.0, phase: 0.0 }],
+            ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.8), Stiffness::Constant(0.0))
+        });
+        let mut log = Log::default();
+        let mut ledger = Ledger::new(&s);
+        let mut engine = engine(&s, state(&s, &[start], &[0.0]), Options::default());
+        engine.run(s.clock().at(500, 0.0), &mut (&mut log, &mut ledger)).unwrap();
+        let rests = engine.counters().accumulations;
+        let releases: Vec<f64> = log
+            .records
+            .iter()
+            .filter(|r| contact_mode(r.from, 0) == Drive && contact_mode(r.to, 0) == Separated)
+            .map(|r| omega * r.at.phase.value())
+            .collect();
+        assert!(rests > 0 && releases.len() as u64 == rests, "{omega}: {rests} {}", releases.len());
+        assert!(releases.iter().all(|phase| (phase - 1.5 * std::f64::consts::PI).abs() <= 16.0 * f64::EPSILON), "{omega}");
+        assert!(ledger.balance().closure() <= 1e-12, "{omega}: {:?}", ledger.balance());
+    }
+}
+
+/// C2. Under `x″ = −cos t` a ball with e = ½ and a small throw chatters to rest before π/2 and is let go exactly there,
+/// where the multiplier cos t falls through zero; after that `x = cos t + t − π/2`.
+#[test]
+fn c2_chatter_to_rest_and_release_when_the_load_reverses() {
+    let s = walled(&Walled {
+        load_harmonics: vec![Harmonic { omega: 1.0, amplitude: -1.0, phase: 0.0 }],
+        ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.5), Stiffness::Constant(0.0))
+    });
+    let run = run(&s, &[0.0], &[0.2], 3.0);
+    let events = run.events();
+    assert_eq!(run.counters.accumulations, 1);
+    let (rest, release) = (events[events.len() - 2], events[events.len() - 1]);
+    assert!(rest.accumulation.is_some() && run.clock.time(rest.at).value() < 1.0);
+    assert_eq!(contact_mode(release.to, 0), Separated);
+    assert!((run.clock.time(release.at).value() - FRAC_PI_2).abs() <= 2.0 * f64::EPSILON);
+    assert!((run.state.x[0] - (3f64.cos() + 3.0 - FRAC_PI_2)).abs() <= 16.0 * f64::EPSILON, "{:?}", run.state.x);
+}
+
+/// C3. At rest on a flank under a load of 10⁻¹⁸: one decision, and contact for ever; the penetration is far below the
+/// rounding of the position, and is not made of it. Without damping it touches zero once a turn, and does not cross.
+#[test]
+fn c3_the_smallest_load_on_a_flank_is_one_contact_and_not_thousands() {
+    for (damping, most) in [(0.1, 1), (0.0, 40)] {
+        let law = Law::KelvinVoigt(Linear { damping }, Release::Deflection);
+        let s = walled(&Walled { load: 1e-18, ..Walled::new(1.0, Walls::Between { half_gap: 1.0 }, law, Stiffness::Constant(1.0)) });
+        let run = run(&s, &[1.0], &[0.0], 100.0);
+        assert!(run.records.len() <= most, "damping {damping}: {} records", run.records.len());
+        assert_eq!(contact_mode(run.records[0].to, 0), Drive);
+        assert!((run.state.x[0] - 1.0).abs() <= 2.0 * f64::EPSILON && run.state.x[1].abs() <= 1e-15);
+    }
+}
+
+fn damped(c: f64, k: f64, load: f64, gap: f64, release: Release) -> Structure {
+    let law = Law::KelvinVoigt(Linear { damping: c }, release);
+    walled(&Walled { load, ..Walled::new(1.0, Walls::Above { position: gap }, law, Stiffness::Constant(k)) })
+}
+
+/// C4. Unit mass and stiffness, ζ = 0.1, struck with speed 1: no force after `2 arccos ζ/√(1 − ζ²)` = 2.956075, 0.148816
+/// inside the flank, with −0.744079; out of it 2ζ later. Two guards, two events, and none more.
+#[test]
+fn c4_a_damped_contact_is_released_inside_its_zone_and_leaves_it_once() {
+    let run = run(&damped(0.2, 1.0, 0.0, 0.0, Release::Force), &[0.0], &[1.0], 20.0);
+    assert_eq!(modes(&run.events(), 0), [DriveDetached, Separated]);
+    let release = run.events()[0];
+    for (found, exact) in [(run.times()[0], 2.956_075), (release.x_plus[0], 0.148_816), (release.x_plus[1], -0.744_079)] {
+        assert!((found - exact).abs() <= 5e-7, "{found} {exact}");
+    }
+    assert!((run.times()[1] - run.times()[0] - 0.2).abs() <= 16.0 * f64::EPSILON);
+}
+
+/// C4. The same under a load that presses again within those 2ζ, for many damping ratios and loads: every contact that is
+/// released is separated or in contact again, in turn, and the ledger closes.
+#[test]
+fn c4_a_load_that_presses_again_while_the_flank_is_still_entered_makes_no_endless_events() {
+    for zeta in [0.1, 0.5, 1.0, 3.0, 30.0] {
+        for load in [1e-9, 1e-3, 0.3, 3.0] {
+            let s = damped(2.0 * zeta, 1.0, load, 0.0, Release::Force);
+            let mut log = Log::default();
+            let mut ledger = Ledger::new(&s);
+            let mut engine = engine(&s, state(&s, &[0.0], &[1.0]), Options { max_events: 500, ..Options::default() });
+            let outcome = engine.run(s.clock().instant(50.0), &mut (&mut log, &mut ledger));
+            assert_eq!(outcome, Ok(Outcome::ReachedEnd), "{zeta} {load}");
+            assert!(ledger.balance().closure() <= 1e-12, "{zeta} {load}: {:?}", ledger.balance());
+        }
+    }
+}
+
+/// C4. As stiff as anyone might write it, k = 10¹⁸ and c = 10¹⁰ (ζ = 5): released at the closed form of the overdamped
+/// impact, `2 arcosh ζ/(ω √(ζ² − 1))` after it began, and in contact again when a load presses.
+#[test]
+fn c4_an_extremely_stiff_damped_contact_neither_dies_nor_repeats_itself() {
+    for (gap, load) in [(0.0, 0.0), (1.0, 0.0), (1e-4, 0.0), (0.0, 1.0), (1e-4, 1.0), (1.0, 1.0), (1.0, 1e3), (1.0, 1e-6)] {
+        let s = damped(1e10, 1e18, load, gap, Release::Force);
+        let mut log = Log::default();
+        let mut engine = engine(&s, state(&s, &[gap], &[1.0]), Options { max_events: 500, ..Options::default() });
+        let outcome = engine.run(s.clock().instant(2e-6), &mut log);
+        assert_eq!(outcome, Ok(Outcome::ReachedEnd), "gap {gap}, load {load}");
+        let events: Vec<_> = log.records.iter().filter(|r| !r.start).collect();
+        let release = s.clock().time(events[0].at).value();
+        let exact = 2.0 * 5f64.acosh() / (1e9 * 24f64.sqrt());
+        // Penetrations are some 10⁻¹⁰, and positions known to ε₀ of the gap.
+        assert!(load > 0.0 || (release / exact - 1.0).abs() <= 1e-12 + 1e-5 * gap, "gap {gap}, load {load}: {release:e} {exact:e}");
+    }
+}
+
+/// C5. Damping in the gap or not, and when a contact lets go, decide where the impacting motion ends on the way down
+/// (ζ = 0.05, F_m = 0.1, F_a = 0.05): at Ω = 0.708 with damping everywhere; with damping in contact only at 0.586 if contacts
+/// end at the flank, and at 0.5805 if they never pull.
+#[test]
+fn c5_damping_in_the_gap_decides_where_the_impacts_end() {
+    for (everywhere, release, end) in [(true, "force", 0.708), (false, "deflection", 0.586), (false, "force", 0.5805)] {
+        let (ground, contact) = if everywhere { (0.1, 0.0) } else { (0.0, 0.1) };
+        let (mut seed, mut last) = (None, f64::INFINITY);
+        for i in 0..120 {
+            let omega = 0.8 - 0.002 * f64::from(i);
+            let scene = json!({
+                "flank": 1,
+                "train": {
+                    "kind": "matrices", "mass_kg": [1], "damping_n_s_per_m": [ground], "load_n": [0.1],
+                    "load_harmonics": [{ "vector_n": [0.05 * omega * omega], "frequency_rad_per_s": omega }],
+                    "contacts": [{
+                        "direction": [1], "half_backlash_m": 1, "stiffness": 1,
+                        "law": { "kind": "kelvin-voigt", "damping_n_s_per_m": contact, "release": release }
+                    }]
+                },
+                "initial": { "q": [0.8] }, "run": { "cycles": 1 }
+            });
+            let scene = Scene::from_value(scene, "pair").unwrap();
+            let rule = Rule { measured_cycles: 1, irregular_cycles: 4, ..Rule::default() };
+            let found = steady(&scene, seed.as_ref(), &rule, &AtomicBool::new(false)).unwrap();
+            if found.contacts[0].report.separations == 0 {
+                break;
+            }
+            last = omega;
+            seed = Some(found.end);
+        }
+        // The step of the sweep.
+        assert!((last - end).abs() <= 0.002 + 1e-9, "{everywhere} {release}: {last}");
+    }
+}

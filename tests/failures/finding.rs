@@ -17,7 +17,7 @@ use flank::{
 };
 use proptest::prelude::*;
 
-use crate::support::{Course, Log, Run, attempt, ball, engine, ghost, modes, product, run, run_from, state, thrown, walled};
+use crate::support::{Course, Log, Run, attempt, ball, engine, ghost, modes, product, run, run_from, state, walled};
 
 fn elastic() -> Law {
     Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection)

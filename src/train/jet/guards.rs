@@ -60,7 +60,7 @@ impl Expansion<'_> {
                 let series = &mut guard_series[row..row + ROW];
                 let tail = work[self.layout.tails + j];
                 let (tail, size) = match watch {
-                    Watch::Force => self.force_guard(j, state, sign, tail, deflect, work, series),
+                    Watch::Force => self.force_guard(j, owner, (sign, tail, deflect, reach), work, series),
                     _ if owner.is_some_and(|o| o.contact == j && o.root > 1) => {
                         let y = self.layout.y(1);
                         series.copy_from_slice(&work[y..y + ROW]);
@@ -79,7 +79,7 @@ impl Expansion<'_> {
                             0.0 => series[0] + sign * c.gap(),
                             side => side * work[self.layout.stretches + j],
                         };
-                        (tail * deflect, self.deflection_size(c))
+                        (tail * deflect, self.stretch_size(j, owner, reach, work))
                     }
                 };
                 series.iter_mut().zip(&powers).for_each(|(s, p)| *s *= p);
@@ -120,18 +120,15 @@ impl Expansion<'_> {
     }
 
     /// The force of a contact (of a power law: its factor `1 + χ ṗ`) as a guard, and its error.
-    #[allow(clippy::too_many_arguments)] // one row of the table of guards
     fn force_guard(
         &self,
         j: usize,
-        state: ContactMode,
-        sign: f64,
-        tail: f64,
-        deflect: f64,
+        owner: Option<Owner>,
+        (sign, tail, deflect, reach): (f64, f64, f64, f64),
         work: &[f64],
         series: &mut [f64],
     ) -> (f64, f64) {
-        let c = &self.s.contacts[j];
+        let (c, state) = (&self.s.contacts[j], contact_mode(self.request.mode, j));
         let (which, sign) =
             if matches!(c.spec.law, Law::Power(_)) { (FACTOR, sign) } else { (FORCE, sign * state.side()) };
         let f = self.layout.of(j, which);
@@ -148,8 +145,21 @@ impl Expansion<'_> {
             }
             Law::Bilateral(l) | Law::KelvinVoigt(l, _) => {
                 let k = c.spec.stiffness.maximum();
-                (tail * (k * deflect + l.damping), k * self.deflection_size(c) + l.damping * self.rate_size(c))
+                let size = k * self.stretch_size(j, owner, reach, work) + l.damping * self.rate_size(c);
+                (tail * (k * deflect + l.damping), size)
             }
+        }
+    }
+
+    /// Size of the terms a stretch is the sum of: afresh from the state those of the deflection, but where it was carried on
+    /// from step to step only itself and what a step adds.
+    fn stretch_size(&self, j: usize, owner: Option<Owner>, reach: f64, work: &[f64]) -> f64 {
+        let c = &self.s.contacts[j];
+        match self.request.carried.get(j) {
+            Some(stretch) if owner.is_none() && !stretch.is_nan() => {
+                work[self.layout.stretches + j].abs() + self.h * reach * self.rate_size(c)
+            }
+            _ => self.deflection_size(c),
         }
     }
 
