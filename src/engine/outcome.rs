@@ -1,7 +1,4 @@
-use crate::{
-    hybrid::ModelError,
-    integrate::IntegrateError,
-};
+use crate::{hybrid::ModelError, integrate::IntegrateError};
 
 /// How a run ended. All of these are results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -153,7 +153,9 @@ impl Structure {
             }
         };
         jump.mode = with_contact(jump.mode, j, next);
-        jump.pinned.insert(guard_id(j, watch));
+        if watch != Watch::Force || self.is_forceless(j, jump.mode, at, x) {
+            jump.pinned.insert(guard_id(j, watch));
+        }
         if watch != Watch::Force {
             let target = if watch == Watch::DriveFlank { c.gap() } else { -c.gap() };
             jump.projected = jump.projected.max(self.project(j, target, at, x));

@@ -114,7 +114,9 @@ impl Spec {
         let stiffness = format!("stiffness of {}", c.name);
         match &c.stiffness {
             Stiffness::Constant(k) => finite(&stiffness, [k])?,
-            Stiffness::Harmonic { mean, harmonics } => finite(&stiffness, [mean].into_iter().chain(of_waves(harmonics)))?,
+            Stiffness::Harmonic { mean, harmonics } => {
+                finite(&stiffness, [mean].into_iter().chain(of_waves(harmonics)))?
+            }
             Stiffness::Periodic { period, origin, pieces } => {
                 let numbers = pieces.iter().flat_map(|p| [&p.start, &p.value, &p.slope]);
                 finite(&stiffness, [period, origin].into_iter().chain(numbers))?;

@@ -6,7 +6,7 @@ use std::{
 };
 
 use flank::{
-    analysis::Ledger,
+    analysis::{Contacts, Ledger},
     engine::{Options, Outcome},
     gear::{
         Harmonic, Stiffness,
@@ -17,6 +17,7 @@ use flank::{
     study::steady::{Rule, steady},
     train::{Structure, Walled, Walls, contact_mode},
 };
+use proptest::prelude::*;
 use serde_json::json;
 
 use crate::support::{Log, ball, engine, ghost, modes, rigid, run, state, walled};
@@ -24,7 +25,10 @@ use crate::support::{Log, ball, engine, ghost, modes, rigid, run, state, walled}
 /// C1. Dropped from h = 10 m with g = 9.81 and e = 0.8: at rest after `√(2h/g) (1 + e)/(1 − e)` = 12.850588 s.
 #[test]
 fn c1_a_ball_dropped_from_ten_metres_is_at_rest_when_the_series_says() {
-    let s = walled(&Walled { load: -9.81, ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.8), Stiffness::Constant(0.0)) });
+    let s = walled(&Walled {
+        load: -9.81,
+        ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.8), Stiffness::Constant(0.0))
+    });
     let run = run(&s, &[10.0], &[0.0], 1000.0);
     let exact = (20.0f64 / 9.81).sqrt() * 1.8 / 0.2;
     assert!((exact - 12.850_588).abs() < 1e-6);
@@ -94,7 +98,7 @@ fn c1_a_forced_impact_oscillator_chatters_to_rest_and_lets_go_on_time() {
             .map(|r| omega * r.at.phase.value())
             .collect();
         assert!(rests > 0 && releases.len() as u64 == rests, "{omega}: {rests} {}", releases.len());
-        assert!(releases.iter().all(|phase| (phase - 1.5 * std::f64::consts::PI).abs() <= 16.0 * f64::EPSILON), "{omega}");
+        assert!(releases.iter().all(|phase| (phase - 1.5 * PI).abs() <= 16.0 * f64::EPSILON), "{omega}");
         assert!(ledger.balance().closure() <= 1e-12, "{omega}: {:?}", ledger.balance());
     }
 }
@@ -123,7 +127,10 @@ fn c2_chatter_to_rest_and_release_when_the_load_reverses() {
 fn c3_the_smallest_load_on_a_flank_is_one_contact_and_not_thousands() {
     for (damping, most) in [(0.1, 1), (0.0, 40)] {
         let law = Law::KelvinVoigt(Linear { damping }, Release::Deflection);
-        let s = walled(&Walled { load: 1e-18, ..Walled::new(1.0, Walls::Between { half_gap: 1.0 }, law, Stiffness::Constant(1.0)) });
+        let s = walled(&Walled {
+            load: 1e-18,
+            ..Walled::new(1.0, Walls::Between { half_gap: 1.0 }, law, Stiffness::Constant(1.0))
+        });
         let run = run(&s, &[1.0], &[0.0], 100.0);
         assert!(run.records.len() <= most, "damping {damping}: {} records", run.records.len());
         assert_eq!(contact_mode(run.records[0].to, 0), Drive);
@@ -143,7 +150,8 @@ fn c4_a_damped_contact_is_released_inside_its_zone_and_leaves_it_once() {
     let run = run(&damped(0.2, 1.0, 0.0, 0.0, Release::Force), &[0.0], &[1.0], 20.0);
     assert_eq!(modes(&run.events(), 0), [DriveDetached, Separated]);
     let release = run.events()[0];
-    for (found, exact) in [(run.times()[0], 2.956_075), (release.x_plus[0], 0.148_816), (release.x_plus[1], -0.744_079)] {
+    for (found, exact) in [(run.times()[0], 2.956_075), (release.x_plus[0], 0.148_816), (release.x_plus[1], -0.744_079)]
+    {
         assert!((found - exact).abs() <= 5e-7, "{found} {exact}");
     }
     assert!((run.times()[1] - run.times()[0] - 0.2).abs() <= 16.0 * f64::EPSILON);
@@ -170,7 +178,9 @@ fn c4_a_load_that_presses_again_while_the_flank_is_still_entered_makes_no_endles
 /// impact, `2 arcosh ζ/(ω √(ζ² − 1))` after it began, and in contact again when a load presses.
 #[test]
 fn c4_an_extremely_stiff_damped_contact_neither_dies_nor_repeats_itself() {
-    for (gap, load) in [(0.0, 0.0), (1.0, 0.0), (1e-4, 0.0), (0.0, 1.0), (1e-4, 1.0), (1.0, 1.0), (1.0, 1e3), (1.0, 1e-6)] {
+    for (gap, load) in
+        [(0.0, 0.0), (1.0, 0.0), (1e-4, 0.0), (0.0, 1.0), (1e-4, 1.0), (1.0, 1.0), (1.0, 1e3), (1.0, 1e-6)]
+    {
         let s = damped(1e10, 1e18, load, gap, Release::Force);
         let mut log = Log::default();
         let mut engine = engine(&s, state(&s, &[gap], &[1.0]), Options { max_events: 500, ..Options::default() });
@@ -180,7 +190,61 @@ fn c4_an_extremely_stiff_damped_contact_neither_dies_nor_repeats_itself() {
         let release = s.clock().time(events[0].at).value();
         let exact = 2.0 * 5f64.acosh() / (1e9 * 24f64.sqrt());
         // Penetrations are some 10⁻¹⁰, and positions known to ε₀ of the gap.
-        assert!(load > 0.0 || (release / exact - 1.0).abs() <= 1e-12 + 1e-5 * gap, "gap {gap}, load {load}: {release:e} {exact:e}");
+        assert!(
+            load > 0.0 || (release / exact - 1.0).abs() <= 1e-12 + 1e-5 * gap,
+            "gap {gap}, load {load}: {release:e} {exact:e}"
+        );
+    }
+}
+
+/// C4. A drop of the stiffness takes the force of an overdamped contact below zero at once: it is released there, flies free
+/// until `k p + c ṗ` has come back to zero from below, and never pulls. (k = 1, then 0.1; c = 46; load ½.)
+#[test]
+fn c4_a_contact_released_by_a_drop_of_stiffness_does_not_pull() {
+    let law = Law::KelvinVoigt(Linear { damping: 46.0 }, Release::Force);
+    let k = Stiffness::Switched { times: vec![1e-3], levels: [1.0, 0.1] };
+    let s = walled(&Walled { load: 0.5, ..Walled::new(1.0, Walls::Above { position: 0.0 }, law, k) });
+    let (mut log, mut contacts) = (Log::default(), Contacts::new(&s, None));
+    let mut engine = engine(&s, state(&s, &[50.0], &[-1.0]), Options::default());
+    engine.run(s.clock().instant(5.0), &mut (&mut log, &mut contacts)).unwrap();
+    let [drop, again] = &log.records[..] else { panic!("{:?}", log.records) };
+    assert!(drop.switched && contact_mode(drop.to, 0) == DriveDetached && contact_mode(again.to, 0) == Drive);
+    let (p, v) = (drop.x_plus[0], drop.x_plus[1]);
+    // 0.1 (p + v t + t²/4) + 46 (v + t/2) = 0.
+    let (a, b, c) = (0.025, 0.1 * v + 23.0, 0.1 * p + 46.0 * v);
+    let exact = -2.0 * c / (b + (b * b - 4.0 * a * c).sqrt());
+    let flight = s.clock().between(drop.at, again.at);
+    assert!((flight - exact).abs() <= 64.0 * f64::EPSILON * exact, "{flight} {exact}");
+    // The sum of k p and c ṗ, some 5 each, is rounded.
+    assert!(contacts.report(0).force_min.unwrap() >= -32.0 * f64::EPSILON, "{:?}", contacts.report(0).force_min);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    /// C4. Contacts of any stiffness, damping, gap and load, struck or pressed, forced, with stiffness steps: no cascade
+    /// without end at one instant, no thousands of events, no pull.
+    #[test]
+    fn c4_no_contact_released_by_force_goes_round_in_circles(
+        stiffness in 0.0f64..18.0, damping in -2.0f64..1.5, gap in prop::sample::select(vec![0.0, 1e-4, 1.0]),
+        load in prop::option::of(-9.0f64..6.0), speed in prop::option::of(-9.0f64..2.0),
+        force in prop::option::of(-6.0f64..6.0), frequency in -3.0f64..0.5, drop in prop::option::of(-2.0f64..0.0),
+    ) {
+        let power = |exponent: Option<f64>| exponent.map_or(0.0, |e| 10f64.powf(e));
+        let (k, zeta) = (10f64.powf(stiffness), 10f64.powf(damping));
+        let omega = k.sqrt() * 10f64.powf(frequency);
+        let law = Law::KelvinVoigt(Linear { damping: 2.0 * zeta * k.sqrt() }, Release::Force);
+        let schedule = drop.map_or(Stiffness::Constant(k), |low| {
+            Stiffness::rectangular(k, k * 10f64.powf(low), 2.0 * PI / omega, 0.4, 0.01 / omega)
+        });
+        let s = walled(&Walled {
+            load: power(load),
+            load_harmonics: vec![Harmonic { omega, amplitude: power(force), phase: 0.3 }],
+            ..Walled::new(1.0, Walls::Above { position: gap }, law, schedule)
+        });
+        let mut engine = engine(&s, state(&s, &[gap], &[power(speed)]), Options { max_events: 4000, ..Options::default() });
+        let end = s.clock().instant(20.0 * (1.0 + zeta) / k.sqrt());
+        prop_assert_eq!(engine.run(end, &mut ()), Ok(Outcome::ReachedEnd));
     }
 }
 

@@ -9,8 +9,10 @@ use flank::{
         contact::{Law, Linear, Release},
     },
     hybrid::{
-        Clock, ContactMode::{Back, Drive, Separated}, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField,
-        JetRequest, Jump, Mode, ModelError, VectorField,
+        Clock,
+        ContactMode::{Back, Drive, Separated},
+        Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Jump, Mode, ModelError,
+        VectorField,
     },
     integrate::IntegrateError,
     train::{Structure, Walled, Walls, contact_mode},
@@ -29,7 +31,10 @@ fn elastic() -> Law {
 /// the spring of stiffness 1 holds it for `2 arctan v`: from `p″ = −1 − p`, `p(0) = 0`, `p′(0) = v`.
 #[test]
 fn a1_a_flight_that_just_reaches_the_back_flank_and_returns_is_two_events() {
-    let s = walled(&Walled { load: 1.0, ..Walled::new(1.0, Walls::Between { half_gap: 1.0 }, elastic(), Stiffness::Constant(1.0)) });
+    let s = walled(&Walled {
+        load: 1.0,
+        ..Walled::new(1.0, Walls::Between { half_gap: 1.0 }, elastic(), Stiffness::Constant(1.0))
+    });
     for exponent in 1..=12 {
         let depth = 10f64.powi(-exponent);
         let u = (2.0 * (2.0 + depth)).sqrt();
@@ -44,7 +49,10 @@ fn a1_a_flight_that_just_reaches_the_back_flank_and_returns_is_two_events() {
 /// A2. `x = sin t` below a flank at 1: ten touches at π/2 + 2πk in ten turns, no change of mode.
 #[test]
 fn a2_ten_exact_grazes_of_a_sine_are_ten_touches_and_no_contact() {
-    let s = walled(&Walled { stiffness: 1.0, ..Walled::new(1.0, Walls::Above { position: 1.0 }, ghost(), Stiffness::Constant(0.0)) });
+    let s = walled(&Walled {
+        stiffness: 1.0,
+        ..Walled::new(1.0, Walls::Above { position: 1.0 }, ghost(), Stiffness::Constant(0.0))
+    });
     let run = run(&s, &[0.0], &[1.0], 20.0 * PI);
     assert_eq!((run.events().len(), run.counters.grazes, run.records.len()), (0, 10, 10));
     for k in 0..10 {
@@ -74,10 +82,19 @@ fn a5_forty_ever_shorter_flights_keep_their_relative_accuracy() {
 #[test]
 fn a6_a_start_on_either_flank_is_decided_by_the_first_derivative_that_is_not_zero() {
     for (load, at, expected) in [
-        (0.5, 1.0, Drive), (0.5, -1.0, Separated), (-0.5, -1.0, Back), (-0.5, 1.0, Separated),
-        (0.0, 1.0, Separated), (0.0, -1.0, Separated), (1e-300, 1.0, Drive), (-1e-300, -1.0, Back),
+        (0.5, 1.0, Drive),
+        (0.5, -1.0, Separated),
+        (-0.5, -1.0, Back),
+        (-0.5, 1.0, Separated),
+        (0.0, 1.0, Separated),
+        (0.0, -1.0, Separated),
+        (1e-300, 1.0, Drive),
+        (-1e-300, -1.0, Back),
     ] {
-        let s = walled(&Walled { load, ..Walled::new(1.0, Walls::Between { half_gap: 1.0 }, elastic(), Stiffness::Constant(1.0)) });
+        let s = walled(&Walled {
+            load,
+            ..Walled::new(1.0, Walls::Between { half_gap: 1.0 }, elastic(), Stiffness::Constant(1.0))
+        });
         let run = run(&s, &[at], &[0.0], 0.1);
         assert_eq!((contact_mode(run.records[0].to, 0), run.records.len()), (expected, 1), "{load} {at}");
     }
@@ -264,7 +281,10 @@ fn a10_a_force_beyond_all_numbers_stops_the_run_where_it_arises() {
 /// A12. `x = sin t` through ½ ten times, the last at 8π + 5π/6: events are as good as the motion, to rounding.
 #[test]
 fn a12_the_tenth_crossing_is_as_accurate_as_the_first() {
-    let s = walled(&Walled { stiffness: 1.0, ..Walled::new(1.0, Walls::Above { position: 0.5 }, ghost(), Stiffness::Constant(0.0)) });
+    let s = walled(&Walled {
+        stiffness: 1.0,
+        ..Walled::new(1.0, Walls::Above { position: 0.5 }, ghost(), Stiffness::Constant(0.0))
+    });
     let run = run(&s, &[0.0], &[1.0], 28.0);
     assert_eq!(run.times().len(), 10);
     for (k, t) in run.times().iter().enumerate() {
@@ -314,7 +334,8 @@ fn a15_schedules_that_meet_leave_no_sliver_however_late() {
         let at = s.clock().at(cycle, 0.1);
         let start = s.start(at, &[1.2], &[0.0]).unwrap();
         let run = run_from(&s, State { at, x: start.x, jump: start.jump }, s.clock().at(cycle + 10, 0.1));
-        let switches: Vec<_> = run.records.iter().filter(|r| r.switched).map(|r| (r.at.cycle - cycle, r.at.phase.value())).collect();
+        let switches: Vec<_> =
+            run.records.iter().filter(|r| r.switched).map(|r| (r.at.cycle - cycle, r.at.phase.value())).collect();
         assert_eq!(switches.len() as u64, run.counters.switches);
         switches
     };

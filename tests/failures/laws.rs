@@ -9,7 +9,10 @@ use flank::{
         Harmonic, Stiffness,
         contact::{Hysteresis, Law, Linear, PowerLaw, Ratio, Release, Rigid, coefficient, restitution},
     },
-    hybrid::{ContactMode::{Drive, DriveDetached, Separated}, ContactView, Mode, VectorField},
+    hybrid::{
+        ContactMode::{Drive, DriveDetached, Separated},
+        ContactView, Mode, VectorField,
+    },
     train::{AssembleError, Structure, Walled, Walls, contact_mode, with_contact},
 };
 
@@ -46,9 +49,12 @@ fn d1_the_pull_before_separation_is_there_or_not_as_the_release_rule_says() {
     assert!(never.abs() <= f64::EPSILON, "{never}");
     let pull = (at_flank.duration - by_force.duration) / at_flank.duration;
     assert!((pull - (1.0 - 2.0 / PI * zeta.acos())).abs() <= 1e-13, "{pull}");
-    for (found, published) in
-        [(at_flank.restitution.unwrap(), 0.8022), (by_force.restitution.unwrap(), 0.8101), (pull, 0.045), (-low / high, 0.124)]
-    {
+    for (found, published) in [
+        (at_flank.restitution.unwrap(), 0.8022),
+        (by_force.restitution.unwrap(), 0.8101),
+        (pull, 0.045),
+        (-low / high, 0.124),
+    ] {
         assert!((found - published).abs() <= if published < 0.2 { 5e-4 } else { 5e-5 }, "{found} {published}");
     }
 }

@@ -8,7 +8,10 @@ use flank::{
         Harmonic, Stiffness,
         contact::{Law, Linear, Release},
     },
-    hybrid::{ContactMode::{Back, Drive, Separated}, GuardSet, HybridSystem, Jump, Mode, ModelError, Watch},
+    hybrid::{
+        ContactMode::{Back, Drive, Separated},
+        GuardSet, HybridSystem, Jump, Mode, ModelError, Watch,
+    },
     train::{AssembleError, Structure, Walled, Walls, contact_mode, guard_id, with_contact},
 };
 use proptest::prelude::*;
@@ -21,14 +24,15 @@ fn spring(damping: f64) -> Law {
 
 /// A driven hub and three planets on springs of their own, each behind a gap of its own.
 fn stage(law: Law, starts: [f64; 3]) -> Run {
-    let direction = |p: usize| (0..4).map(|k| if k == 0 { 1.0 } else { -f64::from(u8::from(k == p)) }).collect::<Vec<_>>();
-    let mut spec = masses(&[2.0, 1.0, 1.0, 1.0], &[0.0; 4], &[direction(1), direction(2), direction(3)], law).spec().clone();
+    let direction =
+        |p: usize| (0..4).map(|k| if k == 0 { 1.0 } else { -f64::from(u8::from(k == p)) }).collect::<Vec<_>>();
+    let mut spec =
+        masses(&[2.0, 1.0, 1.0, 1.0], &[0.0; 4], &[direction(1), direction(2), direction(3)], law).spec().clone();
     for i in 0..4 {
         spec.stiffness[(i, i)] = 1.0;
         spec.damping[(i, i)] = 0.4;
     }
-    spec.load_harmonics =
-        vec![flank::train::LoadHarmonic { vector: vec![1.0, 0.0, 0.0, 0.0], omega: 0.8, phase: 0.0 }];
+    spec.load_harmonics = vec![flank::train::LoadHarmonic { vector: vec![1.0, 0.0, 0.0, 0.0], omega: 0.8, phase: 0.0 }];
     let s = Structure::new(spec).unwrap();
     run(&s, &[-1.0, starts[0], starts[1], starts[2]], &[0.3, 0.0, 0.0, 0.0], 60.0)
 }
@@ -52,7 +56,19 @@ proptest! {
 
 /// Equal balls in a row, all touching but the first (and, from the other side, the last), which fly in with unit speed.
 fn row(n: usize, e: f64) -> Structure {
-    let pair = |i: usize| (0..n).map(|k| if k == i { 1.0 } else if k == i + 1 { -1.0 } else { 0.0 }).collect::<Vec<_>>();
+    let pair = |i: usize| {
+        (0..n)
+            .map(|k| {
+                if k == i {
+                    1.0
+                } else if k == i + 1 {
+                    -1.0
+                } else {
+                    0.0
+                }
+            })
+            .collect::<Vec<_>>()
+    };
     masses(&vec![1.0; n], &vec![0.0; n], &(0..n - 1).map(pair).collect::<Vec<_>>(), rigid(e))
 }
 
@@ -100,7 +116,11 @@ fn b4_a_stiffness_step_next_to_the_contact_changes_nothing() {
     let s = walled(&Walled::new(1.0, Walls::Above { position: 0.0 }, spring(0.0), k));
     for ulps in -8..=8 {
         let run = run(&s, &[-1.0 - f64::from(ulps) * f64::EPSILON], &[1.0], 4.0);
-        assert_eq!(modes(&run.events().iter().copied().filter(|r| !r.fired.is_empty()).collect::<Vec<_>>(), 0), [Drive, Separated], "{ulps}");
+        assert_eq!(
+            modes(&run.events().iter().copied().filter(|r| !r.fired.is_empty()).collect::<Vec<_>>(), 0),
+            [Drive, Separated],
+            "{ulps}"
+        );
         let end = *run.times().last().unwrap();
         assert!((end - (1.0 + 0.5 * PI)).abs() <= 32.0 * f64::EPSILON, "{ulps}: {end}");
         assert!((run.state.x[1] + 1.0).abs() <= 32.0 * f64::EPSILON, "{ulps}");
@@ -113,7 +133,8 @@ fn b4_a_stiffness_step_next_to_the_contact_changes_nothing() {
 fn b5_a_stiffness_step_under_load_is_work_in_the_ledger() {
     for k in [4.0, 0.25] {
         let stiffness = Stiffness::Switched { times: vec![1.0], levels: [1.0, k] };
-        let s = walled(&Walled { load: 0.3, ..Walled::new(1.0, Walls::Above { position: 0.5 }, spring(0.1), stiffness) });
+        let s =
+            walled(&Walled { load: 0.3, ..Walled::new(1.0, Walls::Above { position: 0.5 }, spring(0.1), stiffness) });
         let mut ledger = Ledger::new(&s);
         engine(&s, state(&s, &[0.8], &[0.0]), Default::default()).run(s.clock().instant(9.0), &mut ledger).unwrap();
         let b = ledger.balance();
@@ -131,7 +152,10 @@ fn b6_from_one_flank_to_the_other_there_is_no_edge() {
     let mut fired = GuardSet::EMPTY;
     fired.insert(guard_id(0, Watch::BackFlank));
     let error = s.jump(&from, fired, s.clock().instant(0.0), &mut [2e-3, -1.0]).unwrap_err();
-    assert!(matches!(&error, ModelError::NoEdge { element, mode, .. } if element == "walls" && mode == "drive"), "{error}");
+    assert!(
+        matches!(&error, ModelError::NoEdge { element, mode, .. } if element == "walls" && mode == "drive"),
+        "{error}"
+    );
 }
 
 fn reversing(half_gap: f64) -> Structure {

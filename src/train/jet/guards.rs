@@ -66,7 +66,9 @@ impl Expansion<'_> {
                         series.copy_from_slice(&work[y..y + ROW]);
                         // Afresh from the state, a penetration within its rounding is none.
                         let stretch = work[self.layout.stretches + j].abs();
-                        if self.request.carried.is_empty() && stretch <= ROUNDING * self.deflection_size(c) {
+                        if self.request.carried.is_empty()
+                            && stretch <= ROUNDING * self.s.deflection_size(c, self.request.x)
+                        {
                             series[0] = 0.0;
                         }
                         (tail * self.h, 0.0)
@@ -94,7 +96,8 @@ impl Expansion<'_> {
                     let r = self.layout.of(j, RATE);
                     let rates = guard_rates[row..row + ROW].iter_mut().zip(work[r..r + ROW].iter().zip(&powers));
                     rates.for_each(|(g, (r, p))| *g = sign * r * p);
-                    let error = ROUNDING * self.deflection_size(c) + deflect * work[self.layout.tails + j];
+                    let error =
+                        ROUNDING * self.s.deflection_size(c, self.request.x) + deflect * work[self.layout.tails + j];
                     guard_errors.push(if watch == Watch::Force { -1.0 } else { error });
                 }
                 remainder.push(tail);
@@ -136,7 +139,7 @@ impl Expansion<'_> {
         match c.spec.law {
             Law::Power(l) => {
                 let chi = c.latch.map_or(0.0, |i| l.hysteresis / self.request.x[i]);
-                (chi * tail, 1.0 + chi * self.rate_size(c))
+                (chi * tail, 1.0 + chi * self.s.rate_size(c, self.request.x))
             }
             Law::Rigid(_) => {
                 let force = |k| work[self.layout.of(k, FORCE)];
@@ -145,34 +148,24 @@ impl Expansion<'_> {
             }
             Law::Bilateral(l) | Law::KelvinVoigt(l, _) => {
                 let k = c.spec.stiffness.maximum();
-                let size = k * self.stretch_size(j, owner, reach, work) + l.damping * self.rate_size(c);
+                let size =
+                    k * self.stretch_size(j, owner, reach, work) + l.damping * self.s.rate_size(c, self.request.x);
                 (tail * (k * deflect + l.damping), size)
             }
         }
     }
 
-    /// Size of the terms a stretch is the sum of: afresh from the state those of the deflection, but where it was carried on
-    /// from step to step only itself and what a step adds.
+    /// Size of the terms a stretch is the sum of: taken from the state those of the deflection; where it is known better,
+    /// carried on from the last step or given by an exact zero, only itself and what the step adds.
     fn stretch_size(&self, j: usize, owner: Option<Owner>, reach: f64, work: &[f64]) -> f64 {
         let c = &self.s.contacts[j];
-        match self.request.carried.get(j) {
-            Some(stretch) if owner.is_none() && !stretch.is_nan() => {
-                work[self.layout.stretches + j].abs() + self.h * reach * self.rate_size(c)
-            }
-            _ => self.deflection_size(c),
+        let carried = self.request.carried.get(j).is_some_and(|stretch| !stretch.is_nan());
+        let given = contact_mode(self.request.mode, j).side() != 0.0
+            && [Watch::DriveFlank, Watch::BackFlank, Watch::Force].iter().any(|w| self.pinned(j, *w));
+        if owner.is_none() && (carried || given) {
+            work[self.layout.stretches + j].abs() + self.h * reach * self.s.rate_size(c, self.request.x)
+        } else {
+            self.s.deflection_size(c, self.request.x)
         }
-    }
-
-    /// Size of the terms whose sum is a deflection: its rounding error is a few units of this.
-    fn deflection_size(&self, c: &Contact) -> f64 {
-        let terms: f64 = c.direction.iter().map(|(i, g)| (g * self.request.x[*i as usize]).abs()).sum();
-        terms + c.gap().abs() + c.error.iter().map(|w| w.cosine.abs() + w.sine.abs()).sum::<f64>()
-    }
-
-    /// Size of the terms whose sum is a deflection rate.
-    fn rate_size(&self, c: &Contact) -> f64 {
-        let v = &self.request.x[self.s.n..];
-        let terms: f64 = c.direction.iter().map(|(i, g)| (g * v[*i as usize]).abs()).sum();
-        terms + c.error_rate.iter().map(|w| w.cosine.abs() + w.sine.abs()).sum::<f64>()
     }
 }

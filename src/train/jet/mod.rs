@@ -203,8 +203,21 @@ impl Expansion<'_> {
             let side = if is_bilateral { 0.0 } else { contact_mode(self.request.mode, j).side() };
             work[layout.stretches + j] = match self.request.carried.get(j) {
                 Some(stretch) if !stretch.is_nan() => *stretch,
+                _ if self.pinned(j, Watch::Force) => self.forceless(j, side, work),
                 _ => work[layout.deflection(j, 0)] - side * c.offset(),
             };
+        }
+    }
+
+    /// `δ − σ b` where the force of contact `j` is exactly zero: `−c δ̇/k` under a linear law. Taken from the state it would
+    /// be off by the rounding of the displacements, and times k that can be more than all else: the force would pull where
+    /// the contact is closed, and the mode without it press, each leading to the other.
+    fn forceless(&self, j: usize, side: f64, work: &[f64]) -> f64 {
+        let (c, request) = (&self.s.contacts[j], self.request);
+        let k = self.s.stiffness(j, request.mode, request.at).0;
+        match c.spec.law {
+            Law::KelvinVoigt(l, _) if k > 0.0 => -l.damping * self.rate(j, 0, &request.x[self.s.n..], work) / k,
+            _ => work[self.layout.deflection(j, 0)] - side * c.offset(),
         }
     }
 
