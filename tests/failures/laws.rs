@@ -13,7 +13,7 @@ use flank::{
         ContactMode::{Drive, DriveDetached, Separated},
         ContactView, Mode, VectorField,
     },
-    train::{AssembleError, Structure, Walled, Walls, contact_mode, with_contact},
+    train::{AssembleError, Spec, Structure, Walled, Walls, contact_mode, with_contact},
 };
 
 use crate::support::{Log, engine, modes, run, state, walled};
@@ -191,7 +191,8 @@ fn d7_overdamped_contacts_are_contacts() {
 #[test]
 fn d7_a_train_made_in_code_with_values_that_cannot_be_is_refused() {
     let good = damped(0.1, Release::Force).spec().clone();
-    let broken: Vec<(&str, Box<dyn Fn(&mut flank::train::Spec)>)> = vec![
+    type Spoil = Box<dyn Fn(&mut Spec)>;
+    let broken: Vec<(&str, Spoil)> = vec![
         ("mass", Box::new(|s| s.mass[(0, 0)] = 0.0)),
         ("mass", Box::new(|s| s.mass[(0, 0)] = f64::NAN)),
         ("stiffness matrix", Box::new(|s| s.stiffness[(0, 0)] = f64::NAN)),
