@@ -68,7 +68,7 @@ impl Ramp {
     pub fn bias(self) -> f64 {
         match self {
             Self::Sharp => 0.0,
-            Self::Tanh(s) => 0.139_231_935_4 / s,
+            Self::Tanh(s) => 0.139_232_271_380_536_9 / s,
             Self::SquareRoot(s) => 0.5 / s,
             Self::Polynomial(s) => 0.1875 / s,
         }
