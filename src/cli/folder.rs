@@ -37,6 +37,9 @@ impl Folder {
             "report.html",
             "study.json",
             "table.csv",
+            "advise.csv",
+            "advise.json",
+            "timing.json",
         ] {
             match fs::remove_file(folder.path.join(name)) {
                 Err(error) if error.kind() != std::io::ErrorKind::NotFound => {

@@ -4,6 +4,7 @@
 //! [`record`](mod@record) keeps a stretch of motion for pictures. [`identify`](mod@identify) finds numbers of a scene from
 //! what a train does.
 
+pub mod advise;
 mod case;
 pub mod changes;
 mod error;
