@@ -64,7 +64,7 @@ struct Timed {
 
 const REPETITIONS: usize = 5;
 /// Dense steps of a repetition, about.
-const STEPS: f64 = 20_000.0;
+const STEPS: f64 = 4_000.0;
 
 /// Advises.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
@@ -113,7 +113,7 @@ fn shown(advice: &Advice) -> Vec<&Rung> {
 /// Times a forcing cycle of every model, the models in turn; none if interrupted.
 fn timing(advice: &Advice) -> Result<Option<Timing>, CliError> {
     let models = shown(advice);
-    let cycles = |rung: &Rung| (STEPS / rung.motion.work.steps.max(1.0)).clamp(4.0, 5_000.0) as u64;
+    let cycles = |rung: &Rung| (STEPS / rung.motion.work.steps.max(1.0)).clamp(4.0, 1_000.0) as u64;
     let mut seconds = vec![Vec::new(); models.len()];
     for _ in 0..REPETITIONS {
         for (rung, seconds) in models.iter().zip(&mut seconds) {

@@ -27,6 +27,11 @@ pub struct Estimate {
 }
 
 impl Estimate {
+    /// Standard deviation of the stretches behind it.
+    fn scatter(self) -> f64 {
+        self.error * (STRETCHES as f64).sqrt()
+    }
+
     fn of(values: &[f64]) -> Self {
         let count = values.len() as f64;
         let value = values.iter().sum::<f64>() / count;
@@ -87,13 +92,26 @@ impl Motion {
     /// `period 1` in forcing cycles, `irregular` or `settling`.
     #[must_use]
     pub fn kind(&self) -> String {
-        self.settled.period.map_or_else(|| self.settled.word().to_owned(), |period| format!("period {period}"))
+        match self.settled.period {
+            Some(period) => format!("period {period}"),
+            None if self.irregular() => "irregular".to_owned(),
+            None => "settling".to_owned(),
+        }
     }
 
     /// The measures of a family.
     #[must_use]
     pub fn mesh(&self, family: &str) -> Option<&Mesh> {
         self.meshes.iter().find(|mesh| mesh.family == family)
+    }
+
+    /// Whether it is irregular: it has no period, and its measures scatter from stretch to stretch. Without a period but with
+    /// steady measures it is a transient longer than what was run.
+    #[must_use]
+    pub fn irregular(&self) -> bool {
+        let relative = |peak: Estimate| peak.scatter() > SCATTER * peak.value;
+        let scatters = |mesh: &Mesh| mesh.apart.scatter() > SCATTER || mesh.peak.is_some_and(relative);
+        self.settled.period.is_none() && self.meshes.iter().any(scatters)
     }
 
     /// Largest time without force of any family, forcing periods.
@@ -115,6 +133,8 @@ fn largest(values: impl Iterator<Item = Estimate>) -> Option<Estimate> {
 
 /// Stretches an irregular motion is measured in: the scatter of their means is that of the measure.
 const STRETCHES: u64 = 10;
+/// Scatter between stretches, forcing periods of time apart and relative in peak force, from which on a motion is irregular.
+const SCATTER: f64 = 1e-3;
 
 /// Settles the motion of `model`, from `seed` or from the scene's own start, and measures it; with `moving`, the second
 /// moments of its velocities are collected too.

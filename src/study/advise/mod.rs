@@ -82,6 +82,12 @@ impl Rung {
         }
     }
 
+    /// Work of a forcing cycle: freedoms times dense steps, as a step costs more the more freedoms there are.
+    #[must_use]
+    pub fn work(&self) -> f64 {
+        self.motion.freedoms as f64 * self.motion.work.steps
+    }
+
     /// The train that was run.
     #[must_use]
     pub fn spec(&self) -> &crate::train::Spec {
@@ -152,13 +158,12 @@ impl Advice {
         std::iter::once(&self.full).chain(&self.rungs).chain(dropped).chain(&self.together)
     }
 
-    /// The least model found to be enough: all steps together, or the rung that takes fewest steps a cycle and freedoms.
+    /// The least model found to be enough: all steps together, or the one that takes the least work.
     #[must_use]
     pub fn least(&self) -> Option<&Rung> {
         let enough = |rung: &&Rung| rung.verdict == Verdict::Enough;
-        let work = |rung: &Rung| rung.motion.work.steps * rung.motion.freedoms as f64;
         let dropped = self.parts.iter().filter_map(|part| part.dropped.as_ref());
-        let single = || self.rungs.iter().chain(dropped).filter(enough).min_by(|a, b| work(a).total_cmp(&work(b)));
+        let single = || self.rungs.iter().chain(dropped).filter(enough).min_by(|a, b| a.work().total_cmp(&b.work()));
         self.together.as_ref().filter(enough).or_else(single)
     }
 }

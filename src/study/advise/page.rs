@@ -32,9 +32,15 @@ fn percent(value: f64) -> String {
     if value.abs() < 5e-5 { "0 %".to_owned() } else { format!("{:+.2} %", 100.0 * value) }
 }
 
-fn with_error(estimate: Estimate, show: impl Fn(f64) -> String) -> String {
-    let Estimate { value, error } = estimate;
-    if error > 0.0 { format!("{} ± {}", show(value), show(error)) } else { show(value) }
+/// A mean, and its standard error where that shows.
+fn with_error(Estimate { value, error }: Estimate, show: impl Fn(f64) -> String) -> String {
+    if show(value + error) == show(value) { show(value) } else { format!("{} ± {}", show(value), two_digits(error)) }
+}
+
+fn two_digits(error: f64) -> String {
+    // OK to convert: a few decimals.
+    let decimals = (1 - error.log10().floor() as i32).clamp(0, 6) as usize;
+    format!("{error:.decimals$}")
 }
 
 impl Advice {
@@ -147,7 +153,8 @@ impl Advice {
     pub fn rule_in_words(&self) -> String {
         format!(
             "A model is enough if the time apart of every family of contacts changes by at most {} of the forcing period, its peak \
-             force by at most {} %, and the motion keeps its period; irregular motions with twice the standard error to spare.",
+             force by at most {} %, and the motion stays of its kind: of one period, or irregular. Irregular motions need twice \
+             the standard error to spare.",
             self.tolerance,
             100.0 * self.tolerance
         )
@@ -157,36 +164,57 @@ impl Advice {
     #[must_use]
     pub fn verdicts(&self) -> Vec<String> {
         let mut lines = Vec::new();
-        for rung in self.rungs.iter().chain(&self.together) {
-            lines.push(sentence(rung));
-        }
-        for part in &self.parts {
-            lines.extend(part.dropped.as_ref().filter(|rung| rung.own_start.is_some()).map(sentence));
-        }
-        let named = |wanted: Verdict| {
-            let own = |part: &&super::Part| part.dropped.as_ref().is_some_and(|rung| rung.verdict == wanted);
-            self.parts.iter().filter(own).map(|part| part.group.words.as_str()).collect::<Vec<_>>().join(", ")
-        };
-        for (verdict, words) in [
-            (Verdict::NotEnough, "Freedoms that matter"),
-            (Verdict::Enough, "Freedoms that can each be dropped"),
-            (Verdict::Unclear, "Freedoms the scatter hides"),
-        ] {
-            let names = named(verdict);
+        let dropped = || self.parts.iter().filter_map(|part| part.dropped.as_ref());
+        let mut say = |rungs: &[&Rung], verdict: Verdict, words: &str, why: bool| {
+            let own = rungs.iter().filter(|rung| rung.verdict == verdict);
+            let named = |rung: &&&Rung| {
+                let words = rung.words.trim_start_matches("without ");
+                if why { format!("{words} ({})", cost(rung)) } else { words.to_owned() }
+            };
+            let names: Vec<String> = own.map(|rung| named(&rung)).collect();
             if !names.is_empty() {
-                lines.push(format!("{words}: {names}."));
+                lines.push(format!("{words}: {}.", names.join(", ")));
             }
+        };
+        let rungs: Vec<&Rung> = self.rungs.iter().collect();
+        say(&rungs, Verdict::Enough, "Enough", false);
+        say(&rungs, Verdict::NotEnough, "Not enough", false);
+        say(&rungs, Verdict::Unclear, "Hidden by the scatter of irregular motions", true);
+        let parts: Vec<&Rung> = dropped().collect();
+        say(&parts, Verdict::Enough, "Freedoms that can each be dropped", false);
+        say(&parts, Verdict::NotEnough, "Freedoms that matter", false);
+        say(&parts, Verdict::Unclear, "Freedoms whose weight the scatter hides", true);
+        if let Some(rung) = self.together.as_ref().filter(|rung| rung.verdict != Verdict::Enough) {
+            lines.push(format!("Each is enough by itself, not together: {} ({}).", rung.words, cost(rung)));
+        }
+        for (rung, other) in self.models().filter_map(|rung| Some((rung, rung.own_start.as_ref()?))) {
+            let peak = other.peak().map(|peak| format!(", peak {}", short(peak.value))).unwrap_or_default();
+            let (kind, apart) = (other.kind(), fraction(other.apart().value));
+            lines.push(format!(
+                "The start decides: from the scene's own, {} has another motion ({kind}, apart {apart} T{peak}).",
+                quoted(&rung.words)
+            ));
+        }
+        for rung in self.models().skip(1).filter(|rung| !rung.motion.followed) {
+            lines.push(format!("{} could not take up the scene's motion.", quoted(&rung.words)));
         }
         lines.extend(self.left.iter().map(|left| format!("Not tried: {} ({}).", left.words, left.why)));
         lines.push(match self.least() {
             Some(rung) => {
                 let (from, to) = (&self.full.motion, &rung.motion);
+                let set = rung.set.iter().map(|(pointer, value)| format!(" In the scene: {pointer} = {value}."));
                 format!(
-                    "Least model that is enough: {}; {} of {} freedoms, {:.1} of {:.1} steps a cycle.",
-                    rung.words, to.freedoms, from.freedoms, to.work.steps, from.work.steps
+                    "Least model that is enough: {}; {} of {} freedoms, {:.1} of {:.1} steps a cycle.{}",
+                    rung.words,
+                    to.freedoms,
+                    from.freedoms,
+                    to.work.steps,
+                    from.work.steps,
+                    set.collect::<String>()
                 )
             }
-            None => "No simpler model is enough: the scene is as simple as it can be, of what was tried.".to_owned(),
+            None if rungs.is_empty() && parts.is_empty() => "Nothing could be made simpler.".to_owned(),
+            None => "Nothing that was tried is enough: the scene models no more than it needs.".to_owned(),
         });
         lines
     }
@@ -238,20 +266,14 @@ impl Advice {
     }
 }
 
-/// What a model came to.
-fn sentence(rung: &Rung) -> String {
+/// What a model changes, in words.
+fn cost(rung: &Rung) -> String {
     let peak = rung.peak_change().map(|change| format!(", peak force {}", percent(change))).unwrap_or_default();
-    let other = rung.own_start.as_ref().map_or_else(String::new, |motion| {
-        let peak = motion.peak().map(|peak| format!(", peak {}", short(peak.value))).unwrap_or_default();
-        format!(
-            " From the scene's own start it has another motion ({}, apart {}{peak}): the start decides.",
-            motion.kind(),
-            fraction(motion.apart().value)
-        )
-    });
-    let words = rung.words[..1].to_uppercase() + &rung.words[1..];
-    let follow = if rung.motion.followed { "" } else { " It could not take up the scene's motion." };
-    format!("{words}: {}. Apart {} T{peak}.{follow}{other}", rung.verdict.word(), signed(rung.apart_change()))
+    format!("apart {} T{peak}", signed(rung.apart_change()))
+}
+
+fn quoted(words: &str) -> String {
+    format!("\"{words}\"")
 }
 
 #[cfg(feature = "plot")]

@@ -27,9 +27,10 @@ pub struct Change {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Verdict {
-    /// Time apart and peak force of every family change by no more than the tolerance, and the motion keeps its period.
+    /// Time apart and peak force of every family change by no more than the tolerance, and the motion stays of its kind: of
+    /// one period, or irregular.
     Enough,
-    /// One of them changes by more.
+    /// Something changes by more.
     NotEnough,
     /// The scatter of irregular motions is too large to tell: twice the standard error of a change reaches over the tolerance.
     Unclear,
@@ -78,9 +79,14 @@ pub fn changes(full: &Motion, motion: &Motion) -> Vec<Change> {
 #[must_use]
 pub fn judge(full: &Motion, motion: &Motion, changes: &[Change], tolerance: f64) -> Verdict {
     let sizes = || changes.iter().flat_map(|change| [Some(change.apart), change.peak]).flatten();
-    if full.settled.period != motion.settled.period
-        || sizes().any(|change| change.value.abs() - 2.0 * change.error > tolerance)
-    {
+    let periods = [full.settled.period, motion.settled.period];
+    let other_kind = match periods {
+        [Some(a), Some(b)] => a != b,
+        [None, None] => false,
+        [Some(_), None] => motion.irregular(),
+        [None, Some(_)] => full.irregular(),
+    };
+    if other_kind || sizes().any(|change| change.value.abs() - 2.0 * change.error > tolerance) {
         Verdict::NotEnough
     } else if sizes().all(|change| change.value.abs() + 2.0 * change.error <= tolerance) {
         Verdict::Enough
