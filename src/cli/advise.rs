@@ -69,8 +69,8 @@ const STEPS: f64 = 4_000.0;
 /// Advises.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let plan = Plan::new(&read(arguments.scene.as_deref())?)?;
-    // Refused before anything is run.
-    let folder = arguments.out.as_ref().map(|out| Folder::open(out, arguments.force)).transpose()?;
+    // Refused before anything is run, made when there is something to write.
+    arguments.out.as_ref().map_or(Ok(()), |out| Folder::check(out, arguments.force))?;
     catch_interrupt();
     let bar = counting("models", arguments.quiet);
     bar.set_length(plan.runs() as u64);
@@ -85,7 +85,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     };
     let Some(timing) = timing(&advice)? else { return stopped() };
 
-    if let (Some(folder), Some(out)) = (&folder, &arguments.out) {
+    if let Some(out) = &arguments.out {
+        let folder = Folder::open(out, arguments.force)?;
         let drawn = Folder::open(&out.join("figures"), true)?;
         for figure in [figures::rungs(&advice), figures::freedoms(&advice)].into_iter().flatten() {
             write(&drawn, &figure)?;
@@ -105,14 +106,17 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     Ok(Done::Completely)
 }
 
-/// The models of the table, in its order.
-fn shown(advice: &Advice) -> Vec<&Rung> {
-    std::iter::once(&advice.full).chain(&advice.rungs).chain(&advice.together).collect()
+/// The models of the table, in its order, and the least one if that is not among them.
+fn timed(advice: &Advice) -> Vec<&Rung> {
+    let table = std::iter::once(&advice.full).chain(&advice.rungs).chain(&advice.together);
+    let mut models: Vec<&Rung> = table.collect();
+    models.extend(advice.least().filter(|least| models.iter().all(|model| model.words != least.words)));
+    models
 }
 
 /// Times a forcing cycle of every model, the models in turn; none if interrupted.
 fn timing(advice: &Advice) -> Result<Option<Timing>, CliError> {
-    let models = shown(advice);
+    let models = timed(advice);
     let cycles = |rung: &Rung| (STEPS / rung.motion.work.steps.max(1.0)).clamp(4.0, 1_000.0) as u64;
     let mut seconds = vec![Vec::new(); models.len()];
     for _ in 0..REPETITIONS {
@@ -125,11 +129,11 @@ fn timing(advice: &Advice) -> Result<Option<Timing>, CliError> {
             seconds.push(start.elapsed().as_secs_f64() / cycles(rung) as f64);
         }
     }
-    let timed = |(rung, mut seconds): (&&Rung, Vec<f64>)| {
+    let median = |(rung, mut seconds): (&&Rung, Vec<f64>)| {
         seconds.sort_by(f64::total_cmp);
         Timed { model: rung.words.clone(), cycles: cycles(rung), cycle_s: seconds[REPETITIONS / 2] }
     };
-    let models = models.iter().zip(seconds).map(timed).collect();
+    let models = models.iter().zip(seconds).map(median).collect();
     Ok(Some(Timing { repetitions: REPETITIONS, models }))
 }
 
