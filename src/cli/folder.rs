@@ -19,12 +19,15 @@ pub struct Folder {
 const SUMMARY: &str = "summary.json";
 
 impl Folder {
+    /// Refuses a folder that holds anything, unless `force`.
+    pub fn check(path: &Path, force: bool) -> Result<(), CliError> {
+        let occupied = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
+        if occupied && !force { Err(CliError::Occupied(path.display().to_string())) } else { Ok(()) }
+    }
+
     /// Opens `path`, created if need be. One that holds anything is refused unless `force`.
     pub fn open(path: &Path, force: bool) -> Result<Self, CliError> {
-        let occupied = fs::read_dir(path).is_ok_and(|mut entries| entries.next().is_some());
-        if occupied && !force {
-            return Err(CliError::Occupied(path.display().to_string()));
-        }
+        Self::check(path, force)?;
         fs::create_dir_all(path).map_err(|error| CliError::path(path, error))?;
         let folder = Self { path: path.to_owned() };
         // What an earlier run left must not be taken for this one's, even if this one is killed.
@@ -37,6 +40,9 @@ impl Folder {
             "report.html",
             "study.json",
             "table.csv",
+            "advise.csv",
+            "advise.json",
+            "timing.json",
         ] {
             match fs::remove_file(folder.path.join(name)) {
                 Err(error) if error.kind() != std::io::ErrorKind::NotFound => {

@@ -1,5 +1,6 @@
 //! Commands, one file each. They print and write files; the library does neither.
 
+mod advise;
 mod check;
 mod compare;
 mod comparison;
@@ -40,6 +41,8 @@ enum Command {
     Run(run::Arguments),
     /// Make every figure and number of a study, with a report to look at
     Study(study::Arguments),
+    /// Make a scene simpler step by step: what each step changes and what it saves, and which freedoms matter
+    Advise(advise::Arguments),
     /// Measure the steady motion at every point of a grid of scene numbers
     Sweep(sweep::Arguments),
     /// Compare Flank with fixed-step and adaptive codes on a scene: accuracy against work
@@ -79,6 +82,7 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
     match arguments.command {
         Command::Run(arguments) => return run::execute(&arguments),
         Command::Study(arguments) => return study::execute(&arguments),
+        Command::Advise(arguments) => return advise::execute(&arguments),
         Command::Sweep(arguments) => return sweep::execute(&arguments),
         Command::Compare(arguments) => return compare::execute(&arguments),
         Command::Identify(arguments) => return identify::execute(&arguments),

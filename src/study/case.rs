@@ -24,9 +24,16 @@ impl Case {
     /// # Errors
     /// [`StudyError::Scene`] or [`StudyError::Assemble`].
     pub fn new(scene: &Scene) -> Result<Self, StudyError> {
-        let built = scene.build()?;
+        Self::of(scene.name(), scene.build()?)
+    }
+
+    /// Assembles what a scene has built, or something made from that.
+    ///
+    /// # Errors
+    /// [`StudyError::Assemble`].
+    pub fn of(name: &str, built: Built) -> Result<Self, StudyError> {
         let structure = Structure::new(built.spec.clone())?;
-        Ok(Self { name: scene.name().to_owned(), built, structure })
+        Ok(Self { name: name.to_owned(), built, structure })
     }
 
     /// The forcing clock.

@@ -2,8 +2,9 @@
 //!
 //! [`Case`] is a scene ready to run. [`steady`](mod@steady) runs it until its motion is periodic and measures it;
 //! [`record`](mod@record) keeps a stretch of motion for pictures. [`identify`](mod@identify) finds numbers of a scene from
-//! what a train does.
+//! what a train does. [`advise`] compares a scene with simpler models of itself.
 
+pub mod advise;
 mod case;
 pub mod changes;
 mod error;

@@ -133,7 +133,7 @@ impl Contents {
     }
 }
 
-fn listed(listing: &Listing) -> Table {
+pub(super) fn listed(listing: &Listing) -> Table {
     let cells = |row: &Vec<String>| row.iter().map(|cell| Cell::from(cell.as_str())).collect();
     Table {
         title: listing.title.clone(),

@@ -124,7 +124,7 @@ pub fn settled<'c>(
     Ok((engine, settled, seeded))
 }
 
-fn resumed(case: &Case, seed: &Seed) -> Option<State> {
+pub(super) fn resumed(case: &Case, seed: &Seed) -> Option<State> {
     let at = case.cycle_start(case.built.run.instants(case.clock())[0]);
     let start = case.structure.resume(at, &seed.x, &seed.contacts).ok()?;
     Some(State { at, x: start.x, jump: start.jump })

@@ -85,6 +85,12 @@ impl Contact {
         1.0 / self.mobility
     }
 
+    /// Index in the state of its latched approach speed, if its law keeps one.
+    #[must_use]
+    pub fn latch(&self) -> Option<usize> {
+        self.latch
+    }
+
     pub(super) fn gap(&self) -> f64 {
         self.spec.half_backlash
     }

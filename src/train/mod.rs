@@ -34,4 +34,5 @@ pub use mesh::{Mesh, mesh_damping};
 pub use pair::{GearPair, KahramanSingh};
 pub use planetary::{Freedoms, Load, Phasing, Planet, Planetary, StageGeometry, Teeth, Warning};
 pub use spec::{ContactSpec, Flanks, LoadHarmonic, Spec};
+pub use view::damped_restitution;
 pub use wall::{Walled, Walls};

@@ -1,0 +1,174 @@
+//! `flank advise`.
+
+use std::{path::PathBuf, time::Instant};
+
+use flank::study::{
+    StudyError,
+    advise::{Advice, Plan, Rung, figures},
+    figures::Context,
+    steady::Rule,
+};
+use serde::Serialize;
+use serde_json::json;
+
+use super::{
+    CliError, Done,
+    folder::Folder,
+    print,
+    progress::{catch_interrupt, counting, interrupt, interrupted},
+    session::read,
+    study::write,
+    table::Table,
+};
+
+/// Arguments of `flank advise`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Scene file; the reference planetary set under light load if left out
+    scene: Option<PathBuf>,
+    /// Folder of report.html, the figures and their data
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Change that still counts as none: forcing periods of time apart, share of the peak force
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = tolerance)]
+    tolerance: f64,
+    /// Write into a folder that is not empty
+    #[arg(long)]
+    force: bool,
+    /// Print nothing
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+fn tolerance(word: &str) -> Result<f64, String> {
+    let wanted = || "a number above 0 and below 1, such as 0.01".to_owned();
+    word.parse().ok().filter(|share| *share > 0.0 && *share < 1.0).ok_or_else(wanted)
+}
+
+/// `timing.json`: the only file that two runs may write differently.
+#[derive(Serialize)]
+struct Timing {
+    /// Repetitions, models in turn within each.
+    repetitions: usize,
+    models: Vec<Timed>,
+}
+
+#[derive(Serialize)]
+struct Timed {
+    model: String,
+    /// Forcing cycles of a repetition.
+    cycles: u64,
+    /// Median time of a forcing cycle, s.
+    cycle_s: f64,
+}
+
+const REPETITIONS: usize = 5;
+/// Dense steps of a repetition, about.
+const STEPS: f64 = 4_000.0;
+
+/// Advises.
+pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let plan = Plan::new(&read(arguments.scene.as_deref())?)?;
+    // Refused before anything is run, made when there is something to write.
+    arguments.out.as_ref().map_or(Ok(()), |out| Folder::check(out, arguments.force))?;
+    catch_interrupt();
+    let bar = counting("models", arguments.quiet);
+    bar.set_length(plan.runs() as u64);
+    let done = || bar.inc(1);
+    let context = Context { rule: Rule::default(), interrupted: interrupt(), done: &done };
+    let found = plan.advice(&context, arguments.tolerance);
+    bar.finish_and_clear();
+    let stopped = || print("interrupted: nothing was written\n").map(|()| Done::Partly);
+    let advice = match found {
+        Err(StudyError::Interrupted) => return stopped(),
+        found => found?,
+    };
+    let Some(timing) = timing(&advice)? else { return stopped() };
+
+    if let Some(out) = &arguments.out {
+        let folder = Folder::open(out, arguments.force)?;
+        let drawn = Folder::open(&out.join("figures"), true)?;
+        for figure in [figures::rungs(&advice), figures::freedoms(&advice)].into_iter().flatten() {
+            write(&drawn, &figure)?;
+        }
+        folder.bytes("advise.csv", advice.csv().as_bytes())?;
+        folder.complete("advise.json", &json!({ "flank": env!("CARGO_PKG_VERSION"), "advice": advice }))?;
+        folder.complete("timing.json", &timing)?;
+        folder.bytes("report.html", advice.report(env!("CARGO_PKG_VERSION")).html().as_bytes())?;
+    }
+    if !arguments.quiet {
+        let mut text = text(&advice, &timing);
+        if let Some(out) = &arguments.out {
+            text += &format!("\nreport: {}\n", out.join("report.html").display());
+        }
+        print(&text)?;
+    }
+    Ok(Done::Completely)
+}
+
+/// The models of the table, in its order, and the least one if that is not among them.
+fn timed(advice: &Advice) -> Vec<&Rung> {
+    let table = std::iter::once(&advice.full).chain(&advice.rungs).chain(&advice.together);
+    let mut models: Vec<&Rung> = table.collect();
+    models.extend(advice.least().filter(|least| models.iter().all(|model| model.words != least.words)));
+    models
+}
+
+/// Times a forcing cycle of every model, the models in turn; none if interrupted.
+fn timing(advice: &Advice) -> Result<Option<Timing>, CliError> {
+    let models = timed(advice);
+    let cycles = |rung: &Rung| (STEPS / rung.motion.work.steps.max(1.0)).clamp(4.0, 1_000.0) as u64;
+    let mut seconds = vec![Vec::new(); models.len()];
+    for _ in 0..REPETITIONS {
+        for (rung, seconds) in models.iter().zip(&mut seconds) {
+            if interrupted() {
+                return Ok(None);
+            }
+            let start = Instant::now();
+            rung.advance(cycles(rung))?;
+            seconds.push(start.elapsed().as_secs_f64() / cycles(rung) as f64);
+        }
+    }
+    let median = |(rung, mut seconds): (&&Rung, Vec<f64>)| {
+        seconds.sort_by(f64::total_cmp);
+        Timed { model: rung.words.clone(), cycles: cycles(rung), cycle_s: seconds[REPETITIONS / 2] }
+    };
+    let models = models.iter().zip(seconds).map(median).collect();
+    Ok(Some(Timing { repetitions: REPETITIONS, models }))
+}
+
+fn text(advice: &Advice, timing: &Timing) -> String {
+    let mut text = format!("{}: how little is enough\n\n", advice.scene);
+    let models = advice.models_table();
+    let mut head: Vec<&str> = models.head.iter().map(String::as_str).collect();
+    head.insert(head.len() - 1, "µs/T");
+    let mut table = Table::new(&head);
+    for (mut row, timed) in models.rows.into_iter().zip(&timing.models) {
+        row.insert(row.len() - 1, format!("{:.1}", 1e6 * timed.cycle_s));
+        table.row(row);
+    }
+    text += &format!("{table}\n");
+    let freedoms = advice.freedoms_table();
+    if freedoms.rows.len() > 1 {
+        let head: Vec<&str> = freedoms.head.iter().map(String::as_str).collect();
+        let mut table = Table::new(&head);
+        freedoms.rows.into_iter().for_each(|row| table.row(row));
+        text += &format!("{table}\n");
+    }
+    for line in advice.verdicts() {
+        text += &format!("{line}\n");
+    }
+    if let Some(faster) = faster(advice, timing) {
+        text += &faster;
+    }
+    text + &format!("\n{}\n", advice.rule_in_words())
+}
+
+/// What the least model saves in time.
+fn faster(advice: &Advice, timing: &Timing) -> Option<String> {
+    let least = advice.least()?;
+    let own = timing.models.iter().find(|timed| timed.model == least.words)?;
+    let full = timing.models.first()?;
+    let [from, to] = [full.cycle_s, own.cycle_s].map(|seconds| 1e6 * seconds);
+    Some(format!("It takes {to:.1} µs a cycle, the scene {from:.1} µs: {:.1} times as fast.\n", from / to))
+}

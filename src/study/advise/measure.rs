@@ -1,0 +1,282 @@
+//! The steady motion of a model, in the numbers that models are compared by.
+
+use std::{ops::ControlFlow, sync::atomic::Ordering};
+
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use super::model::{Model, family};
+use crate::{
+    analysis::{Contacts, Grid, Sample, Settled, Trajectory, cycles_later},
+    engine::{Engine, Outcome},
+    hybrid::ContactView,
+    study::{
+        StudyError,
+        figures::Context,
+        steady::{Seed, settled},
+    },
+};
+
+/// A mean and its standard error; that of a periodic motion is 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Estimate {
+    /// Mean.
+    pub value: f64,
+    /// Standard error: `s/√B` over B stretches of the motion.
+    pub error: f64,
+}
+
+impl Estimate {
+    /// Standard deviation of the stretches behind it.
+    fn scatter(self) -> f64 {
+        self.error * (STRETCHES as f64).sqrt()
+    }
+
+    fn of(values: &[f64]) -> Self {
+        let count = values.len() as f64;
+        let value = values.iter().sum::<f64>() / count;
+        let spread = values.iter().map(|v| (v - value).powi(2)).sum::<f64>();
+        let error = if values.len() > 1 { (spread / (count - 1.0) / count).sqrt() } else { 0.0 };
+        Self { value, error }
+    }
+}
+
+/// What was measured on the contacts of one family.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Mesh {
+    /// The family, such as `ring-planet`.
+    pub family: String,
+    /// Time without force, forcing periods: mean of its contacts.
+    pub apart: Estimate,
+    /// Separations a forcing cycle and contact.
+    pub separations: f64,
+    /// Mean duration of a separation, s, if there are any.
+    pub separation_s: Option<f64>,
+    /// Largest force of any of its contacts, N; of rigid contacts, whose impacts have none, nothing. Of an irregular motion
+    /// the mean over stretches of it.
+    pub peak: Option<Estimate>,
+    /// Mean force, N.
+    pub mean_force: Estimate,
+}
+
+/// Work a forcing cycle takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Work {
+    /// Dense steps.
+    pub steps: f64,
+    /// Events.
+    pub events: f64,
+}
+
+/// The steady motion of a model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Motion {
+    /// Number of freedoms.
+    pub freedoms: usize,
+    /// How it was found to be.
+    pub settled: Settled,
+    /// Whether it took up the motion of the full model.
+    pub followed: bool,
+    /// Cycles measured.
+    pub cycles: u64,
+    /// The contacts, by family.
+    pub meshes: Vec<Mesh>,
+    /// Work a cycle.
+    pub work: Work,
+    /// Where it ended, at the start of a cycle.
+    #[serde(skip)]
+    pub end: Seed,
+}
+
+impl Motion {
+    /// `period 1` in forcing cycles, `irregular` or `settling`.
+    #[must_use]
+    pub fn kind(&self) -> String {
+        match self.settled.period {
+            Some(period) => format!("period {period}"),
+            None if self.irregular() => "irregular".to_owned(),
+            None => "settling".to_owned(),
+        }
+    }
+
+    /// The measures of a family.
+    #[must_use]
+    pub fn mesh(&self, family: &str) -> Option<&Mesh> {
+        self.meshes.iter().find(|mesh| mesh.family == family)
+    }
+
+    /// Whether it is irregular: it has no period, and its measures scatter from stretch to stretch. Without a period but with
+    /// steady measures it is a transient longer than what was run.
+    #[must_use]
+    pub fn irregular(&self) -> bool {
+        let relative = |peak: Estimate| peak.scatter() > SCATTER * peak.value;
+        let scatters = |mesh: &Mesh| mesh.apart.scatter() > SCATTER || mesh.peak.is_some_and(relative);
+        self.settled.period.is_none() && self.meshes.iter().any(scatters)
+    }
+
+    /// Largest time without force of any family, forcing periods.
+    #[must_use]
+    pub fn apart(&self) -> Estimate {
+        largest(self.meshes.iter().map(|mesh| mesh.apart)).unwrap_or_default()
+    }
+
+    /// Largest force of any family, N.
+    #[must_use]
+    pub fn peak(&self) -> Option<Estimate> {
+        largest(self.meshes.iter().filter_map(|mesh| mesh.peak))
+    }
+}
+
+fn largest(values: impl Iterator<Item = Estimate>) -> Option<Estimate> {
+    values.reduce(|a, b| if b.value > a.value { b } else { a })
+}
+
+/// Stretches an irregular motion is measured in: the scatter of their means is that of the measure.
+const STRETCHES: u64 = 10;
+/// Scatter between stretches, forcing periods of time apart and relative in peak force, from which on a motion is irregular.
+const SCATTER: f64 = 1e-3;
+
+/// Settles the motion of `model`, from `seed` or from the scene's own start, and measures it; with `moving`, the second
+/// moments of its velocities are collected too.
+///
+/// # Errors
+/// [`StudyError`] of the run.
+pub(super) fn measure(
+    context: &Context<'_>,
+    model: &Model,
+    seed: Option<&Seed>,
+    moving: Option<&mut Moments>,
+) -> Result<Motion, StudyError> {
+    let case = &model.case;
+    let (mut engine, found, followed) = settled(case, seed, &context.rule, context.interrupted)?;
+    let (stretches, cycles) = match found.period {
+        Some(period) => (1, context.rule.measured_cycles.max(1).next_multiple_of(u64::from(period))),
+        None => (STRETCHES, context.rule.irregular_cycles.max(1).div_ceil(STRETCHES)),
+    };
+    let before = engine.counters();
+    let mut reports = Vec::new();
+    let mut none = Moments::default();
+    let moments = moving.unwrap_or(&mut none);
+    for _ in 0..stretches {
+        reports.push(stretch(context, model, &mut engine, cycles, moments)?);
+    }
+    let after = engine.counters();
+    let all = (stretches * cycles) as f64;
+    let meshes = meshes(model, &reports);
+    let end = engine.state();
+    let structure = &case.structure;
+    let modes = (0..structure.contact_count()).map(|j| structure.contact_mode(j, end.jump.mode)).collect();
+    let motion = Motion {
+        freedoms: structure.freedoms(),
+        settled: found,
+        followed,
+        cycles: stretches * cycles,
+        meshes,
+        work: Work {
+            steps: (after.steps - before.steps) as f64 / all,
+            events: (after.events - before.events) as f64 / all,
+        },
+        end: Seed { x: end.x.clone(), contacts: modes },
+    };
+    let finite = |mesh: &&Mesh| !(mesh.peak.map_or(0.0, |peak| peak.value) + mesh.mean_force.value).is_finite();
+    match motion.meshes.iter().find(finite) {
+        Some(mesh) => Err(StudyError::Overflow(format!("the force of {}", mesh.family))),
+        None => Ok(motion),
+    }
+}
+
+fn stretch(
+    context: &Context<'_>,
+    model: &Model,
+    engine: &mut Engine<'_>,
+    cycles: u64,
+    moments: &mut Moments,
+) -> Result<Vec<crate::analysis::ContactReport>, StudyError> {
+    let (structure, clock) = (&model.case.structure, model.case.clock());
+    let n = structure.freedoms();
+    let from = engine.state().at;
+    let mut contacts = Contacts::new(structure, Some(from)).keep(0);
+    let grid = Grid::Phases { per_cycle: if moments.wanted { per_cycle(n) } else { 1 } };
+    let mut samples = Trajectory::new(structure, grid, from, |sample: &Sample<'_>| {
+        if moments.wanted {
+            moments.add(&sample.x[n..2 * n]);
+        }
+        if context.interrupted.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    match engine.run(cycles_later(clock, from, cycles), &mut (&mut contacts, &mut samples))? {
+        Outcome::ReachedEnd => {}
+        _ if context.interrupted.load(Ordering::Relaxed) => return Err(StudyError::Interrupted),
+        _ => return Err(StudyError::Budget { cycle: engine.state().at.cycle }),
+    }
+    Ok((0..structure.contact_count()).map(|j| contacts.report(j)).collect())
+}
+
+/// Samples a cycle for second moments: fewer where there are many products to form.
+fn per_cycle(freedoms: usize) -> u32 {
+    if freedoms <= 32 { 256 } else { 32 }
+}
+
+fn meshes(model: &Model, stretches: &[Vec<crate::analysis::ContactReport>]) -> Vec<Mesh> {
+    let structure = &model.case.structure;
+    let period = structure.clock().period().map_or(f64::NAN, |period| period.value());
+    let mut families: Vec<(&str, Vec<usize>)> = Vec::new();
+    for j in 0..structure.contact_count() {
+        let own = family(structure.contact_name(j));
+        match families.iter_mut().find(|(known, _)| *known == own) {
+            Some((_, contacts)) => contacts.push(j),
+            None => families.push((own, vec![j])),
+        }
+    }
+    let mesh = |(family, contacts): (&str, Vec<usize>)| {
+        let count = contacts.len() as f64;
+        // OK to divide: a family has a contact.
+        let mean = |of: &dyn Fn(&crate::analysis::ContactReport) -> f64| {
+            let each = stretches.iter().map(|reports| contacts.iter().map(|&j| of(&reports[j])).sum::<f64>() / count);
+            Estimate::of(&each.collect::<Vec<_>>())
+        };
+        let peak = |reports: &Vec<crate::analysis::ContactReport>| {
+            contacts.iter().map(|&j| reports[j].force_abs_max).fold(0.0, f64::max)
+        };
+        let peaks: Vec<f64> = stretches.iter().map(peak).collect();
+        let all = || stretches.iter().flat_map(|reports| contacts.iter().map(|&j| &reports[j]));
+        let closed = all().map(|r| r.durations.count).sum::<u64>();
+        let length: f64 = all().map(|r| r.durations.mean.unwrap_or(0.0) * r.durations.count as f64).sum();
+        Mesh {
+            family: family.to_owned(),
+            apart: mean(&|r| r.no_force_fraction),
+            separations: mean(&|r| r.separations as f64 * period / r.time).value,
+            separation_s: (closed > 0).then(|| length / closed as f64),
+            peak: contacts.iter().all(|&j| !structure.is_rigid(j)).then(|| Estimate::of(&peaks)),
+            mean_force: mean(&|r| r.force_mean),
+        }
+    };
+    families.into_iter().map(mesh).collect()
+}
+
+/// Second moments of the velocities of a motion.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Moments {
+    wanted: bool,
+    count: f64,
+    sum: DVector<f64>,
+    products: DMatrix<f64>,
+}
+
+impl Moments {
+    pub fn new(freedoms: usize) -> Self {
+        Self { wanted: true, count: 0.0, sum: DVector::zeros(freedoms), products: DMatrix::zeros(freedoms, freedoms) }
+    }
+
+    fn add(&mut self, v: &[f64]) {
+        let v = DVector::from_column_slice(v);
+        self.count += 1.0;
+        self.products.ger(1.0, &v, &v, 1.0);
+        self.sum += v;
+    }
+
+    /// `⟨ṽ ṽᵀ⟩` with `ṽ = v − ⟨v⟩`, `[n × n]`.
+    pub fn covariance(&self) -> DMatrix<f64> {
+        let mean = &self.sum / self.count;
+        &self.products / self.count - &mean * mean.transpose()
+    }
+}

@@ -1,0 +1,136 @@
+//! A scene made simpler, and where its motion lies in the scene itself.
+
+use nalgebra::{DMatrix, DVector};
+use serde_json::{Value, json};
+
+use super::simplify::{self, LinearLaw};
+use crate::{
+    gear::contact::Law,
+    hybrid::ContactView,
+    scene::Scene,
+    study::{Case, StudyError, steady::Seed},
+};
+
+/// One way of making a train simpler.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    /// Other freedoms, as a scene of this kind of train names them.
+    Freedoms(Value),
+    /// Another value at a JSON pointer.
+    Set(&'static str, Value),
+    /// Only what excites below this frequency, rad/s: errors and harmonic loads.
+    ExcitationBelow(f64),
+    /// Only stiffness harmonics below this frequency, rad/s.
+    StiffnessBelow(f64),
+    /// Ramps of the stiffness become steps in their middle; the mean stays.
+    Stepped,
+    /// Stiffness at its mean.
+    MeanStiffness,
+    /// Linear laws in place of power laws.
+    Linear(Vec<LinearLaw>),
+    /// No damping in the contacts.
+    Undamped,
+    /// These freedoms of the in-phase reduction dropped, as a stage drops them: its planet is carried by the carrier.
+    Carried(Vec<String>),
+    /// These freedoms held at rest.
+    Hold(Vec<String>),
+    /// Each contact on its own, see [`simplify::alone`].
+    Alone,
+}
+
+impl Step {
+    /// What a scene has to say for it, as values at JSON pointers; none if a scene cannot say it.
+    #[must_use]
+    pub fn values(&self) -> Option<(&'static str, Value)> {
+        match self {
+            Self::Freedoms(value) => Some(("/train/freedoms", value.clone())),
+            Self::Set(pointer, value) => Some((pointer, value.clone())),
+            _ => None,
+        }
+    }
+}
+
+/// A model of a scene: ready to run, its freedoms as functions of the scene's own.
+#[derive(Debug)]
+pub struct Model {
+    /// What runs.
+    pub case: Case,
+    /// R in `q = R q_scene`, `[n × n_scene]`.
+    restriction: DMatrix<f64>,
+}
+
+impl Model {
+    /// The scene with `steps` taken, in their order but for those that a scene can say, which come first.
+    ///
+    /// It starts where the scene does, seen in its own freedoms.
+    ///
+    /// # Errors
+    /// [`StudyError::Scene`] if the scene does not allow a step, [`StudyError::Assemble`] if no train is left.
+    pub fn new(scene: &Scene, steps: &[Step]) -> Result<Self, StudyError> {
+        let whole = scene.build()?;
+        let mut values: Vec<(&str, Value)> = steps.iter().filter_map(Step::values).collect();
+        if values.iter().any(|(pointer, _)| *pointer == "/train/freedoms") {
+            // A start written for other freedoms; it is set below.
+            values.push(("/initial", json!("rest")));
+        }
+        let mut built = if values.is_empty() { whole.clone() } else { scene.with_all(values)?.build()? };
+        let mut restriction = by_name(&whole.spec.freedoms, &built.spec.freedoms);
+        let spec = &mut built.spec;
+        for step in steps {
+            match step {
+                Step::Freedoms(_) | Step::Set(..) => {}
+                Step::ExcitationBelow(omega) => simplify::excitation_below(spec, *omega),
+                Step::StiffnessBelow(omega) => simplify::stiffness_below(spec, *omega),
+                Step::Stepped => simplify::stepped(spec),
+                Step::MeanStiffness => simplify::mean_stiffness(spec),
+                Step::Linear(laws) => simplify::linear(spec, laws),
+                Step::Undamped => simplify::undamped(spec),
+                Step::Carried(names) => restriction = simplify::carried(spec, names) * restriction,
+                Step::Hold(names) => restriction = simplify::hold(spec, names) * restriction,
+                Step::Alone => restriction = simplify::alone(spec) * restriction,
+            }
+        }
+        let restricted = |q: &[f64]| (&restriction * DVector::from_column_slice(q)).as_slice().to_vec();
+        (built.q0, built.v0) = (restricted(&whole.q0), restricted(&whole.v0));
+        Ok(Self { case: Case::of(scene.name(), built)?, restriction })
+    }
+
+    /// A motion of the scene's own model, `whole`, as this model can take it up: displacements and velocities in its
+    /// freedoms, latched speeds and modes from the contacts of the same name, or of the same family.
+    #[must_use]
+    pub fn seed(&self, whole: &Self, seed: &Seed) -> Seed {
+        let (ours, theirs) = (&self.case.structure, &whole.case.structure);
+        let n = theirs.freedoms();
+        let part = |x: &[f64]| (&self.restriction * DVector::from_column_slice(x)).as_slice().to_vec();
+        let mut x = [part(&seed.x[..n]), part(&seed.x[n..2 * n])].concat();
+        let mut contacts = Vec::new();
+        for (j, contact) in ours.contacts().iter().enumerate() {
+            let name = ours.contact_name(j);
+            let same = (0..theirs.contact_count()).find(|&i| theirs.contact_name(i) == name);
+            let alike = || (0..theirs.contact_count()).find(|&i| family(theirs.contact_name(i)) == family(name));
+            // OK to index: every contact of a model is one of the scene.
+            let source = same.or_else(alike).unwrap_or(j);
+            contacts.push(seed.contacts[source]);
+            if contact.latch().is_some() {
+                let first = if let Law::Power(law) = contact.spec.law { law.initial_speed } else { 0.0 };
+                x.push(theirs.contacts()[source].latch().map_or(first, |i| seed.x[i]));
+            }
+        }
+        Seed { x, contacts }
+    }
+}
+
+/// Contacts that are compared together: the meshes of all planets with one gear. Contacts without names of their own are
+/// no family.
+#[must_use]
+pub fn family(name: &str) -> &str {
+    if name.starts_with("contact ") { name } else { crate::study::figures::family(name) }
+}
+
+/// Picks the freedoms `to` out of `from`; a freedom of all planets is that of the first.
+fn by_name(from: &[String], to: &[String]) -> DMatrix<f64> {
+    let source = |name: &String| {
+        from.iter().position(|f| f == name).or_else(|| from.iter().position(|f| *f == format!("{name}_1")))
+    };
+    DMatrix::from_fn(to.len(), from.len(), |i, j| f64::from(u8::from(source(&to[i]) == Some(j))))
+}

@@ -1,0 +1,317 @@
+//! An advice in words and tables.
+
+use std::f64::consts::TAU;
+
+use super::{Advice, Rung, measure::Estimate, verdict::Verdict};
+use crate::study::Listing;
+
+/// Four significant digits, as they read best.
+fn short(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".to_owned(),
+        size if (1e-3..1e5).contains(&size) => {
+            // OK to convert: at most four decimals more than digits.
+            let decimals = (3 - size.log10().floor() as i32).clamp(0, 6) as usize;
+            format!("{value:.decimals$}")
+        }
+        _ => format!("{value:.2e}"),
+    }
+}
+
+fn fraction(value: f64) -> String {
+    format!("{value:.4}")
+}
+
+/// A change of a fraction, `+0.0123`; what does not show is 0.
+fn signed(value: f64) -> String {
+    if value.abs() < 5e-5 { "0".to_owned() } else { format!("{value:+.4}") }
+}
+
+/// A relative change, `+1.23 %`.
+fn percent(value: f64) -> String {
+    if value.abs() < 5e-5 { "0 %".to_owned() } else { format!("{:+.2} %", 100.0 * value) }
+}
+
+/// A mean, and its standard error where that shows.
+fn with_error(Estimate { value, error }: Estimate, show: impl Fn(f64) -> String) -> String {
+    if show(value + error) == show(value) { show(value) } else { format!("{} ± {}", show(value), two_digits(error)) }
+}
+
+fn two_digits(error: f64) -> String {
+    // OK to convert: a few decimals.
+    let decimals = (1 - error.log10().floor() as i32).clamp(0, 6) as usize;
+    format!("{error:.decimals$}")
+}
+
+impl Advice {
+    fn unit(&self, unit: &str) -> String {
+        if self.dimensionless { String::new() } else { format!(", {unit}") }
+    }
+
+    /// Rungs: cells of a model as the table of the rungs has them.
+    fn cells(rung: &Rung) -> Vec<String> {
+        let motion = &rung.motion;
+        let compared = !rung.changes.is_empty();
+        let only = |text: String| if compared { text } else { String::new() };
+        vec![
+            motion.freedoms.to_string(),
+            motion.kind(),
+            with_error(motion.apart(), fraction),
+            only(signed(rung.apart_change())),
+            motion.peak().map_or_else(|| "-".to_owned(), |peak| with_error(peak, short)),
+            only(rung.peak_change().map_or_else(|| "-".to_owned(), percent)),
+            format!("{:.1}", motion.work.steps),
+            format!("{:.1}", motion.work.events),
+            only(rung.verdict.word().to_owned()),
+        ]
+    }
+
+    /// The models, least last: freedoms, motion, time apart, peak force, work and verdict.
+    #[must_use]
+    pub fn models_table(&self) -> Listing {
+        let row = |words: &str, rung: &Rung| [vec![words.to_owned()], Self::cells(rung)].concat();
+        let mut rows = vec![row(&self.full.words, &self.full)];
+        rows.extend(self.rungs.iter().map(|rung| row(&rung.words, rung)));
+        rows.extend(self.together.iter().map(|rung| row("all that is enough, together", rung)));
+        let peak = format!("peak{}", self.unit("N"));
+        let head = ["model", "freedoms", "motion", "apart, T", "change", &peak, "change", "steps/T", "events/T", ""];
+        Listing {
+            title: "Models".to_owned(),
+            head: head.map(String::from).to_vec(),
+            rows,
+            note: "Apart: time without force of the family most apart, in forcing periods T; peak: largest force of any contact. \
+                   Changes: the largest of any family."
+                .to_owned(),
+        }
+    }
+
+    /// The groups of freedoms: share in the motion, and what holding them changes.
+    #[must_use]
+    pub fn freedoms_table(&self) -> Listing {
+        let rows = self.parts.iter().map(|part| {
+            let dropped = part.dropped.as_ref();
+            let show = |of: &dyn Fn(&Rung) -> String| dropped.map_or_else(|| "-".to_owned(), of);
+            vec![
+                part.group.words.clone(),
+                part.group.freedoms.join(" "),
+                part.share.map_or_else(|| "-".to_owned(), |share| format!("{:.2} %", 100.0 * share)),
+                show(&|rung| rung.motion.kind()),
+                show(&|rung| signed(rung.apart_change())),
+                show(&|rung| rung.peak_change().map_or_else(|| "-".to_owned(), percent)),
+                show(&|rung| match rung.verdict {
+                    Verdict::Enough => "can be dropped".to_owned(),
+                    Verdict::NotEnough => "matters".to_owned(),
+                    Verdict::Unclear => "unclear".to_owned(),
+                }),
+            ]
+        });
+        let head = ["freedoms", "names", "kinetic energy", "without: motion", "apart, T", "peak", ""];
+        Listing {
+            title: "Freedoms".to_owned(),
+            head: head.map(String::from).to_vec(),
+            rows: rows.collect(),
+            note: "Kinetic energy: share in the fluctuation of the scene's steady motion. Changes: the group held, all others free."
+                .to_owned(),
+        }
+    }
+
+    /// Natural modes with every contact closed.
+    #[must_use]
+    pub fn modes_table(&self) -> Listing {
+        let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+        let rows = self.modes.iter().map(|mode| {
+            let mut parts: Vec<(f64, &str)> =
+                mode.groups.iter().zip(&self.parts).map(|(share, part)| (*share, part.group.words.as_str())).collect();
+            parts.sort_by(|a, b| b.0.total_cmp(&a.0));
+            let main = parts.iter().filter(|(share, _)| *share >= 0.2).take(3);
+            let frequency = if self.dimensionless { mode.omega } else { mode.omega / TAU };
+            let mut cells = vec![short(frequency)];
+            cells.extend(mode.meshes.iter().map(|weight| percent(*weight)));
+            cells.push(mode.strain_of_contacts.map_or_else(|| "-".to_owned(), percent));
+            cells.push(mode.motion.map_or_else(|| "-".to_owned(), percent));
+            cells.push(
+                main.map(|(share, words)| format!("{words} {:.0} %", 100.0 * share)).collect::<Vec<_>>().join(", "),
+            );
+            cells
+        });
+        let frequency = if self.dimensionless { "rad per unit of time" } else { "Hz" };
+        let mut head = vec![frequency.to_owned()];
+        head.extend(self.families.iter().map(|family| format!("in {family}")));
+        head.extend(["strain in contacts", "in the motion", "moving"].map(String::from));
+        Listing {
+            title: "Natural modes".to_owned(),
+            head,
+            rows: rows.collect(),
+            note: "Every contact closed, power laws with their tangent under the static load. In a contact: weight in its \
+                   deflection; in the motion: share of its kinetic energy. Both sum to one."
+                .to_owned(),
+        }
+    }
+
+    /// The rule that verdicts follow.
+    #[must_use]
+    pub fn rule_in_words(&self) -> String {
+        format!(
+            "A model is enough if the time apart of every family of contacts changes by at most {} of the forcing period, its peak \
+             force by at most {} %, and the motion stays of its kind: of one period, or irregular. Irregular motions need twice \
+             the standard error to spare.",
+            self.tolerance,
+            100.0 * self.tolerance
+        )
+    }
+
+    /// What was found, sentence by sentence.
+    #[must_use]
+    pub fn verdicts(&self) -> Vec<String> {
+        let mut lines = Vec::new();
+        let dropped = || self.parts.iter().filter_map(|part| part.dropped.as_ref());
+        let mut say = |rungs: &[&Rung], verdict: Verdict, words: &str, why: bool| {
+            let own = rungs.iter().filter(|rung| rung.verdict == verdict);
+            let named = |rung: &&&Rung| {
+                let words = rung.words.trim_start_matches("without ");
+                if why { format!("{words} ({})", cost(rung)) } else { words.to_owned() }
+            };
+            let names: Vec<String> = own.map(|rung| named(&rung)).collect();
+            if !names.is_empty() {
+                lines.push(format!("{words}: {}.", names.join(", ")));
+            }
+        };
+        let rungs: Vec<&Rung> = self.rungs.iter().collect();
+        say(&rungs, Verdict::Enough, "Enough", false);
+        say(&rungs, Verdict::NotEnough, "Not enough", false);
+        say(&rungs, Verdict::Unclear, "Hidden by the scatter of irregular motions", true);
+        let parts: Vec<&Rung> = dropped().collect();
+        say(&parts, Verdict::Enough, "Freedoms that can each be dropped", false);
+        say(&parts, Verdict::NotEnough, "Freedoms that matter", false);
+        say(&parts, Verdict::Unclear, "Freedoms whose weight the scatter hides", true);
+        if let Some(rung) = self.together.as_ref().filter(|rung| rung.verdict != Verdict::Enough) {
+            lines.push(format!("Each is enough by itself, not together: {} ({}).", rung.words, cost(rung)));
+        }
+        for (rung, other) in self.models().filter_map(|rung| Some((rung, rung.own_start.as_ref()?))) {
+            let peak = other.peak().map(|peak| format!(", peak {}", short(peak.value))).unwrap_or_default();
+            let (kind, apart) = (other.kind(), fraction(other.apart().value));
+            lines.push(format!(
+                "The start decides: from the scene's own, {} has another motion ({kind}, apart {apart} T{peak}).",
+                quoted(&rung.words)
+            ));
+        }
+        for rung in self.models().skip(1).filter(|rung| !rung.motion.followed) {
+            lines.push(format!("{} could not take up the scene's motion.", quoted(&rung.words)));
+        }
+        lines.extend(self.left.iter().map(|left| format!("Not tried: {} ({}).", left.words, left.why)));
+        lines.push(match self.least() {
+            Some(rung) => {
+                let (from, to) = (&self.full.motion, &rung.motion);
+                let set = rung.set.iter().map(|(pointer, value)| format!(" In the scene: {pointer} = {value}."));
+                format!(
+                    "Least model that is enough: {}; {} of {} freedoms, {:.1} of {:.1} steps a cycle.{}",
+                    rung.words,
+                    to.freedoms,
+                    from.freedoms,
+                    to.work.steps,
+                    from.work.steps,
+                    set.collect::<String>()
+                )
+            }
+            None if rungs.is_empty() && parts.is_empty() => "Nothing could be made simpler.".to_owned(),
+            None => "Nothing that was tried is enough: the scene models no more than it needs.".to_owned(),
+        });
+        lines
+    }
+
+    /// All numbers, one row a model and family of contacts (RFC 4180).
+    #[must_use]
+    pub fn csv(&self) -> String {
+        let mut text = String::from(
+            "model,ladder,verdict,freedoms,motion,steps_per_cycle,events_per_cycle,family,apart_periods,apart_error,\
+             separations_per_cycle,separation_s,peak_n,peak_error_n,mean_force_n,apart_change_periods,apart_change_relative,\
+             separation_change_relative,peak_change_n,peak_change_relative,mean_force_change_n\r\n",
+        );
+        let some = |value: Option<f64>| value.map(|v| format!("{v:?}")).unwrap_or_default();
+        for rung in self.models() {
+            let motion = &rung.motion;
+            for mesh in &motion.meshes {
+                let change = rung.changes.iter().find(|change| change.family == mesh.family);
+                let words = [
+                    format!("\"{}\"", rung.words),
+                    rung.ladder.map(|ladder| ladder.word().to_owned()).unwrap_or_default(),
+                    if rung.changes.is_empty() { String::new() } else { rung.verdict.word().to_owned() },
+                    motion.freedoms.to_string(),
+                    motion.kind(),
+                ];
+                let numbers = [Some(motion.work.steps), Some(motion.work.events)];
+                let measures = [
+                    Some(mesh.apart.value),
+                    Some(mesh.apart.error),
+                    Some(mesh.separations),
+                    mesh.separation_s,
+                    mesh.peak.map(|peak| peak.value),
+                    mesh.peak.map(|peak| peak.error),
+                    Some(mesh.mean_force.value),
+                    change.map(|c| c.apart.value),
+                    change.and_then(|c| c.apart_relative),
+                    change.and_then(|c| c.separation_relative),
+                    change.and_then(|c| c.peak_n),
+                    change.and_then(|c| c.peak).map(|peak| peak.value),
+                    change.map(|c| c.mean_force),
+                ];
+                let mut cells = words.to_vec();
+                cells.extend(numbers.map(some));
+                cells.push(format!("\"{}\"", mesh.family.replace('"', "\"\"")));
+                cells.extend(measures.map(some));
+                text += &(cells.join(",") + "\r\n");
+            }
+        }
+        text
+    }
+}
+
+/// What a model changes, in words.
+fn cost(rung: &Rung) -> String {
+    let peak = rung.peak_change().map(|change| format!(", peak force {}", percent(change))).unwrap_or_default();
+    format!("apart {} T{peak}", signed(rung.apart_change()))
+}
+
+fn quoted(words: &str) -> String {
+    format!("\"{words}\"")
+}
+
+#[cfg(feature = "plot")]
+mod report {
+    use super::super::{Advice, figures};
+    use crate::{
+        plot::{Item, Report, Section},
+        study::page::listed,
+    };
+
+    impl Advice {
+        /// The page.
+        #[must_use]
+        pub fn report(&self, version: &str) -> Report {
+            let section = |title: &str, text: &str, figure: Option<crate::plot::Figure>, tables: Vec<_>| Section {
+                title: title.to_owned(),
+                text: text.to_owned(),
+                items: figure
+                    .map(Item::Figure)
+                    .into_iter()
+                    .chain(tables.iter().map(|table| Item::Table(listed(table))))
+                    .collect(),
+            };
+            let mut tables = vec![self.freedoms_table()];
+            tables.extend((!self.modes.is_empty()).then(|| self.modes_table()));
+            Report {
+                title: format!("How little of {} is enough", self.scene),
+                summary: [vec![self.rule_in_words()], self.verdicts()].concat(),
+                sections: vec![
+                    section("What each simplification costs", "", figures::rungs(self), vec![self.models_table()]),
+                    section("Which freedoms matter", "", figures::freedoms(self), tables),
+                ],
+                provenance: vec![
+                    format!("flank {version}"),
+                    format!("scene {}; SHA-256 of the scene {}", self.scene, self.scene_sha256),
+                ],
+                files: Some("figures".to_owned()),
+            }
+        }
+    }
+}

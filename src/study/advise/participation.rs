@@ -1,0 +1,147 @@
+//! Who takes part in a motion: freedoms, by groups, and natural modes.
+
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use super::model::family;
+use crate::{
+    gear::contact::Law,
+    linalg::natural_modes,
+    train::{Spec, bonded_stiffness, equilibrium, tangent_stiffness},
+};
+
+/// Freedoms that belong together: x and y of a body, the same freedom of all planets.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Group {
+    /// In words.
+    pub words: String,
+    /// The freedoms.
+    pub freedoms: Vec<String>,
+}
+
+/// Freedoms by groups, in the order of the train.
+///
+/// Names are read as trains are named here: `x_s, y_s, u_s` of a body, `xi_i, eta_i, u_i` of planet i. Numbers count
+/// planets where other bodies have letters, else bodies. A name of another form is a group of its own.
+#[must_use]
+pub fn groups(freedoms: &[String]) -> Vec<Group> {
+    let split = |name: &str| name.split_once('_').map(|(stem, of)| (stem.to_owned(), of.to_owned()));
+    let numbered = |of: &str| !of.is_empty() && of.chars().all(|c| c.is_ascii_digit());
+    let lettered = freedoms.iter().filter_map(|name| split(name)).any(|(_, of)| !numbered(&of));
+    let mut found: Vec<Group> = Vec::new();
+    for name in freedoms {
+        let words = match split(name) {
+            Some((stem, of)) if lettered && numbered(&of) => planets(&stem),
+            Some((stem, of)) if matches!(stem.as_str(), "x" | "y") => format!("{} centre", body(&of)),
+            Some((stem, of)) if stem == "u" => format!("{} rotation", body(&of)),
+            None if matches!(name.as_str(), "xi" | "eta" | "u") && freedoms.len() > 1 => planets(name),
+            _ => name.clone(),
+        };
+        match found.iter_mut().find(|group| group.words == words) {
+            Some(group) => group.freedoms.push(name.clone()),
+            None => found.push(Group { words, freedoms: vec![name.clone()] }),
+        }
+    }
+    found
+}
+
+fn planets(stem: &str) -> String {
+    match stem {
+        "xi" => "planets radial".to_owned(),
+        "eta" => "planets tangential".to_owned(),
+        "u" => "planets rotation".to_owned(),
+        other => format!("{other} of all planets"),
+    }
+}
+
+fn body(name: &str) -> String {
+    match name {
+        "s" => "sun".to_owned(),
+        "r" => "ring".to_owned(),
+        "c" => "carrier".to_owned(),
+        other => format!("body {other}"),
+    }
+}
+
+/// Shares of each group in the kinetic energy of a motion with velocity covariance S: `Σ_i (M S)_ii / tr(M S)`; none of a
+/// motion at rest.
+#[must_use]
+pub fn motion_shares(spec: &Spec, covariance: &DMatrix<f64>, groups: &[Group]) -> Option<Vec<f64>> {
+    let energy = (&spec.mass * covariance).diagonal();
+    let whole = energy.sum();
+    (whole > 0.0).then(|| groups.iter().map(|group| sum(spec, group, &energy) / whole).collect())
+}
+
+fn sum(spec: &Spec, group: &Group, of: &DVector<f64>) -> f64 {
+    let index = |name: &String| spec.freedoms.iter().position(|freedom| freedom == name);
+    group.freedoms.iter().filter_map(index).map(|i| of[i]).sum()
+}
+
+/// A natural mode φ of the train with every contact closed, `φᵀ M φ = 1`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Mode {
+    /// Angular frequency ω, rad/s (per unit of time, of a dimensionless train).
+    pub omega: f64,
+    /// Share of each group in its kinetic energy, `Σ φ_i (M φ)_i`; that in its strain energy is the same. Sum 1.
+    pub groups: Vec<f64>,
+    /// Weight in the deflection of the first contact of each family, `(gᵀ φ)² / (gᵀ M⁻¹ g)`. Over all modes they sum to 1.
+    pub meshes: Vec<f64>,
+    /// Share of the contacts in its strain energy, `Σ k (gᵀ φ)² / ω²`; none for a free motion.
+    pub strain_of_contacts: Option<f64>,
+    /// Share in the kinetic energy of the steady motion, `(M φ)ᵀ S (M φ) / tr(M S)`. Over all modes they sum to 1.
+    pub motion: Option<f64>,
+}
+
+/// The natural modes of a train about its rest under the constant load, power laws with their tangent there; why there are
+/// none, else.
+///
+/// # Errors
+/// A sentence.
+pub fn modes(spec: &Spec, covariance: &DMatrix<f64>, groups: &[Group]) -> Result<Vec<Mode>, String> {
+    if spec.contacts.iter().any(|contact| matches!(contact.law, Law::Rigid(_))) {
+        return Err("rigid contacts have no stiffness".to_owned());
+    }
+    let nonlinear = spec.contacts.iter().any(|contact| matches!(contact.law, Law::Power(_)));
+    let stiffness: Vec<f64> = match equilibrium(spec) {
+        Ok(rest) => tangent_stiffness(spec, &rest),
+        Err(error) if nonlinear => return Err(error.to_string()),
+        Err(_) => spec.contacts.iter().map(|contact| contact.stiffness.mean()).collect(),
+    };
+    if stiffness.iter().any(|k| !k.is_finite()) {
+        return Err("nothing presses on a power-law contact at rest, so that it has no tangent".to_owned());
+    }
+    let modes = natural_modes(&bonded_stiffness(spec, Some(&stiffness)), &spec.mass).map_err(|e| e.to_string())?;
+    let direction = |j: usize| DVector::from_column_slice(&spec.contacts[j].direction);
+    // With all modes Σ φ φᵀ = M⁻¹: the weights of a contact sum to its mobility gᵀ M⁻¹ g.
+    let weights = |j: usize| modes.shapes.tr_mul(&direction(j)).map(|w| w * w);
+    let all: Vec<DVector<f64>> = (0..spec.contacts.len()).map(weights).collect();
+    let whole = (&spec.mass * covariance).trace();
+    let mode = |k: usize| {
+        let shape = modes.shapes.column(k).into_owned();
+        let momentum = &spec.mass * &shape;
+        let energy = shape.component_mul(&momentum);
+        let omega = modes.omega[k];
+        let strain = |(weights, stiffness): (&DVector<f64>, &f64)| stiffness * weights[k];
+        let strain: f64 = all.iter().zip(&stiffness).map(strain).sum();
+        Mode {
+            omega,
+            groups: groups.iter().map(|group| sum(spec, group, &energy)).collect(),
+            meshes: firsts(spec).into_iter().map(|(j, _)| all[j][k] / all[j].sum()).collect(),
+            strain_of_contacts: (omega > 0.0).then(|| strain / (omega * omega)),
+            motion: (whole > 0.0).then(|| momentum.dot(&(covariance * &momentum)) / whole),
+        }
+    };
+    Ok((0..modes.omega.len()).map(mode).collect())
+}
+
+/// The first contact of each family: number and family.
+#[must_use]
+pub fn firsts(spec: &Spec) -> Vec<(usize, String)> {
+    let mut found: Vec<(usize, String)> = Vec::new();
+    for (j, contact) in spec.contacts.iter().enumerate() {
+        if found.iter().all(|(_, known)| known != family(&contact.name)) {
+            found.push((j, family(&contact.name).to_owned()));
+        }
+    }
+    found
+}

@@ -1,0 +1,293 @@
+//! Simplifications that work on any train.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::model::family;
+use crate::{
+    gear::{
+        Piece, Stiffness,
+        contact::{Law, Linear, Release, restitution},
+    },
+    train::{ContactSpec, Spec, Structure, TrainError, damped_restitution, equilibrium, tangent_stiffness},
+};
+
+/// A spring and a damper that stand for a power law.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearLaw {
+    /// Contact it belongs to.
+    pub contact: String,
+    /// Tangent stiffness under the static load, N/m.
+    pub stiffness: f64,
+    /// Damping that returns a free impact as the power law does, N s/m.
+    pub damping: f64,
+}
+
+/// Linear laws for the power laws of a train: `k = n K^{1/n} F^{1−1/n}` under the static force F, and
+/// `c = 2 ζ √(k m)` with `m = 1/(gᵀ M⁻¹ g)` and ζ from the restitution of a free impact, released at zero force.
+///
+/// # Errors
+/// [`TrainError::Unbalanced`] without a state of rest under the constant load; [`TrainError::Value`] for a contact that
+/// nothing presses on there.
+pub fn linear_laws(structure: &Structure) -> Result<Vec<LinearLaw>, TrainError> {
+    let rest = equilibrium(structure.spec())?;
+    let tangents = tangent_stiffness(structure.spec(), &rest);
+    let mut laws = Vec::new();
+    for ((contact, &stiffness), &force) in structure.contacts().iter().zip(&tangents).zip(&rest.forces) {
+        let Law::Power(law) = contact.spec.law else { continue };
+        if force <= 0.0 {
+            let name = format!("the static force of {}", contact.spec.name);
+            return Err(TrainError::Value { name, value: force, wanted: "> 0 for a tangent stiffness" });
+        }
+        let zeta = damping_ratio(restitution(law.hysteresis));
+        let damping = 2.0 * zeta * (stiffness * contact.effective_mass()).sqrt();
+        laws.push(LinearLaw { contact: contact.spec.name.clone(), stiffness, damping });
+    }
+    Ok(laws)
+}
+
+/// The damping ratio ζ whose free impact, released at zero force, returns `e`, `(0, 1]`.
+#[must_use]
+pub fn damping_ratio(e: f64) -> f64 {
+    // The restitution falls with ζ; 1/4 and 64 are beyond what any power law of a scene returns.
+    let (mut low, mut high) = (0.0, 64.0);
+    loop {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high || e >= 1.0 {
+            return low;
+        }
+        if damped_restitution(middle, Release::Force) > e { low = middle } else { high = middle }
+    }
+}
+
+/// Power laws replaced by the linear ones of their contact, or of its family.
+pub fn linear(spec: &mut Spec, laws: &[LinearLaw]) {
+    for contact in &mut spec.contacts {
+        let same = laws.iter().find(|law| law.contact == contact.name);
+        let law = same.or_else(|| laws.iter().find(|law| family(&law.contact) == family(&contact.name)));
+        if let (Law::Power(_), Some(law)) = (contact.law, law) {
+            contact.law = Law::KelvinVoigt(Linear { damping: law.damping }, Release::Force);
+            contact.stiffness = Stiffness::Constant(law.stiffness);
+        }
+    }
+}
+
+/// Contacts lose their damping.
+pub fn undamped(spec: &mut Spec) {
+    for contact in &mut spec.contacts {
+        match &mut contact.law {
+            Law::Bilateral(linear) | Law::KelvinVoigt(linear, _) => linear.damping = 0.0,
+            Law::Power(power) => power.hysteresis = 0.0,
+            Law::Rigid(_) => {}
+        }
+    }
+}
+
+/// Whether any contact has damping that [`undamped`] takes away.
+#[must_use]
+pub fn has_damping(spec: &Spec) -> bool {
+    spec.contacts.iter().any(|contact| match contact.law {
+        Law::Bilateral(linear) | Law::KelvinVoigt(linear, _) => linear.damping > 0.0,
+        Law::Power(power) => power.hysteresis > 0.0,
+        Law::Rigid(_) => false,
+    })
+}
+
+/// Drops errors and harmonic loads of frequency `omega` and above, rad/s.
+pub fn excitation_below(spec: &mut Spec, omega: f64) {
+    spec.load_harmonics.retain(|load| load.omega < omega);
+    spec.contacts.iter_mut().for_each(|contact| contact.error.retain(|h| h.omega < omega));
+}
+
+/// Frequencies of errors and harmonic loads, rad/s, highest first.
+#[must_use]
+pub fn excitations(spec: &Spec) -> Vec<f64> {
+    let loads = spec.load_harmonics.iter().filter(|load| load.vector.iter().any(|f| *f != 0.0)).map(|load| load.omega);
+    let errors = spec.contacts.iter().flat_map(|c| &c.error).filter(|h| h.amplitude != 0.0).map(|h| h.omega);
+    falling(loads.chain(errors))
+}
+
+/// Drops stiffness harmonics of frequency `omega` and above, rad/s.
+pub fn stiffness_below(spec: &mut Spec, omega: f64) {
+    for contact in &mut spec.contacts {
+        if let Stiffness::Harmonic { mean, harmonics } = &mut contact.stiffness {
+            harmonics.retain(|h| h.omega < omega);
+            if harmonics.is_empty() {
+                contact.stiffness = Stiffness::Constant(*mean);
+            }
+        }
+    }
+}
+
+/// Frequencies of stiffness harmonics, rad/s, highest first.
+#[must_use]
+pub fn stiffness_harmonics(spec: &Spec) -> Vec<f64> {
+    falling(spec.contacts.iter().flat_map(|contact| match &contact.stiffness {
+        Stiffness::Harmonic { harmonics, .. } => harmonics.iter().map(|h| h.omega).collect(),
+        _ => Vec::new(),
+    }))
+}
+
+fn falling(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(|a, b| b.total_cmp(a));
+    values.dedup();
+    values
+}
+
+/// Every stiffness at its mean.
+pub fn mean_stiffness(spec: &mut Spec) {
+    for contact in &mut spec.contacts {
+        contact.stiffness = Stiffness::Constant(contact.stiffness.mean());
+    }
+}
+
+/// Whether any stiffness varies.
+#[must_use]
+pub fn varies(spec: &Spec) -> bool {
+    spec.contacts.iter().any(|contact| !matches!(contact.stiffness, Stiffness::Constant(_)))
+}
+
+/// Whether any stiffness has ramps.
+#[must_use]
+pub fn has_ramps(spec: &Spec) -> bool {
+    spec.contacts.iter().any(|contact| match &contact.stiffness {
+        Stiffness::Periodic { pieces, .. } => pieces.iter().any(|piece| piece.slope != 0.0),
+        _ => false,
+    })
+}
+
+/// Every ramp becomes a step in its middle.
+pub fn stepped(spec: &mut Spec) {
+    for contact in &mut spec.contacts {
+        if let Stiffness::Periodic { period, origin, pieces } = &mut contact.stiffness {
+            let levels = levels(*period, pieces);
+            // Pieces are counted from the first one on: the origin goes there, and stays in the first period.
+            let first = levels.first().map_or(0.0, |level| level.start);
+            let past = (*origin / *period + first).rem_euclid(1.0);
+            *origin = if past == 0.0 { 0.0 } else { (past - 1.0) * *period };
+            *pieces = levels.iter().map(|level| Piece { start: level.start - first, ..*level }).collect();
+        }
+    }
+}
+
+/// The levels a schedule holds once each ramp is a step; ramps that go on from piece to piece are one.
+fn levels(period: f64, pieces: &[Piece]) -> Vec<Piece> {
+    let count = pieces.len();
+    let width = |i: usize| pieces.get(i + 1).map_or(1.0 + pieces[0].start, |next| next.start) - pieces[i].start;
+    let end = |i: usize| pieces[i].value + pieces[i].slope * width(i) * period;
+    let scale = pieces.iter().map(|piece| piece.value.abs()).fold(0.0, f64::max);
+    let near = |a: f64, b: f64| (a - b).abs() <= 1.0e-9 * scale;
+    let goes_on = |i: usize| {
+        let before = (i + count - 1) % count;
+        let slopes = [pieces[before].slope, pieces[i].slope].map(|slope| slope * period);
+        slopes[1] != 0.0 && near(slopes[0], slopes[1]) && near(end(before), pieces[i].value)
+    };
+    let mut levels: Vec<Piece> = Vec::new();
+    for i in (0..count).filter(|&i| !goes_on(i)) {
+        // The ramp from here over all pieces that go on with it.
+        let (mut last, mut length) = (i, width(i));
+        while goes_on((last + 1) % count) && (last + 1) % count != i {
+            last = (last + 1) % count;
+            length += width(last);
+        }
+        let level = |start: f64, value: f64| Piece { start: start.rem_euclid(1.0), value, slope: 0.0 };
+        levels.push(level(pieces[i].start, pieces[i].value));
+        if !near(pieces[i].value, end(last)) {
+            levels.push(level(pieces[i].start + 0.5 * length, end(last)));
+        }
+    }
+    levels.sort_by(|a, b| a.start.total_cmp(&b.start));
+    let before = |i: usize| levels[(i + levels.len() - 1) % levels.len()].value;
+    let kept: Vec<Piece> =
+        (0..levels.len()).filter(|&i| !near(before(i), levels[i].value)).map(|i| levels[i]).collect();
+    if kept.is_empty() { levels.into_iter().take(1).collect() } else { kept }
+}
+
+/// `q = P z`: M, C, K become `Pᵀ M P` and so on, loads and directions `Pᵀ f`, `Pᵀ g`.
+fn project(spec: &mut Spec, p: &DMatrix<f64>, names: Vec<String>) {
+    let reduced = |v: &[f64]| p.tr_mul(&DVector::from_column_slice(v)).as_slice().to_vec();
+    let symmetric = |m: DMatrix<f64>| 0.5 * (&m + m.transpose());
+    spec.mass = symmetric(p.tr_mul(&spec.mass) * p);
+    spec.damping = p.tr_mul(&spec.damping) * p;
+    spec.stiffness = symmetric(p.tr_mul(&spec.stiffness) * p);
+    spec.load = reduced(&spec.load);
+    spec.load_harmonics.iter_mut().for_each(|load| load.vector = reduced(&load.vector));
+    spec.contacts.iter_mut().for_each(|contact| contact.direction = reduced(&contact.direction));
+    spec.freedoms = names;
+}
+
+/// Holds freedoms at rest; gives R of `q_kept = R q`.
+pub fn hold(spec: &mut Spec, names: &[String]) -> DMatrix<f64> {
+    drop(spec, names, |_, _| false)
+}
+
+/// Drops freedoms of the in-phase reduction `u_s, u_r, u_c, xi, eta, u`: a planet's centre follows the carrier, `ξ = 0`,
+/// `η = u_c`. Gives R as [`hold`].
+pub fn carried(spec: &mut Spec, names: &[String]) -> DMatrix<f64> {
+    drop(spec, names, |dropped, kept| dropped == "eta" && kept == "u_c")
+}
+
+fn drop(spec: &mut Spec, names: &[String], follows: impl Fn(&str, &str) -> bool) -> DMatrix<f64> {
+    let all = spec.freedoms.clone();
+    let kept: Vec<String> = all.iter().filter(|name| !names.contains(name)).cloned().collect();
+    let matrix = |related: &dyn Fn(&str, &str) -> bool| {
+        DMatrix::from_fn(all.len(), kept.len(), |i, j| f64::from(u8::from(related(&all[i], &kept[j]))))
+    };
+    let own = matrix(&|a, b| a == b);
+    let p = matrix(&|a, b| a == b || (names.iter().any(|name| name == a) && follows(a, b)));
+    project(spec, &p, kept);
+    own.transpose()
+}
+
+/// Each contact on its own, with the motion `φ = m M⁻¹ g` that a push of its own gives to the train: one freedom, its
+/// deflection `z = gᵀ q`, of mass `m = 1/(gᵀ M⁻¹ g)`, supports `φᵀ K φ`, `φᵀ C φ`, harmonic loads `φᵀ f`. Its constant
+/// load is such that the contact rests as it does in the train; where the train has no such rest, `φᵀ f`.
+///
+/// Of a train with one contact and no supports nothing is lost. Gives `R = (g₁ᵀ; g₂ᵀ; …)`.
+pub fn alone(spec: &mut Spec) -> DMatrix<f64> {
+    let (count, n) = (spec.contacts.len(), spec.freedoms.len());
+    let restriction = DMatrix::from_fn(count, n, |j, i| spec.contacts[j].direction[i]);
+    let inverse = spec.mass.clone().try_inverse().unwrap_or_else(|| DMatrix::zeros(n, n));
+    let rest = equilibrium(spec).ok();
+    let unit = |j: usize| (0..count).map(|i| f64::from(u8::from(i == j))).collect::<Vec<f64>>();
+    let (mut mass, mut damping) = (DMatrix::zeros(count, count), DMatrix::zeros(count, count));
+    let (mut stiffness, mut load) = (DMatrix::zeros(count, count), vec![0.0; count]);
+    let mut pushes = Vec::new();
+    for j in 0..count {
+        let g = DVector::from_column_slice(&spec.contacts[j].direction);
+        let push = &inverse * &g;
+        let m = g.dot(&push).recip();
+        let phi = m * push;
+        mass[(j, j)] = m;
+        damping[(j, j)] = phi.dot(&(&spec.damping * &phi));
+        stiffness[(j, j)] = phi.dot(&(&spec.stiffness * &phi));
+        load[j] = match &rest {
+            Some(rest) if rest.forces[j] > 0.0 || matches!(spec.contacts[j].law, Law::Bilateral(_)) => {
+                let z = g.dot(&DVector::from_column_slice(&rest.position));
+                rest.forces[j] + stiffness[(j, j)] * z
+            }
+            _ => phi.dot(&DVector::from_column_slice(&spec.load)),
+        };
+        pushes.push(phi);
+    }
+    for harmonic in &mut spec.load_harmonics {
+        let f = DVector::from_column_slice(&harmonic.vector);
+        harmonic.vector = pushes.iter().map(|phi| phi.dot(&f)).collect();
+    }
+    let freedoms = spec.contacts.iter().map(|contact| contact.name.clone()).collect();
+    let contacts =
+        spec.contacts.iter().enumerate().map(|(j, c)| ContactSpec { direction: unit(j), ..c.clone() }).collect();
+    let (load_harmonics, omega) = (std::mem::take(&mut spec.load_harmonics), spec.omega);
+    *spec = Spec { freedoms, mass, damping, stiffness, load, load_harmonics, contacts, omega };
+    restriction
+}
+
+/// A frequency as a multiple of that of the forcing, in words.
+#[must_use]
+pub fn order(omega: f64, period: f64) -> String {
+    let order = omega * period / TAU;
+    let near = (order - order.round()).abs() < 1.0e-9 * order;
+    if near { format!("{order:.0}") } else { format!("{order:.3}") }
+}

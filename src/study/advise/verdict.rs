@@ -1,0 +1,96 @@
+//! What a simpler model changes, and whether it is enough.
+
+use serde::Serialize;
+
+use super::measure::{Estimate, Motion};
+
+/// Change of one family of contacts against the scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Change {
+    /// The family.
+    pub family: String,
+    /// Change of the time without force, forcing periods.
+    pub apart: Estimate,
+    /// The same, relative; none where the scene's is 0.
+    pub apart_relative: Option<f64>,
+    /// Change of the mean duration of a separation, relative, where both have some.
+    pub separation_relative: Option<f64>,
+    /// Change of the peak force, N.
+    pub peak_n: Option<f64>,
+    /// Change of the peak force, relative; none of rigid contacts and of contacts without force.
+    pub peak: Option<Estimate>,
+    /// Change of the mean force, N.
+    pub mean_force: f64,
+}
+
+/// Whether a model is enough.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Time apart and peak force of every family change by no more than the tolerance, and the motion stays of its kind: of
+    /// one period, or irregular.
+    Enough,
+    /// Something changes by more.
+    NotEnough,
+    /// The scatter of irregular motions is too large to tell: twice the standard error of a change reaches over the tolerance.
+    Unclear,
+}
+
+impl Verdict {
+    /// In words.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Enough => "enough",
+            Self::NotEnough => "not enough",
+            Self::Unclear => "unclear",
+        }
+    }
+}
+
+/// The value largest in size, with its sign; 0 of none.
+pub(super) fn largest(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(0.0, |a, b| if b.abs() > a.abs() { b } else { a })
+}
+
+/// What changes from `full` to `motion`, family by family of `full`.
+#[must_use]
+pub fn changes(full: &Motion, motion: &Motion) -> Vec<Change> {
+    let between = |a: Estimate, b: Estimate| Estimate { value: b.value - a.value, error: a.error.hypot(b.error) };
+    let relative = |a: f64, b: f64| (a > 0.0).then(|| (b - a) / a);
+    let change = |mesh: &super::measure::Mesh| {
+        let now = motion.mesh(&mesh.family)?;
+        let peaks = mesh.peak.zip(now.peak);
+        let scaled = |e: Estimate, by: f64| Estimate { value: e.value / by, error: e.error / by };
+        Some(Change {
+            family: mesh.family.clone(),
+            apart: between(mesh.apart, now.apart),
+            apart_relative: relative(mesh.apart.value, now.apart.value),
+            separation_relative: mesh.separation_s.zip(now.separation_s).and_then(|(a, b)| relative(a, b)),
+            peak_n: peaks.map(|(a, b)| b.value - a.value),
+            peak: peaks.filter(|(a, _)| a.value > 0.0).map(|(a, b)| scaled(between(a, b), a.value)),
+            mean_force: now.mean_force.value - mesh.mean_force.value,
+        })
+    };
+    full.meshes.iter().filter_map(change).collect()
+}
+
+/// Judges `changes` from `full` to `motion`.
+#[must_use]
+pub fn judge(full: &Motion, motion: &Motion, changes: &[Change], tolerance: f64) -> Verdict {
+    let sizes = || changes.iter().flat_map(|change| [Some(change.apart), change.peak]).flatten();
+    let periods = [full.settled.period, motion.settled.period];
+    let other_kind = match periods {
+        [Some(a), Some(b)] => a != b,
+        [None, None] => false,
+        [Some(_), None] => motion.irregular(),
+        [None, Some(_)] => full.irregular(),
+    };
+    if other_kind || sizes().any(|change| change.value.abs() - 2.0 * change.error > tolerance) {
+        Verdict::NotEnough
+    } else if sizes().all(|change| change.value.abs() + 2.0 * change.error <= tolerance) {
+        Verdict::Enough
+    } else {
+        Verdict::Unclear
+    }
+}
