@@ -1,6 +1,7 @@
 //! Work–precision charts.
 
 use super::{Contender, Kind, Score, Setting, Truth, Work};
+use crate::integrate::Choice;
 use crate::plot::{Axis, Figure, Guide, Panel, Series, Style};
 
 /// One run of one contender.
@@ -75,6 +76,9 @@ fn caption(truth: &Truth) -> String {
     )
 }
 
+/// The colour of ink: the engine's.
+const ENGINE: usize = 6;
+
 /// Errors of nothing cannot be drawn on a logarithmic axis; they stand at the truth's own.
 fn panel(measure: &Measure, points: &[(&Row<'_>, f64)], (label, unit): (&str, &str), truth: &Truth) -> Panel {
     let (name, error_unit, of) = measure;
@@ -86,7 +90,11 @@ fn panel(measure: &Measure, points: &[(&Row<'_>, f64)], (label, unit): (&str, &s
         }
     }
     let mut series = Vec::new();
-    for (colour, name) in names.iter().enumerate() {
+    let mut next = (0..).filter(|c| *c != ENGINE);
+    for name in &names {
+        let is_engine = |row: &Row<'_>| row.contender.name == *name && row.contender.kind == Kind::Engine(Choice::Auto);
+        let is_engine = points.iter().any(|(row, _)| is_engine(row));
+        let colour = if is_engine { ENGINE } else { next.next().unwrap_or(0) };
         let all: Vec<(f64, f64, bool)> = points
             .iter()
             .filter(|(row, _)| row.contender.name == *name)
@@ -102,15 +110,6 @@ fn panel(measure: &Measure, points: &[(&Row<'_>, f64)], (label, unit): (&str, &s
         }
         if !wrong_x.is_empty() {
             series.push(Series::line(*name, colour, wrong_x, wrong_y).styled(Style::Marks));
-        }
-    }
-    // What is exact stands out.
-    for s in &mut series {
-        let is_engine = |row: &&(&Row<'_>, f64)| row.0.contender.name == s.name;
-        if points.iter().find(is_engine).is_some_and(|p| matches!(p.0.contender.kind, Kind::Engine(_)))
-            && s.x.len() == 1
-        {
-            s.style = Style::Points;
         }
     }
     let log = |label: &str, unit: &str| Axis { logarithmic: true, ..Axis::new(label, unit) };

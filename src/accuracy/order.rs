@@ -68,7 +68,7 @@ impl Roughness {
 /// The order seen on the finest steps, the one expected, and why.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Order {
-    /// Median slope of `log error` against `log step` over the finest four settings that are right, and above rounding.
+    /// Slope of `log error` against `log step`, fitted to the finest five runs that are right and above rounding.
     pub observed: Option<f64>,
     /// Order of the method on smooth problems.
     pub smooth: u32,
@@ -84,11 +84,8 @@ pub(super) const RESOLVED: f64 = 10.0;
 #[must_use]
 pub fn orders(contender: &Contender, structure: &Structure, runs: &[(u64, f64)], error: f64) -> Option<Order> {
     let Kind::Fixed(method) = contender.kind else { return None };
-    let runs: Vec<_> = runs.iter().filter(|(_, e)| *e > RESOLVED * error).collect();
-    let mut slopes: Vec<f64> =
-        runs.windows(2).rev().take(3).map(|w| (w[0].1 / w[1].1).ln() / (w[1].0 as f64 / w[0].0 as f64).ln()).collect();
-    slopes.sort_by(f64::total_cmp);
-    let observed = slopes.get(slopes.len() / 2).copied();
+    let runs: Vec<_> = runs.iter().copied().filter(|(_, e)| *e > RESOLVED * error).collect();
+    let observed = slope(&runs);
     let smooth = method.order();
     let mut reasons = Vec::new();
     if contender.ramp == Ramp::Sharp {
@@ -111,23 +108,43 @@ pub fn orders(contender: &Contender, structure: &Structure, runs: &[(u64, f64)],
     Some(Order { observed, smooth, reason: reasons.join("; ") })
 }
 
+/// Runs that an order is fitted to: where in a step a flank falls scatters single errors by a factor of a few.
+const FITTED: usize = 5;
+
+fn slope(runs: &[(u64, f64)]) -> Option<f64> {
+    let finest = &runs[runs.len().saturating_sub(FITTED)..];
+    if finest.len() < 2 {
+        return None;
+    }
+    let points: Vec<(f64, f64)> = finest.iter().map(|(n, e)| ((*n as f64).ln(), e.ln())).collect();
+    let count = points.len() as f64;
+    let (x, y) = points.iter().fold((0.0, 0.0), |(x, y), p| (x + p.0 / count, y + p.1 / count));
+    let (xx, xy) = points.iter().fold((0.0, 0.0), |(xx, xy), p| {
+        let d = p.0 - x;
+        (xx + d * d, xy + d * (p.1 - y))
+    });
+    Some(-xy / xx)
+}
+
 /// Cost at which a contender's error falls below `target`, from runs `(error, cost)`, coarse to fine: between two runs on the
-/// straight line through their logarithms. The second number tells whether it was reached; if not, the line through the
-/// finest two runs is followed on, if it falls.
+/// straight line through their logarithms, and only from where all finer runs stay below. The second number tells whether it
+/// was reached; if not, the cost of the finest run grows with the steps that the observed `order` asks for, if there is one.
 #[must_use]
-pub fn reached(runs: &[(f64, f64)], target: f64) -> Option<(f64, bool)> {
-    let line = |a: &(f64, f64), b: &(f64, f64)| {
-        let slope = (b.1 / a.1).ln() / (b.0 / a.0).ln();
-        (b.1.ln() + slope * (target / b.0).ln()).exp()
-    };
-    // Only from where all finer ones stay below: one lucky run is no accuracy.
-    let first = runs.len() - runs.iter().rev().take_while(|(e, _)| *e <= target).count();
-    match (first, runs) {
+pub fn reached(runs: &[(f64, f64)], target: f64, order: Option<f64>) -> Option<(f64, bool)> {
+    let below = runs.iter().rev().take_while(|(e, _)| *e <= target).count();
+    match (below, runs) {
         (_, []) => None,
-        (0, [first, ..]) => Some((first.1, true)),
-        (i, _) if i < runs.len() => Some((line(&runs[i - 1], &runs[i]), true)),
-        (_, [.., a, b]) if b.0 < a.0 && b.1 > a.1 => Some((line(a, b), false)),
-        _ => None,
+        (0, [.., (error, cost)]) => {
+            // An order near zero is a plateau: no step helps.
+            let order = order.filter(|p| *p > 0.5)?;
+            Some((cost * (error / target).powf(order.recip()), false))
+        }
+        (all, [first, ..]) if all == runs.len() => Some((first.1, true)),
+        (below, _) => {
+            let [a, b] = [runs[runs.len() - below - 1], runs[runs.len() - below]];
+            let slope = (b.1 / a.1).ln() / (b.0 / a.0).ln();
+            Some(((b.1.ln() + slope * (target / b.0).ln()).exp(), true))
+        }
     }
 }
 
@@ -139,12 +156,17 @@ mod tests {
     fn costs_are_read_off_straight_lines() {
         // Order 2: error = 1/cost².
         let runs = [(1e-2, 1e1), (1e-4, 1e2), (1e-6, 1e3)];
-        let (cost, is_reached) = reached(&runs, 1e-5).unwrap();
+        let (cost, is_reached) = reached(&runs, 1e-5, None).unwrap();
         assert!((cost - 10f64.powf(2.5)).abs() < 1e-9 * cost && is_reached);
-        let (cost, is_reached) = reached(&runs, 1e-8).unwrap();
+        let (cost, is_reached) = reached(&runs, 1e-8, Some(2.0)).unwrap();
         assert!((cost - 1e4).abs() < 1e-8 * cost && !is_reached);
-        assert_eq!(reached(&runs, 0.1), Some((10.0, true)));
+        assert_eq!(reached(&runs, 1e-8, None), None);
+        assert_eq!(reached(&runs, 1e-8, Some(0.1)), None);
+        assert_eq!(reached(&runs, 0.1, None), Some((10.0, true)));
         // A lucky run in between does not count.
-        assert!(!reached(&[(1e-2, 1.0), (1e-7, 2.0), (1e-3, 3.0)], 1e-6).is_some_and(|r| r.1));
+        assert!(reached(&[(1e-2, 1.0), (1e-7, 2.0), (1e-3, 3.0)], 1e-6, None).is_none());
+        // Order 2, and a constant.
+        let runs: Vec<(u64, f64)> = (1..8).map(|k| (10 * k, 3.0 / (k * k) as f64)).collect();
+        assert!((slope(&runs).unwrap() - 2.0).abs() < 1e-12);
     }
 }

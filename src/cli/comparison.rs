@@ -63,7 +63,9 @@ impl Comparison<'_> {
                     (error.max(self.truth.error), time.ratio)
                 })
                 .collect();
-            Summary { name: contender.name.clone(), order, ratios: TARGETS.map(|target| reached(&costs, target)) }
+            let slope = order.as_ref().and_then(|o| o.observed);
+            let ratios = TARGETS.map(|target| reached(&costs, target, slope));
+            Summary { name: contender.name.clone(), order, ratios }
         };
         contenders.iter().map(of).collect()
     }
@@ -217,7 +219,7 @@ impl Comparison<'_> {
     }
 
     pub fn write(&self, folder: &Folder, out: &Path, summaries: &[Summary]) -> Result<(), CliError> {
-        let name = self.session.scene.name();
+        let name = &self.session.title();
         let timed: Vec<Timed<'_>> = self
             .rows
             .iter()
@@ -323,7 +325,7 @@ impl Comparison<'_> {
         let section =
             |title: &str, text: &str, items| Section { title: title.to_owned(), text: text.to_owned(), items };
         Report {
-            title: format!("Accuracy against work: {}", self.session.scene.name()),
+            title: format!("Accuracy against work: {}", self.session.title()),
             summary: self.reference().into_iter().chain(self.verdicts(summaries)).collect(),
             sections: vec![
                 section("Charts", "", figures.map(Item::Figure).to_vec()),

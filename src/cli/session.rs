@@ -38,6 +38,11 @@ impl Session {
         Ok(self.case.limited(self.start.clone(), most)?)
     }
 
+    /// What the scene calls itself, or else its file.
+    pub fn title(&self) -> String {
+        self.scene.resolved()["name"].as_str().unwrap_or(self.scene.name()).to_owned()
+    }
+
     /// A unit, or nothing in a dimensionless train.
     pub fn unit(&self, name: &'static str) -> &'static str {
         if self.case.built.dimensionless { "" } else { name }
