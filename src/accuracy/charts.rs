@@ -31,7 +31,7 @@ type Measure = (&'static str, &'static str, fn(&Score) -> Option<f64>);
 
 const MEASURES: [Measure; 4] = [
     ("largest error of event times", "T", |s| s.event_time),
-    ("error of the time apart, share of the window", "", |s| Some(s.apart)),
+    ("error of the time apart, share of the window", "", |s| s.apart),
     ("error of the state at the starts of cycles", "", |s| Some(s.state)),
     ("error of the largest force", "", |s| s.peak_force),
 ];
@@ -65,13 +65,19 @@ pub fn by_time(name: &str, truth: &Truth, rows: &[Timed<'_>]) -> Figure {
     }
 }
 
+/// A growth, as written.
+#[must_use]
+pub fn fold(growth: f64) -> String {
+    if growth < 10.0 { format!("{growth:.1}") } else { format!("{growth:.0}") }
+}
+
 fn caption(truth: &Truth) -> String {
     let window = truth.window;
     format!(
         "Over the first {} cycles{}; T is one cycle. The reference states an error of {:.0e} T. Open marks: the \
          sequence of events is wrong.",
         window.cycles,
-        if window.cut { format!(", where errors grow {:.0}-fold at most", window.growth) } else { String::new() },
+        if window.cut { format!(", where errors grow {}-fold at most", fold(window.growth)) } else { String::new() },
         truth.error
     )
 }

@@ -340,7 +340,7 @@ impl Watch for Record<'_> {
         for (peak, touch) in self.peak.iter_mut().zip(&sample.point.contacts) {
             *peak = peak.max(touch.force.abs());
         }
-        if sample.number.is_multiple_of(self.per_cycle) {
+        if sample.number.is_some_and(|number| number.is_multiple_of(self.per_cycle)) {
             self.sections.push(sample.point.q.iter().chain(&sample.point.v).copied().collect());
             self.energy.push(self.model.energy(sample.point));
         }

@@ -12,7 +12,7 @@ mod problem;
 mod score;
 mod truth;
 
-pub use charts::{Row, Timed, by_steps, by_time};
+pub use charts::{Row, Timed, by_steps, by_time, fold};
 pub use contender::{Contender, Kind, Performance, Setting, Work};
 pub use error::AccuracyError;
 pub use order::{Order, Roughness, orders, reached};

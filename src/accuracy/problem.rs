@@ -114,11 +114,12 @@ impl Observer for Passages<'_> {
     }
 }
 
-/// How long each contact is between its flanks up to `end`, s, from its passages.
-pub(super) fn time_apart(passages: &[Crossing], closed_at_start: &[bool], end: f64) -> Vec<f64> {
+/// How long each contact is between its flanks up to `end`, s, from its passages. A rigid contact, whose strikes have no
+/// duration, counts as open throughout.
+pub(super) fn time_apart(passages: &[Crossing], closed_at_start: &[bool], rigid: &[bool], end: f64) -> Vec<f64> {
     let mut open_since: Vec<Option<f64>> = closed_at_start.iter().map(|c| (!c).then_some(0.0)).collect();
     let mut apart = vec![0.0; closed_at_start.len()];
-    for passage in passages.iter().filter(|p| p.t <= end) {
+    for passage in passages.iter().filter(|p| p.t <= end && !rigid[p.contact]) {
         match open_since[passage.contact].take() {
             Some(since) if passage.closing => apart[passage.contact] += passage.t - since,
             // Closed twice or opened twice: a passage of the other flank in between was missed.

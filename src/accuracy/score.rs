@@ -14,8 +14,8 @@ pub struct Score {
     pub missed: usize,
     /// Events found that are none.
     pub spurious: usize,
-    /// Largest error of a contact's time apart, over the window's length.
-    pub apart: f64,
+    /// Largest error of a contact's time apart, over the window's length; absent where all are rigid.
+    pub apart: Option<f64>,
     /// Largest error of coordinates and velocities at the starts of cycles, relative to their sizes.
     pub state: f64,
     /// Largest relative error of a contact's largest force; absent for rigid contacts.
@@ -82,18 +82,21 @@ pub(super) fn pairs<'a>(
     (matched, missed, spurious)
 }
 
+/// The largest, if there are any.
+fn largest(errors: impl Iterator<Item = f64>) -> Option<f64> {
+    errors.fold(None, |most: Option<f64>, e| Some(most.map_or(e, |m| m.max(e))))
+}
+
 /// The score of a contender's run on a problem of the given period and coordinates.
 #[must_use]
 pub fn score(truth: &Truth, run: &Performance, period: f64) -> Score {
     let end = truth.window.cycles as f64 * period;
     let exact = truth.measured();
     let (matched, missed, spurious) = pairs(exact.passages, &run.passages, period, end);
-    let event_time = matched
-        .iter()
-        .map(|(a, b)| (a.t - b.t).abs() / period)
-        .fold(None, |m: Option<f64>, e| Some(m.map_or(e, |m| m.max(e))));
-    let apart = time_apart(&run.passages, &truth.closed, end);
-    let apart = exact.apart.iter().zip(&apart).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs() / end));
+    let event_time = largest(matched.iter().map(|(a, b)| (a.t - b.t).abs() / period));
+    let apart = time_apart(&run.passages, &truth.closed, &truth.rigid, end);
+    let apart = exact.apart.iter().zip(&apart).zip(&truth.rigid).filter(|(_, rigid)| !**rigid);
+    let apart = largest(apart.map(|((a, b), _)| (a - b).abs() / end));
     // A run that stopped early is wrong by all there is from there on.
     let whole = |found: usize| if found < exact.sections.len() { 1.0 } else { 0.0 };
     let mut state: f64 = whole(run.sections.len());
@@ -104,11 +107,9 @@ pub fn score(truth: &Truth, run: &Performance, period: f64) -> Score {
         }
     }
     let forces = exact.peak.iter().zip(&run.peak).filter(|(exact, _)| **exact > 0.0);
-    let peak_force = forces
-        .map(|(exact, found)| (found - exact).abs() / exact)
-        .fold(None, |m: Option<f64>, e| Some(m.map_or(e, |m| m.max(e))));
-    let largest = exact.energy.iter().fold(f64::MIN_POSITIVE, |m: f64, e| m.max(e.abs()));
-    let energy = exact.energy.iter().zip(&run.energy).map(|(a, b)| (b - a) / largest);
+    let peak_force = largest(forces.map(|(exact, found)| (found - exact).abs() / exact));
+    let most = exact.energy.iter().fold(f64::MIN_POSITIVE, |m: f64, e| m.max(e.abs()));
+    let energy = exact.energy.iter().zip(&run.energy).map(|(a, b)| (b - a) / most);
     let energy = energy.fold(0.0, |m: f64, e| if e.abs() > m.abs() { e } else { m });
     Score { event_time, missed, spurious, apart, state, peak_force, energy }
 }

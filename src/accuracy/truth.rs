@@ -53,6 +53,8 @@ pub struct Truth {
     pub energy: Vec<f64>,
     /// Whether each contact is closed at the start.
     pub closed: Vec<bool>,
+    /// Whether each contact is rigid.
+    pub rigid: Vec<bool>,
 }
 
 /// Disturbance of neighbouring starts, relative.
@@ -131,12 +133,13 @@ impl Truth {
         let point = |k: usize, x: &[f64]| model.point(problem.section(k as u64), &x[..n], &x[n..]);
         let begin = point(0, &sections[0]);
         let closed: Vec<bool> = (0..model.contacts()).map(|j| model.is_beyond(j, &begin)).collect();
+        let rigid: Vec<bool> = (0..model.contacts()).map(|j| model.flanks(j).2).collect();
         let energy = sections.iter().enumerate().map(|(k, x)| model.energy(&point(k, x))).collect();
         let mut forces = Contacts::new(problem.structure, None).keep(0);
         problem.engine(problem.start.clone(), None)?.run(problem.section(window.cycles), &mut forces)?;
         Ok(Self {
             window,
-            apart: time_apart(&found, &closed, end),
+            apart: time_apart(&found, &closed, &rigid, end),
             peak: (0..model.contacts()).map(|j| forces.report(j).force_abs_max).collect(),
             passages: found,
             error,
@@ -145,6 +148,7 @@ impl Truth {
             sizes,
             energy,
             closed,
+            rigid,
         })
     }
 

@@ -106,7 +106,8 @@ impl HybridSystem for Through<'_> {
     }
 }
 
-/// Runs an adaptive solver with relative tolerance `rtol` over `grid`, whose points are sampled from its dense output.
+/// Runs an adaptive solver with relative tolerance `rtol` over `grid`. Sampled are the grid's points, from its dense output, and
+/// the ends of its own steps.
 ///
 /// # Errors
 /// [`IntegrateError`] where the solver gives up, as it may at jumps of the force.
@@ -133,7 +134,7 @@ pub fn adaptive(
             evaluations: 0,
         }),
     };
-    let mut flow = watch.sample(&Sample { number: 0, t: 0.0, point: &point });
+    let mut flow = watch.sample(&Sample { number: Some(0), t: 0.0, point: &point });
     let mut counters = Counters::default();
     let start: Vec<f64> = q.iter().chain(v).copied().collect();
     let bound = model.clock.advance(grid.from, grid.steps as f64 * grid.step);
@@ -153,17 +154,23 @@ pub fn adaptive(
             counters.steps += 1;
             let from = model.clock.between(grid.from, step.start());
             let to = from + step.time(1.0);
-            while next <= grid.steps && next as f64 * grid.step <= to {
-                let t = next as f64 * grid.step;
-                step.state(((t - from) / (to - from)).clamp(0.0, 1.0), &mut x);
+            let mut sample = |number: Option<u64>, t: f64, x: &mut Vec<f64>| {
+                step.state(((t - from) / (to - from)).clamp(0.0, 1.0), x);
                 point.q.copy_from_slice(&x[..model.n]);
                 point.v.copy_from_slice(&x[model.n..]);
                 through.look(model.clock.advance(grid.from, t), &mut point);
-                flow = watch.sample(&Sample { number: next, t, point: &point });
-                next += 1;
-                if flow.is_break() {
-                    return ControlFlow::Break(());
-                }
+                flow = watch.sample(&Sample { number, t, point: &point });
+                flow
+            };
+            // At the points of the grid, and at the end of the step, where a short contact would fall between them.
+            let last = (next..=grid.steps).take_while(|k| *k as f64 * grid.step <= to).last();
+            let first = next;
+            next = last.map_or(next, |k| k + 1);
+            for k in first..=last.unwrap_or(0) {
+                sample(Some(k), k as f64 * grid.step, &mut x)?;
+            }
+            if last.is_none_or(|k| (k as f64 * grid.step) < to) {
+                sample(None, to, &mut x)?;
             }
             step.state(1.0, &mut x);
             through.latch(step.start(), step.time(1.0), &x);

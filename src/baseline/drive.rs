@@ -44,9 +44,9 @@ pub struct Diverged {
 /// The end of a step (or the start of the run, number 0).
 #[derive(Clone, Copy, Debug)]
 pub struct Sample<'a> {
-    /// Number of the step.
-    pub number: u64,
-    /// Time since the start, s: `number · h`.
+    /// Number of the grid point; none at an adaptive solver's own steps, between grid points.
+    pub number: Option<u64>,
+    /// Time since the start, s: `number · h` on the grid.
     pub t: f64,
     /// State, deflections and forces there.
     pub point: &'a Point,
@@ -102,7 +102,7 @@ pub fn drive(
     let mut stepper = method.stepper(model, grid.step);
     let mut forcing = Forcing::new(model, grid.from, grid.step / f64::from(stepper.strides()));
     let mut counters = Counters::default();
-    let mut flow = watch.sample(&Sample { number: 0, t: 0.0, point: &point });
+    let mut flow = watch.sample(&Sample { number: Some(0), t: 0.0, point: &point });
     while flow.is_continue() && counters.steps < grid.steps {
         stepper.step(model, &mut forcing, &mut point, grid.step, &mut counters);
         counters.steps += 1;
@@ -114,7 +114,7 @@ pub fn drive(
         if zero != 0.0 {
             return Err(Diverged { t, counters });
         }
-        flow = watch.sample(&Sample { number: counters.steps, t, point: &point });
+        flow = watch.sample(&Sample { number: Some(counters.steps), t, point: &point });
     }
     Ok(counters)
 }

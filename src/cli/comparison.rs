@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use flank::{
-    accuracy::{Contender, Kind, Order, Problem, Row, Setting, Timed, Truth, by_steps, by_time, orders, reached},
+    accuracy::{Contender, Kind, Order, Problem, Row, Setting, Timed, Truth, by_steps, by_time, fold, orders, reached},
     plot::{Cell, Figure, Item, Report, Section, Table as ReportTable},
 };
 use serde::Serialize;
@@ -86,13 +86,16 @@ impl Comparison<'_> {
         let Truth { window, error, independent, passages, .. } = self.truth;
         let cut = if window.cut {
             format!(
-                "The window ends after {} of {} cycles: there a small error has grown {:.0}-fold, and would grow beyond the limit.",
-                window.cycles, self.problem.cycles, window.growth
+                "The window ends after {} of {} cycles: there a small error has grown {}-fold, and would grow beyond the limit.",
+                window.cycles,
+                self.problem.cycles,
+                fold(window.growth)
             )
         } else {
             format!(
-                "The window is the whole run, {} cycles: errors grow {:.0}-fold at most.",
-                window.cycles, window.growth
+                "The window is the whole run, {} cycles: errors grow {}-fold at most.",
+                window.cycles,
+                fold(window.growth)
             )
         };
         let independent = independent.map_or_else(
@@ -154,7 +157,7 @@ impl Comparison<'_> {
                 s.event_time.map_or("-".to_owned(), small),
                 s.missed.to_string(),
                 s.spurious.to_string(),
-                small(s.apart),
+                s.apart.map_or("-".to_owned(), small),
                 small(s.state),
                 s.peak_force.map_or("-".to_owned(), small),
                 small(s.energy),
@@ -291,7 +294,7 @@ impl Comparison<'_> {
                 maybe(s.event_time),
                 s.missed,
                 s.spurious,
-                s.apart,
+                maybe(s.apart),
                 s.state,
                 maybe(s.peak_force),
                 s.energy,
