@@ -322,7 +322,7 @@ fn a_large_page_stays_below_eight_megabytes() {
     all.extend([figures::forces(24_000), figures::forces(24_000), figures::spectrum(), figures::against_load()]);
     all.extend([figures::mode_shapes(), figures::waterfall()]);
     let points: usize = all.iter().flat_map(|f| &f.panels).flat_map(|p| &p.series).map(|s| s.x.len()).sum();
-    assert!(all.len() == 12 && points > 100_000, "{} figures, {points} points", all.len());
+    assert!(all.len() == 13 && points > 100_000, "{} figures, {points} points", all.len());
     let length = report(all).html().len();
     assert!(length < 8_000_000, "{length}");
 }

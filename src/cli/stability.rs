@@ -31,7 +31,7 @@ pub struct Arguments {
     scene: Option<PathBuf>,
     /// Fixed-step methods: rk4, newmark, hht[=ALPHA], generalized-alpha[=RHO], euler, verlet, each with +tanh=SIGMA,
     /// +sqrt=SIGMA, +poly=SIGMA for a smoothed flank
-    #[arg(long, value_name = "M1,M2,…", value_delimiter = ',', default_value = "rk4,newmark")]
+    #[arg(long, value_name = "M1,M2,…", value_delimiter = ',', num_args = 1.., default_value = "rk4,newmark")]
     methods: Vec<String>,
     /// What of every contact is multiplied
     #[arg(long, value_enum, default_value = "stiffness")]
@@ -49,7 +49,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Write into a folder that is not empty
-    #[arg(long)]
+    #[arg(long, requires = "out")]
     force: bool,
     /// Threads; as many as there are cores if left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -81,8 +81,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let case = Case::new(&scene)?;
     let subject = subject(&scene, &case)?;
     let plan = plan(arguments, &subject, case.built.dimensionless)?;
-    // Before the work: a folder that cannot be used is told at once.
-    let folder = arguments.out.as_deref().map(|out| Folder::open(out, arguments.force)).transpose()?;
+    // Before the work: a folder in use is told at once. It is opened after it: a map broken off leaves nothing behind.
+    if let Some(out) = &arguments.out {
+        Folder::check(out, arguments.force)?;
+    }
 
     catch_interrupt();
     let bar = counting("runs", arguments.quiet);
@@ -100,7 +102,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 
     let name = scene.resolved()["name"].as_str().filter(|name| !name.is_empty()).unwrap_or(scene.name());
     let figure = stability::figure(name, &map);
-    if let (Some(folder), Some(out)) = (folder, &arguments.out) {
+    if let Some(out) = &arguments.out {
+        let folder = Folder::open(out, arguments.force)?;
         folder.bytes("stability.csv", csv(&map).as_bytes())?;
         let figures = Folder::open(&out.join("figures"), true)?;
         let file = |kind: &str, bytes: &[u8]| figures.bytes(&format!("{}.{kind}", figure.id), bytes);
