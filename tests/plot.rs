@@ -54,8 +54,8 @@ fn csv_holds_every_number_in_full() {
                 }
             }
             let slanted = panel.guides.iter().filter(|guide| matches!(guide, Guide::Slanted { .. })).count();
-            let others = 2 * panel.bands.len() + panel.guides.len() + slanted + panel.notes.len();
-            assert!(rest.by_ref().take(others).all(|row| ["band", "guide", "note"].contains(&row[2].as_str())));
+            let others = 2 * (panel.bands.len() + panel.tiles.len()) + panel.guides.len() + slanted + panel.notes.len();
+            assert!(rest.by_ref().take(others).all(|row| ["band", "tile", "guide", "note"].contains(&row[2].as_str())));
         }
         assert_eq!(rest.next(), None);
     }
@@ -94,6 +94,7 @@ fn words(figure: &Figure) -> Vec<String> {
         words.extend([panel.y.label.clone(), panel.y.unit.clone()]);
         words.extend(panel.series.iter().map(|series| series.name.clone()));
         words.extend(panel.bands.iter().map(|band| band.name.clone()));
+        words.extend(panel.tiles.iter().map(|tile| tile.name.clone()));
         words.extend(panel.notes.iter().map(|note| note.text.clone()));
         words.extend(panel.guides.iter().map(|guide| match guide {
             Guide::Vertical { name, .. } | Guide::Horizontal { name, .. } | Guide::Slanted { name, .. } => name.clone(),
@@ -321,7 +322,7 @@ fn a_large_page_stays_below_eight_megabytes() {
     all.extend([figures::forces(24_000), figures::forces(24_000), figures::spectrum(), figures::against_load()]);
     all.extend([figures::mode_shapes(), figures::waterfall()]);
     let points: usize = all.iter().flat_map(|f| &f.panels).flat_map(|p| &p.series).map(|s| s.x.len()).sum();
-    assert!(all.len() == 12 && points > 100_000, "{} figures, {points} points", all.len());
+    assert!(all.len() == 13 && points > 100_000, "{} figures, {points} points", all.len());
     let length = report(all).html().len();
     assert!(length < 8_000_000, "{length}");
 }

@@ -283,7 +283,8 @@ fn check(window: &Value, figures: &[Figure]) {
         assert_eq!(shown["panels"], figure.panels.len(), "{id}");
         assert_eq!(shown["columns"], if narrow { 1 } else { figure.columns }, "{id}");
         assert_eq!(shown["clashes"], serde_json::json!([]), "{id} at {}", window["width"]);
-        let bands: usize = figure.panels.iter().map(|panel| panel.bands.len() + panel.guides.len()).sum();
+        let bands: usize =
+            figure.panels.iter().map(|panel| panel.bands.len() + panel.tiles.len() + panel.guides.len()).sum();
         assert_eq!(shown["bands"], bands, "{id}");
         let (words, legend) = (shown["words"].as_str().unwrap(), shown["legend"].to_string());
         for panel in &figure.panels {
@@ -294,6 +295,7 @@ fn check(window: &Value, figures: &[Figure]) {
                 assert!(words.replace(' ', "").contains(&label.replace(' ', "")), "{id}: `{label}`");
             }
             let names = panel.series.iter().map(|series| &series.name).chain(panel.bands.iter().map(|band| &band.name));
+            let names = names.chain(panel.tiles.iter().map(|tile| &tile.name));
             for name in names.filter(|name| !name.is_empty()) {
                 assert!(legend.contains(&Value::from(name.as_str()).to_string()), "{id}: `{name}` in {legend}");
             }

@@ -1,4 +1,8 @@
-use crate::{engine::EngineError, integrate::IntegrateError, train::StartError};
+use crate::{
+    engine::EngineError,
+    integrate::IntegrateError,
+    train::{AssembleError, StartError, TrainError},
+};
 
 /// Why a comparison cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -10,9 +14,15 @@ pub enum AccuracyError {
     /// An integrator is not to be had.
     #[error(transparent)]
     Integrate(#[from] IntegrateError),
-    /// A disturbed start is refused.
-    #[error("a neighbouring start is refused: {0}")]
+    /// A start, or a disturbed one, is refused.
+    #[error("a start is refused: {0}")]
     Start(#[from] StartError),
+    /// A changed train cannot be assembled.
+    #[error("the changed train is refused: {0}")]
+    Assemble(#[from] AssembleError),
+    /// A changed train has no equilibrium to start from.
+    #[error("the changed train has no equilibrium to start from: {0}")]
+    Equilibrium(#[from] TrainError),
     /// Nothing happens that could be compared.
     #[error("no contact opens or closes in the {cycles} cycles of the run: there are no events to compare")]
     NoEvents {

@@ -10,6 +10,7 @@ mod error;
 mod order;
 mod problem;
 mod score;
+pub mod stability;
 mod truth;
 
 pub use charts::{Row, Timed, by_steps, by_time, fold};

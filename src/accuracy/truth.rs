@@ -1,5 +1,7 @@
 //! A solution that says how far it can be trusted.
 
+use serde::Serialize;
+
 use super::{
     AccuracyError, Problem,
     problem::{Passages, time_apart},
@@ -17,7 +19,7 @@ use crate::{
 /// The variational growth is measured on neighbouring runs: their starts differ by a billionth of the motion's size, each in
 /// another direction, and the shift of their events, in periods, over that billionth is the growth. The window ends with
 /// the last cycle before it passes the limit.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Window {
     /// Whole cycles from the start.
     pub cycles: u64,
@@ -100,33 +102,39 @@ impl Truth {
     /// Solves `problem`, finds the window in which growth stays below `limit`, and measures the solution's own error.
     ///
     /// # Errors
-    /// [`AccuracyError`].
+    /// [`AccuracyError`]; [`AccuracyError::NoEvents`] without an event in the window.
     pub fn find(problem: &Problem<'_>, limit: f64) -> Result<Self, AccuracyError> {
-        let pass_of = |start, cycles, pieces, other| pass(problem, start, cycles, pieces, other);
-        let Pass { passages, mut sections } = pass_of(problem.start.clone(), problem.cycles, 1, None)?;
+        let truth = Self::quick(problem, limit)?;
+        if truth.passages.is_empty() {
+            return Err(AccuracyError::NoEvents { cycles: truth.window.cycles });
+        }
+        let independent =
+            pass(problem, problem.start.clone(), truth.window.cycles, 1, Some((Choice::Explicit, INDEPENDENT)))
+                .ok()
+                .and_then(|other| shift(problem, &truth.passages, &other.passages.found, truth.window.cycles));
+        Ok(Self { independent, ..truth })
+    }
+
+    /// The same without the independent run, of a motion that need not have events.
+    ///
+    /// # Errors
+    /// [`AccuracyError`] if the engine fails.
+    pub fn quick(problem: &Problem<'_>, limit: f64) -> Result<Self, AccuracyError> {
+        let pass_of = |start, cycles, pieces| pass(problem, start, cycles, pieces, None);
+        let Pass { passages, mut sections } = pass_of(problem.start.clone(), problem.cycles, 1)?;
         let sizes = passages.sizes.map(|s| s.max(f64::MIN_POSITIVE));
         let mut found = passages.found;
-        if found.is_empty() {
-            return Err(AccuracyError::NoEvents { cycles: problem.cycles });
-        }
         let window = window(problem, &found, sizes, limit)?;
         let end = window.cycles as f64 * problem.period;
         let count = found.iter().take_while(|p| p.t <= end).count();
         found.truncate(count);
         sections.truncate(window.cycles as usize + 1);
 
-        // The same solution again, cut into other steps; and by an integrator of another kind.
-        let control = pass_of(problem.start.clone(), window.cycles, PIECES, None)?.passages;
-        let shift = |other: &[Crossing]| {
-            let (matched, missed, spurious) = pairs(&found, other, problem.period, end);
-            let worst = matched.iter().fold(0.0, |m: f64, (a, b)| m.max((a.t - b.t).abs()));
-            (missed == 0 && spurious == 0).then_some(worst / problem.period)
-        };
+        // The same solution again, cut into other steps.
+        let control = pass_of(problem.start.clone(), window.cycles, PIECES)?.passages;
         let stated = passages.uncertainty[..count].iter().fold(0.0, |m: f64, u| m.max(*u)) / problem.period;
-        let error = shift(&control.found).map_or(f64::INFINITY, |s| s.max(stated)) + window.growth * f64::EPSILON;
-        let independent = pass_of(problem.start.clone(), window.cycles, 1, Some((Choice::Explicit, INDEPENDENT)))
-            .ok()
-            .and_then(|other| shift(&other.passages.found));
+        let error = shift(problem, &found, &control.found, window.cycles).map_or(f64::INFINITY, |s| s.max(stated))
+            + window.growth * f64::EPSILON;
 
         let model = Penalty::new(problem.structure, Ramp::Sharp);
         let n = problem.structure.freedoms();
@@ -143,7 +151,7 @@ impl Truth {
             peak: (0..model.contacts()).map(|j| forces.report(j).force_abs_max).collect(),
             passages: found,
             error,
-            independent,
+            independent: None,
             sections,
             sizes,
             energy,
@@ -162,6 +170,13 @@ impl Truth {
             energy: &self.energy,
         }
     }
+}
+
+/// Largest shift of event times, periods, over the first `cycles`; none if the sequences differ.
+fn shift(problem: &Problem<'_>, found: &[Crossing], other: &[Crossing], cycles: u64) -> Option<f64> {
+    let (matched, missed, spurious) = pairs(found, other, problem.period, cycles as f64 * problem.period);
+    let worst = matched.iter().fold(0.0, |m: f64, (a, b)| m.max((a.t - b.t).abs()));
+    (missed == 0 && spurious == 0).then_some(worst / problem.period)
 }
 
 /// Numbers in `(−1, 1)` from a fixed sequence (splitmix64): directions of disturbance that favour none.

@@ -21,7 +21,7 @@ pub use episode::{Episode, Moment, Separation};
 pub use events::{ContactEvent, EventLog, EventRow, Kind};
 pub use ledger::{Balance, Ledger};
 pub use report::{ContactReport, Statistics};
-pub use settle::{Settled, Settling, cycles_later, settle};
+pub use settle::{Sections, Settled, Settling, cycles_later, settle};
 pub use spectrum::{Spectrum, Window};
 pub use sum::Sum;
 pub use trajectory::{Grid, Sample, Trajectory};

@@ -80,8 +80,9 @@ const CLOSING: f64 = 0.5;
 /// Below this a distance is rounding, whatever its trend.
 const ROUNDING: f64 = 1e-12;
 
-/// Sections seen so far, the latest last.
-struct Sections {
+/// Sections of a motion, the latest last, whoever computed it: the rule of [`Settling`] at work.
+#[derive(Clone, Debug)]
+pub struct Sections {
     displacements: usize,
     velocities: usize,
     /// Forcing frequency, rad/s.
@@ -98,7 +99,9 @@ const DECAY: usize = 4;
 const DOUBT: f64 = 1e3;
 
 impl Sections {
-    fn new(freedoms: usize, omega: f64, periods: u32) -> Self {
+    /// No sections yet of a motion of `freedoms` displacements, forced at ω, rad/s, with orbits of up to `periods` looked for.
+    #[must_use]
+    pub fn new(freedoms: usize, omega: f64, periods: u32) -> Self {
         Self {
             displacements: freedoms,
             velocities: 2 * freedoms,
@@ -109,7 +112,9 @@ impl Sections {
         }
     }
 
-    fn distance(&self, a: &[f64], b: &[f64]) -> f64 {
+    /// Distance of two sections, relative as [`Settling`] says.
+    #[must_use]
+    pub fn distance(&self, a: &[f64], b: &[f64]) -> f64 {
         a.iter().zip(b).enumerate().fold(0.0, |most, (i, (a, b))| {
             let scale = match i {
                 _ if i < self.displacements => self.scale[0],
@@ -130,8 +135,14 @@ impl Sections {
         (1..=self.near.len()).map(|p| self.latest(p)).fold(f64::INFINITY, f64::min)
     }
 
-    /// Takes a section; gives the period of the orbit it lies on and the estimated distance from it, once they are known.
-    fn take(&mut self, x: &[f64], tolerance: f64) -> Option<(u32, f64)> {
+    /// The last `count` sections, or fewer where there are not so many; at most the longest period.
+    pub fn last(&self, count: usize) -> impl Iterator<Item = &[f64]> {
+        self.states.iter().skip(self.states.len().saturating_sub(count)).map(Vec::as_slice)
+    }
+
+    /// Takes a section `(q, q̇, latched)`; gives the period of the orbit it lies on and the estimated distance from it, once
+    /// they are known.
+    pub fn take(&mut self, x: &[f64], tolerance: f64) -> Option<(u32, f64)> {
         let largest = |part: &[f64], best: f64| part.iter().fold(best, |m, v| m.max(v.abs()));
         self.scale[0] = largest(&x[..self.displacements], self.scale[0]);
         let speed = self.omega * self.scale[0];

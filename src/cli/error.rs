@@ -9,7 +9,7 @@ use flank::{
     scene::SceneError,
     study::StudyError,
     study::identify::IdentifyError,
-    sweep::{GridError, SweepError},
+    sweep::{Fault, GridError, SweepError},
     train::{AssembleError, StartError},
 };
 use miette::Diagnostic;
@@ -40,6 +40,9 @@ pub enum CliError {
     /// The axes of a sweep cannot be used.
     #[error(transparent)]
     Grid(#[from] GridError),
+    /// Arguments cannot be used.
+    #[error("the arguments cannot be used{}", .0.iter().map(|fault| format!("\n{fault}")).collect::<String>())]
+    Arguments(Vec<Fault>),
     /// The sweep cannot be kept in its folder.
     #[error("{0}")]
     #[diagnostic(help("{1}"))]

@@ -43,6 +43,8 @@ impl Folder {
             "advise.csv",
             "advise.json",
             "timing.json",
+            "stability.json",
+            "stability.csv",
         ] {
             match fs::remove_file(folder.path.join(name)) {
                 Err(error) if error.kind() != std::io::ErrorKind::NotFound => {

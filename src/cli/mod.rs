@@ -14,6 +14,7 @@ mod run;
 mod scene;
 mod schema;
 mod session;
+mod stability;
 mod study;
 mod summary;
 mod sweep;
@@ -49,6 +50,8 @@ enum Command {
     Compare(compare::Arguments),
     /// Show what a scene builds: freedoms, contacts, natural frequencies, integrators, warnings
     Check(check::Arguments),
+    /// Map where fixed-step methods give the right motion: their step against stiffness, damping or backlash
+    Stability(stability::Arguments),
     /// Find numbers of a scene from natural frequencies and static contact forces
     Identify(identify::Arguments),
     /// Print the JSON Schema of scenes
@@ -85,6 +88,7 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
         Command::Advise(arguments) => return advise::execute(&arguments),
         Command::Sweep(arguments) => return sweep::execute(&arguments),
         Command::Compare(arguments) => return compare::execute(&arguments),
+        Command::Stability(arguments) => return stability::execute(&arguments),
         Command::Identify(arguments) => return identify::execute(&arguments),
         Command::Check(arguments) => check::execute(&arguments)?,
         Command::Schema => schema::execute()?,

@@ -90,4 +90,20 @@ impl Stiffness {
             pieces: vec![Piece { start: 0.0, value: high, slope: 0.0 }, Piece { start: duty, value: low, slope: 0.0 }],
         }
     }
+
+    /// The same schedule with every stiffness `factor` times as large.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        match self {
+            Self::Constant(k) => Self::Constant(factor * k),
+            Self::Harmonic { mean, harmonics } => Self::Harmonic { mean: factor * mean, harmonics: harmonics.clone() },
+            Self::Periodic { period, origin, pieces } => {
+                let scaled = |p: &Piece| Piece { value: factor * p.value, slope: factor * p.slope, ..*p };
+                Self::Periodic { period: *period, origin: *origin, pieces: pieces.iter().map(scaled).collect() }
+            }
+            Self::Switched { times, levels } => {
+                Self::Switched { times: times.clone(), levels: levels.map(|k| factor * k) }
+            }
+        }
+    }
 }

@@ -13,8 +13,8 @@ impl Figure {
     ///
     /// `panel, panel_title, kind, name, x, x_label, x_unit, y, y_label, y_unit`
     ///
-    /// Panels are counted from 1; `kind` is `series`, `band`, `guide` or `note`. A band has two rows, its ends on x, and
-    /// no y; a vertical guide has an x only, a horizontal one a y only, a slanted one two rows. Floats are as short as
+    /// Panels are counted from 1; `kind` is `series`, `band`, `tile`, `guide` or `note`. A band has two rows, its ends on x, and
+    /// no y; a tile two, opposite corners; a vertical guide has an x only, a horizontal one a y only, a slanted one two rows. Floats are as short as
     /// they can be without loss.
     #[must_use]
     pub fn csv(&self) -> String {
@@ -50,6 +50,11 @@ impl Rows<'_> {
         for band in &panel.bands {
             for x in band.x {
                 self.row("band", &band.name, Some(x), None);
+            }
+        }
+        for tile in &panel.tiles {
+            for (x, y) in tile.x.iter().zip(&tile.y) {
+                self.row("tile", &tile.name, Some(*x), Some(*y));
             }
         }
         for guide in &panel.guides {

@@ -16,7 +16,7 @@ pub struct Figure {
     pub panels: Vec<Panel>,
 }
 
-/// One pair of axes and what is drawn on them, from back to front: bands, guides, series, notes.
+/// One pair of axes and what is drawn on them, from back to front: tiles, bands, guides, series, notes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Panel {
     /// Title; may be empty.
@@ -31,6 +31,9 @@ pub struct Panel {
     pub series: Vec<Series>,
     /// Stretches of x, shaded.
     pub bands: Vec<Band>,
+    /// Rectangles, filled.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub tiles: Vec<Tile>,
     /// Straight lines across the panel.
     pub guides: Vec<Guide>,
     /// Words in the panel.
@@ -122,6 +125,19 @@ pub struct Band {
     /// Name in the legend; bands of one name are one entry.
     pub name: String,
     /// Number of its shade.
+    pub colour: usize,
+}
+
+/// A filled rectangle, such as a cell of a map.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Tile {
+    /// Its ends on x.
+    pub x: [f64; 2],
+    /// Its ends on y.
+    pub y: [f64; 2],
+    /// Name in the legend; tiles of one name are one entry.
+    pub name: String,
+    /// Number of its colour among those of tiles, modulo their number.
     pub colour: usize,
 }
 

@@ -13,6 +13,6 @@ mod report;
 
 #[cfg(feature = "plot")]
 pub use draw::{Theme, png, svg};
-pub use figure::{Axis, Band, Figure, Guide, Note, Panel, Series, Style};
+pub use figure::{Axis, Band, Figure, Guide, Note, Panel, Series, Style, Tile};
 #[cfg(feature = "plot")]
 pub use report::{Cell, Item, Report, Section, Table, Verdict};

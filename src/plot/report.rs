@@ -226,6 +226,7 @@ fn colours() -> Value {
         json!({
             "paper": hex(colours.paper), "ink": hex(colours.ink), "muted": hex(colours.muted), "grid": hex(colours.grid),
             "series": colours.series.map(hex), "bands": colours.bands.map(hex), "bandOpacity": colours.band_opacity,
+            "tiles": colours.tiles.map(hex), "tileOpacity": colours.tile_opacity,
         })
     };
     json!({ "light": theme(Theme::Light), "dark": theme(Theme::Dark) })
@@ -235,6 +236,7 @@ fn colours() -> Value {
 fn figure_data(figure: &Figure) -> Value {
     let look = |look: &Look| match look {
         Look::Series(style, colour) => json!({ "style": style, "colour": colour }),
+        Look::Tile(colour) => json!({ "style": "tile", "colour": colour }),
         Look::Band(colour) => json!({ "style": "band", "colour": colour }),
     };
     let entry =
@@ -270,6 +272,7 @@ fn panel_data(panel: &Panel) -> Value {
         "equal": panel.equal_scales,
         "series": panel.series.iter().map(series).collect::<Vec<_>>(),
         "bands": panel.bands,
+        "tiles": panel.tiles,
         "guides": panel.guides.iter().map(guide).collect::<Vec<_>>(),
         "notes": panel.notes,
     })

@@ -17,6 +17,7 @@ mod linear;
 mod mesh;
 mod pair;
 pub mod planetary;
+mod scaled;
 mod schedule;
 mod spec;
 mod sticking;
@@ -33,6 +34,7 @@ pub use linear::{Equilibrium, bonded_modes, bonded_stiffness, equilibrium, tange
 pub use mesh::{Mesh, mesh_damping};
 pub use pair::{GearPair, KahramanSingh};
 pub use planetary::{Freedoms, Load, Phasing, Planet, Planetary, StageGeometry, Teeth, Warning};
+pub use scaled::Quantity;
 pub use spec::{ContactSpec, Flanks, LoadHarmonic, Spec};
 pub use view::damped_restitution;
 pub use wall::{Walled, Walls};

@@ -3,7 +3,7 @@
 
 use std::f64::consts::TAU;
 
-use flank::plot::{Axis, Band, Figure, Guide, Note, Panel, Series, Style};
+use flank::plot::{Axis, Band, Figure, Guide, Note, Panel, Series, Style, Tile};
 
 fn sampled(count: usize, end: f64, f: impl Fn(f64) -> f64) -> (Vec<f64>, Vec<f64>) {
     (0..count).map(|i| end * i as f64 / (count - 1) as f64).map(|t| (t, f(t))).unzip()
@@ -169,6 +169,27 @@ pub fn mode_shapes() -> Figure {
     figure("mode-shapes", "Mode shapes", 3, vec![panel(1, "rotational"), panel(2, "translational"), panel(3, "planet")])
 }
 
+/// A map: tiles of every colour on two logarithmic axes, with a curve across them.
+pub fn map() -> Figure {
+    let tile = |i: usize, j: usize| Tile {
+        x: [10f64.powi(i as i32), 10f64.powi(i as i32 + 1)],
+        y: [0.1 * 4f64.powi(j as i32), 0.1 * 4f64.powi(j as i32 + 1)],
+        name: format!("outcome {}", (i + j) % 7),
+        colour: (i + j) % 7,
+    };
+    let axis = |label: &str| Axis { logarithmic: true, ..Axis::new(label, "") };
+    let panel = Panel {
+        title: "rk4".into(),
+        x: axis("steps a cycle"),
+        y: axis("factor on the stiffness"),
+        tiles: (0..5).flat_map(|i| (0..4).map(move |j| (i, j))).map(|(i, j)| tile(i, j)).collect(),
+        series: vec![Series::line("limit", 6, vec![20.0, 200.0, 2000.0], vec![0.1, 1.0, 10.0]).styled(Style::Dashed)],
+        guides: vec![Guide::Vertical { x: 1000.0, name: "1000 steps".into() }],
+        ..Panel::default()
+    };
+    figure("map", "A map of outcomes", 2, vec![panel.clone(), Panel { title: "newmark".into(), ..panel }])
+}
+
 /// A figure with every kind of thing in it, and words that are hard to write.
 pub fn hard() -> Figure {
     let words = "a \"b\", <c> & 'd' $e$ %{f} </script> µ²";
@@ -186,6 +207,7 @@ pub fn hard() -> Figure {
             Series::line("stems", 1, vec![0.25], vec![-5e21]).styled(Style::Stems),
         ],
         bands: vec![Band { x: [0.1, 0.15], name: "band, shaded".into(), colour: 1 }],
+        tiles: vec![Tile { x: [0.2, 0.3], y: [0.0, 1e22], name: "tile <1>".into(), colour: 8 }],
         guides: vec![
             Guide::Vertical { x: 0.3, name: "v".into() },
             Guide::Horizontal { y: 5e21, name: "h".into() },
@@ -199,5 +221,5 @@ pub fn hard() -> Figure {
 
 /// All of them, but for the hard one.
 pub fn all() -> Vec<Figure> {
-    vec![forces(2000), spectrum(), waterfall(), against_load(), trajectories(), mode_shapes()]
+    vec![forces(2000), spectrum(), waterfall(), against_load(), trajectories(), mode_shapes(), map()]
 }

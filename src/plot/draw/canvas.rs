@@ -117,6 +117,9 @@ impl Canvas<'_> {
 
     /// A line of text on a patch of paper, so that it can be read on top of curves.
     pub fn patched(&self, words: &str, at: Point, anchor: Anchor, size: f64, colour: Rgb) -> Drawn {
+        if words.is_empty() {
+            return Ok(());
+        }
         let (along, across) = (text::width(&text::clean(words), size, false), 0.6 * size);
         let [x, y] = at;
         let corners = match anchor {

@@ -1,6 +1,6 @@
 //! The entries of a legend: one for each name of series or bands.
 
-use crate::plot::{Panel, Style};
+use crate::plot::{Panel, Style, Tile};
 
 use super::{
     canvas::{Anchor, Canvas, Drawn, Pen, Point},
@@ -13,6 +13,7 @@ use super::{
 pub(crate) enum Look {
     Series(Style, usize),
     Band(usize),
+    Tile(usize),
 }
 
 /// A name, and every look that it has.
@@ -28,8 +29,9 @@ const GAP: f64 = 6.0;
 const SPACE: f64 = 18.0;
 
 impl Entry<'_> {
-    fn is_band(&self) -> bool {
-        matches!(self.looks[0], Look::Band(_))
+    /// Whether it shows the same kind of thing as `look`.
+    fn is_like(&self, look: &Look) -> bool {
+        std::mem::discriminant(&self.looks[0]) == std::mem::discriminant(look)
     }
 
     fn width(&self, size: f64) -> f64 {
@@ -37,15 +39,18 @@ impl Entry<'_> {
     }
 }
 
-/// The names of series, then those of bands, in the order in which they first appear.
+/// The names of series, then those of bands, in the order in which they first appear; then those of tiles, in the order of
+/// their colours.
 pub(crate) fn entries(panels: &[Panel]) -> Vec<Entry<'_>> {
     let series = panels.iter().flat_map(|panel| &panel.series);
     let series = series.map(|series| (series.name.as_str(), Look::Series(series.style, series.colour)));
     let bands = panels.iter().flat_map(|panel| &panel.bands).map(|band| (band.name.as_str(), Look::Band(band.colour)));
+    let mut tiles: Vec<&Tile> = panels.iter().flat_map(|panel| &panel.tiles).collect();
+    tiles.sort_by_key(|tile| tile.colour);
+    let tiles = tiles.into_iter().map(|tile| (tile.name.as_str(), Look::Tile(tile.colour)));
     let mut found: Vec<Entry<'_>> = Vec::new();
-    for (name, look) in series.chain(bands).filter(|(name, _)| !name.is_empty()) {
-        let band = matches!(look, Look::Band(_));
-        match found.iter_mut().find(|entry| entry.name == name && entry.is_band() == band) {
+    for (name, look) in series.chain(bands).chain(tiles).filter(|(name, _)| !name.is_empty()) {
+        match found.iter_mut().find(|entry| entry.name == name && entry.is_like(&look)) {
             None => found.push(Entry { name, looks: vec![look] }),
             Some(entry) if entry.looks.contains(&look) => {}
             Some(entry) => entry.looks.push(look),
@@ -89,6 +94,10 @@ fn sample(canvas: &Canvas<'_>, look: Look, [x, y]: Point) -> Drawn {
         Look::Band(number) => {
             let opacity = 1.6 * canvas.colours.band_opacity;
             return canvas.rectangle([x, y - 5.0], [x + SAMPLE, y + 5.0], canvas.colours.band(number), opacity);
+        }
+        Look::Tile(number) => {
+            let (colour, opacity) = (canvas.colours.tile(number), canvas.colours.tile_opacity);
+            return canvas.rectangle([x, y - 5.0], [x + SAMPLE, y + 5.0], colour, opacity);
         }
         Look::Series(style, number) => (style, canvas.colours.series(number)),
     };

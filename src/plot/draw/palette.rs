@@ -24,6 +24,9 @@ pub(crate) struct Colours {
     /// Shades of bands, laid on the paper with `band_opacity`.
     pub bands: [Rgb; 6],
     pub band_opacity: f64,
+    /// Tiles, side by side: of the same set, told apart by hue and by lightness; curves are drawn on them in `ink`.
+    pub tiles: [Rgb; 7],
+    pub tile_opacity: f64,
 }
 
 const ORANGE: Rgb = (0xe6, 0x9f, 0x00);
@@ -37,6 +40,9 @@ const GREY: Rgb = (0x80, 0x86, 0x8e);
 
 const BANDS: [Rgb; 6] = [ORANGE, SKY, GREEN, PURPLE, YELLOW, GREY];
 
+/// Rising in weight, as outcomes are listed from good to bad.
+const TILES: [Rgb; 7] = [SKY, PURPLE, YELLOW, GREEN, ORANGE, VERMILION, GREY];
+
 const LIGHT: Colours = Colours {
     paper: (0xff, 0xff, 0xff),
     ink: (0x1f, 0x23, 0x28),
@@ -45,6 +51,8 @@ const LIGHT: Colours = Colours {
     series: [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, (0, 0, 0), GREY],
     bands: BANDS,
     band_opacity: 0.2,
+    tiles: TILES,
+    tile_opacity: 0.75,
 };
 
 const DARK: Colours = Colours {
@@ -55,6 +63,8 @@ const DARK: Colours = Colours {
     series: [SKY, (0xf0, 0x7f, 0x2e), (0x1c, 0xb8, 0x8b), PURPLE, ORANGE, YELLOW, (0xff, 0xff, 0xff), GREY],
     bands: BANDS,
     band_opacity: 0.24,
+    tiles: TILES,
+    tile_opacity: 0.75,
 };
 
 impl Colours {
@@ -64,6 +74,10 @@ impl Colours {
 
     pub(crate) fn band(&self, number: usize) -> Rgb {
         self.bands[number % self.bands.len()]
+    }
+
+    pub(crate) fn tile(&self, number: usize) -> Rgb {
+        self.tiles[number % self.tiles.len()]
     }
 }
 

@@ -41,8 +41,11 @@ pub(crate) fn scales(panel: &Panel) -> [Scale; 2] {
     let letters = |guide: &Guide| if let Guide::Vertical { name, .. } = guide { name.chars().count() } else { 0 };
     let letters = panel.guides.iter().map(letters).max().filter(|_| ground.is_some()).unwrap_or(0);
     let above = 0.06 + 0.025 * letters.min(12) as f64;
-    let x = Scale::fit(&panel.x, panel.series.iter().flat_map(|series| series.x.iter().copied()), margin);
-    let y = Scale::fit(&panel.y, panel.series.iter().flat_map(|series| series.y.iter().copied()).chain(ground), above);
+    let (series, tiles) = (|| panel.series.iter(), || panel.tiles.iter());
+    let xs = series().flat_map(|series| &series.x).chain(tiles().flat_map(|tile| &tile.x));
+    let ys = series().flat_map(|series| &series.y).chain(tiles().flat_map(|tile| &tile.y));
+    let x = Scale::fit(&panel.x, xs.copied(), margin);
+    let y = Scale::fit(&panel.y, ys.copied().chain(ground), above);
     [x, y]
 }
 
@@ -93,6 +96,7 @@ impl<'a> Sheet<'a> {
     }
 
     pub fn draw(&self, canvas: &Canvas<'_>) -> Drawn {
+        self.tiles(canvas)?;
         self.bands(canvas)?;
         self.axes(canvas)?;
         self.guides(canvas)?;
@@ -138,6 +142,21 @@ impl<'a> Sheet<'a> {
         for (line, words) in self.heading.iter().enumerate() {
             let at = [x0, y0 - (self.heading.len() - line) as f64 * 1.4 * LABEL + 0.4 * LABEL];
             canvas.text(words, at, Anchor::Left, LABEL, colours.ink, true)?;
+        }
+        Ok(())
+    }
+
+    fn tiles(&self, canvas: &Canvas<'_>) -> Drawn {
+        for tile in &self.panel.tiles {
+            let corners = [self.checked(tile.x[0], tile.y[0]), self.checked(tile.x[1], tile.y[1])];
+            let [Some(a), Some(b)] = corners else { continue };
+            let inside = |ends: [f64; 2], [low, high]: [f64; 2]| ends.map(|end| end.clamp(low, high));
+            let [left, right] = inside([a[0].min(b[0]), a[0].max(b[0])], [self.frame.x0, self.frame.x1]);
+            let [top, bottom] = inside([a[1].min(b[1]), a[1].max(b[1])], [self.frame.y0, self.frame.y1]);
+            if left < right && top < bottom {
+                let colours = canvas.colours;
+                canvas.rectangle([left, top], [right, bottom], colours.tile(tile.colour), colours.tile_opacity)?;
+            }
         }
         Ok(())
     }

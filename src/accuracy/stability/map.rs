@@ -1,0 +1,263 @@
+use std::sync::atomic::AtomicBool;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::{Outcome, Own, Rule};
+use crate::{
+    accuracy::{AccuracyError, Contender, Kind, Problem, Truth, Window},
+    engine::State,
+    gear::{Stiffness, contact::Law},
+    hybrid::Instant,
+    integrate::Choice,
+    train::{Quantity, Spec, Structure, bonded_modes, equilibrium},
+};
+
+/// Where runs start.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Start {
+    /// At these coordinates and velocities, `[n]` each, whatever the factor.
+    At(Vec<f64>, Vec<f64>),
+    /// At rest in the equilibrium of the changed train.
+    Equilibrium,
+}
+
+/// The train whose contacts are changed.
+#[derive(Clone, Debug)]
+pub struct Subject {
+    /// The train as it is.
+    pub spec: Spec,
+    /// Where runs start.
+    pub start: Start,
+    /// When.
+    pub at: Instant,
+    /// Length of a cycle, s.
+    pub period: f64,
+    /// Integrator of the engine.
+    pub choice: Choice,
+    /// Its tolerance.
+    pub tolerance: f64,
+}
+
+/// What is asked for.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// What of every contact is multiplied.
+    pub over: Quantity,
+    /// By what, rising, > 0.
+    pub factors: Vec<f64>,
+    /// Steps a cycle, rising, ≥ 1.
+    pub steps: Vec<u64>,
+    /// Fixed-step contenders.
+    pub methods: Vec<Contender>,
+    /// Steps that people use, with their names: judged where the factor is 1.
+    pub references: Vec<Reference>,
+    /// How motions are judged.
+    pub rule: Rule,
+}
+
+/// A step that people use.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Reference {
+    /// Its name, such as `1e-6 s`.
+    pub name: String,
+    /// Steps a cycle, rounded up.
+    pub steps_per_cycle: u64,
+}
+
+/// One run of one method.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Cell {
+    /// Steps a cycle.
+    pub steps_per_cycle: u64,
+    /// How it compares.
+    pub outcome: Outcome,
+    /// Events of the truth's window without a partner.
+    pub missed: usize,
+    /// Events in the window that the truth does not have.
+    pub spurious: usize,
+    /// Period of the orbit it settled on, cycles.
+    pub period: Option<u32>,
+    /// Relative distance of its sections from the engine's, where they were compared.
+    pub distance: Option<f64>,
+    /// Cycles run.
+    pub cycles: u64,
+}
+
+/// All runs with one factor.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Row {
+    /// The factor.
+    pub factor: f64,
+    /// Why nothing can be judged here, if so.
+    pub error: Option<String>,
+    /// Where sequences are compared.
+    pub window: Option<Window>,
+    /// Events in it.
+    pub events: usize,
+    /// Error of the truth's event times, periods.
+    pub truth_error: f64,
+    /// The engine's motion in the long run.
+    pub own: Option<Own>,
+    /// Highest natural frequency ω of the train with every contact closed at its largest stiffness, rad/s; of a power law
+    /// that under the largest force in the window.
+    pub omega_max: Option<f64>,
+    /// Of each method: fewest steps a cycle with `h ω_max` within its limit; none if it has none.
+    pub limit_steps_per_cycle: Vec<Option<f64>>,
+    /// Of each method, from few steps to many.
+    pub cells: Vec<Vec<Cell>>,
+    /// Of each method, the steps that people use; where the factor is 1.
+    pub references: Vec<Vec<Cell>>,
+}
+
+impl Row {
+    /// How the engine's own run compares with itself, cut into other steps.
+    #[must_use]
+    pub fn own_outcome(&self) -> Outcome {
+        // A sequence that differs has an infinite error.
+        if self.truth_error.is_finite() { Outcome::Right } else { Outcome::Displaced }
+    }
+}
+
+/// The map of every method over one quantity.
+#[derive(Clone, Debug, Serialize)]
+pub struct Map {
+    /// What is multiplied.
+    pub over: Quantity,
+    /// Words of the methods.
+    pub methods: Vec<String>,
+    /// Largest `h ω` of each on an undamped oscillation; none if any is stable.
+    pub limits: Vec<Option<f64>>,
+    /// Length of a cycle, s.
+    pub period_s: f64,
+    /// Steps a cycle.
+    pub steps_per_cycle: Vec<u64>,
+    /// Steps that people use.
+    pub references: Vec<Reference>,
+    /// How motions were judged.
+    pub rule: Rule,
+    /// One for each factor.
+    pub rows: Vec<Row>,
+}
+
+impl Map {
+    /// Fewest steps a cycle on the map from which on `method` is always at least as good as `holds` asks; none if not even the
+    /// most steps are.
+    #[must_use]
+    pub fn fewest(&self, method: usize, row: &Row, holds: impl Fn(Outcome) -> bool) -> Option<u64> {
+        let cells = row.cells.get(method)?;
+        cells.iter().rev().take_while(|cell| holds(cell.outcome)).last().map(|cell| cell.steps_per_cycle)
+    }
+}
+
+/// Makes the map; `done` is told of every cell. `None` once `interrupted` is set.
+///
+/// A factor for which the engine has no answer (no equilibrium to start from, a motion that amplifies errors within its
+/// first cycle) gets a row without cells that says why.
+///
+/// # Panics
+/// If a contender has no fixed step.
+#[must_use]
+pub fn map(subject: &Subject, plan: &Plan, interrupted: &AtomicBool, done: &(dyn Fn() + Sync)) -> Option<Map> {
+    let row = |factor: &f64| {
+        let mut row = Row { factor: *factor, ..Row::default() };
+        match fill(&mut row, subject, plan, interrupted, done) {
+            Ok(complete) => complete.then_some(row),
+            Err(error) => Some(Row { factor: *factor, error: Some(error.to_string()), ..Row::default() }),
+        }
+    };
+    let rows: Option<Vec<Row>> = plan.factors.par_iter().map(row).collect();
+    Some(Map {
+        over: plan.over,
+        methods: plan.methods.iter().map(|method| method.name.clone()).collect(),
+        limits: plan.methods.iter().map(limit).collect(),
+        period_s: subject.period,
+        steps_per_cycle: plan.steps.clone(),
+        references: plan.references.clone(),
+        rule: plan.rule,
+        rows: rows?,
+    })
+}
+
+fn limit(contender: &Contender) -> Option<f64> {
+    match contender.kind {
+        Kind::Fixed(method) => method.stability_limit(),
+        _ => None,
+    }
+}
+
+/// Fills a row; false once interrupted.
+fn fill(
+    row: &mut Row,
+    subject: &Subject,
+    plan: &Plan,
+    interrupted: &AtomicBool,
+    done: &(dyn Fn() + Sync),
+) -> Result<bool, AccuracyError> {
+    let rule = &plan.rule;
+    let spec = subject.spec.scaled(plan.over, row.factor);
+    let (q, v) = match &subject.start {
+        Start::At(q, v) => (q.clone(), v.clone()),
+        Start::Equilibrium => (equilibrium(&spec)?.position, vec![0.0; spec.freedoms.len()]),
+    };
+    let structure = Structure::new(spec)?;
+    let start = structure.start(subject.at, &q, &v)?;
+    let problem = Problem {
+        structure: &structure,
+        start: State { at: subject.at, x: start.x, jump: start.jump },
+        period: subject.period,
+        cycles: rule.window.min(rule.cycles),
+        choice: subject.choice,
+        tolerance: subject.tolerance,
+    };
+    let truth = Truth::quick(&problem, rule.growth)?;
+    let Some(own) = Own::find(&problem, &truth, rule, interrupted)? else { return Ok(false) };
+    row.window = Some(truth.window);
+    row.events = truth.passages.len();
+    row.truth_error = truth.error;
+    row.omega_max = highest(structure.spec(), &truth.peak);
+    let steps = |limit: f64| row.omega_max.map(|omega| omega * subject.period / limit);
+    row.limit_steps_per_cycle = plan.methods.iter().map(|method| limit(method).and_then(steps)).collect();
+    let references: Vec<u64> = plan.references.iter().map(|reference| reference.steps_per_cycle).collect();
+    for method in &plan.methods {
+        let cell = |steps: &u64| {
+            let judged = own.judge((&problem, &truth), method, *steps, rule, interrupted)?;
+            done();
+            Some(Cell {
+                steps_per_cycle: *steps,
+                outcome: judged.outcome,
+                missed: judged.missed,
+                spurious: judged.spurious,
+                period: judged.period,
+                distance: judged.distance,
+                cycles: judged.cycles,
+            })
+        };
+        let Some(cells) = plan.steps.iter().map(cell).collect() else { return Ok(false) };
+        row.cells.push(cells);
+        // OK to compare: 1 is put among the factors as such.
+        let used: &[u64] = if row.factor == 1.0 { &references } else { &[] };
+        let Some(cells) = used.iter().map(cell).collect() else { return Ok(false) };
+        row.references.push(cells);
+    }
+    row.own = Some(own);
+    Ok(true)
+}
+
+/// Highest natural frequency with every contact closed at its largest stiffness, rad/s; of a power law the tangent under the
+/// force given, of a rigid contact none. `None` if the structure has no natural modes.
+fn highest(spec: &Spec, forces: &[f64]) -> Option<f64> {
+    let mut closed = spec.clone();
+    for (contact, force) in closed.contacts.iter_mut().zip(forces) {
+        let k = contact.stiffness.maximum();
+        contact.stiffness = Stiffness::Constant(match contact.law {
+            Law::Power(law) => {
+                let n = law.exponent.value();
+                n * k.powf(n.recip()) * force.powf(1.0 - n.recip())
+            }
+            Law::Rigid(_) => 0.0,
+            Law::KelvinVoigt(..) | Law::Bilateral(_) => k,
+        });
+    }
+    bonded_modes(&closed).ok()?.omega.last().copied()
+}
