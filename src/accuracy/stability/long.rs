@@ -267,10 +267,11 @@ impl Own {
 /// Of each contact, in each part of the second half of `cycles`: time apart over the time; impacts a cycle of a rigid one.
 fn parts(model: &Penalty, found: &[Crossing], closed: &[bool], period: f64, cycles: u64) -> Vec<[f64; PARTS as usize]> {
     let end = |part: u64| period * 0.5 * cycles as f64 * (1.0 + part as f64 / PARTS as f64);
-    let apart: Vec<Vec<f64>> = (0..=PARTS).map(|part| time_apart(found, closed, end(part))).collect();
+    let rigid: Vec<bool> = (0..model.contacts()).map(|j| model.flanks(j).2).collect();
+    let apart: Vec<Vec<f64>> = (0..=PARTS).map(|part| time_apart(found, closed, &rigid, end(part))).collect();
     let of = |j: usize, part: u64| {
         let (from, to) = (end(part), end(part + 1));
-        if model.flanks(j).2 {
+        if rigid[j] {
             let strikes = found.iter().filter(|c| c.contact == j && c.closing && c.t > from && c.t <= to).count();
             return strikes as f64 * period / (to - from);
         }
@@ -300,16 +301,16 @@ impl Watch for Watcher<'_> {
             self.blown = true;
             return ControlFlow::Break(());
         }
-        if !sample.number.is_multiple_of(self.per_cycle) {
+        let Some(number) = sample.number.filter(|number| number.is_multiple_of(self.per_cycle)) else {
             return ControlFlow::Continue(());
-        }
+        };
         self.energy.push(self.model.energy(point));
         let x: Vec<f64> = point.q.iter().chain(&point.v).copied().collect();
         if self.section.period.is_none() {
             self.section.take(&x, self.rule);
         }
         // The window may be longer than the transient.
-        let over = self.section.period.is_some() && sample.number / self.per_cycle >= self.window;
+        let over = self.section.period.is_some() && number / self.per_cycle >= self.window;
         if over || self.interrupted.load(Ordering::Relaxed) {
             ControlFlow::Break(())
         } else {
