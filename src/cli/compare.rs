@@ -25,7 +25,7 @@ pub struct Arguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
     /// Methods, such as rk4, newmark, hht=0.1, verlet, rk4+tanh=1e6, bdf, flank-explicit; the usual ones if left out
-    #[arg(long, value_name = "METHOD", num_args = 1..)]
+    #[arg(long, value_name = "M1,M2,…", value_delimiter = ',', num_args = 1..)]
     methods: Vec<String>,
     /// Write compare.json, compare.csv, timing.json, charts and report.html into this folder
     #[arg(long, value_name = "DIR")]

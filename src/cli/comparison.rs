@@ -3,7 +3,10 @@
 use std::path::Path;
 
 use flank::{
-    accuracy::{Contender, Kind, Order, Problem, Row, Setting, Timed, Truth, by_steps, by_time, fold, orders, reached},
+    accuracy::{
+        Contender, Kind, Order, Problem, Row, Setting, Timed, Truth, by_steps, by_time, fold, orders, reached,
+        stability::highest_frequency,
+    },
     plot::{Cell, Figure, Item, Report, Section, Table as ReportTable},
 };
 use serde::Serialize;
@@ -23,6 +26,8 @@ const TARGETS: [f64; 3] = [1e-3, 1e-6, 1e-9];
 pub struct Summary {
     pub name: String,
     pub order: Option<Order>,
+    /// Steps a cycle below which it is unstable with every mesh closed, if it is anywhere.
+    pub stable: Option<f64>,
     /// For each target: cost over Flank's, and whether it was reached.
     pub ratios: [Option<(f64, bool)>; 3],
 }
@@ -65,9 +70,25 @@ impl Comparison<'_> {
                 .collect();
             let slope = order.as_ref().and_then(|o| o.observed);
             let ratios = TARGETS.map(|target| reached(&costs, target, slope));
-            Summary { name: contender.name.clone(), order, ratios }
+            Summary { name: contender.name.clone(), order, stable: self.stable_steps(contender), ratios }
         };
         contenders.iter().map(of).collect()
+    }
+
+    /// Steps a cycle at the stability limit of a method, with every mesh closed; none for a method without one.
+    fn stable_steps(&self, contender: &Contender) -> Option<f64> {
+        let Kind::Fixed(method) = contender.kind else { return None };
+        let omega = highest_frequency(self.problem.structure.spec(), &self.truth.peak)?;
+        Some(omega * self.problem.period / method.stability_limit()?)
+    }
+
+    /// A setting, marked where it is beyond the limit.
+    fn setting(&self, row: &Row<'_>) -> String {
+        let unstable = match (row.setting, self.stable_steps(row.contender)) {
+            (Setting::StepsPerCycle(n), Some(stable)) => (n as f64) < stable,
+            _ => false,
+        };
+        format!("{}{}", row.setting, if unstable { ", unstable" } else { "" })
     }
 
     /// The fixed-step method that is cheapest at target `i`: reached ones before extrapolated ones.
@@ -153,7 +174,7 @@ impl Comparison<'_> {
             let s = &row.score;
             vec![
                 row.contender.name.clone(),
-                row.setting.to_string(),
+                self.setting(row),
                 s.event_time.map_or("-".to_owned(), small),
                 s.missed.to_string(),
                 s.spurious.to_string(),
@@ -184,6 +205,7 @@ impl Comparison<'_> {
                     s.name.clone(),
                     order.and_then(|o| o.observed).map_or("-".to_owned(), |o| format!("{o:.2}")),
                     order.map_or("-".to_owned(), |o| o.smooth.to_string()),
+                    s.stable.map_or("-".to_owned(), |n| format!("{:.0}", n.ceil())),
                 ];
                 row.extend(s.ratios.iter().map(ratio));
                 row.push(order.map_or(String::new(), |o| o.reason.clone()));
@@ -264,7 +286,9 @@ impl Comparison<'_> {
                 "error": row.score, "work": row.work, "stopped": stopped,
             })
         });
-        let orders = summaries.iter().filter_map(|s| Some(json!({ "method": s.name, "order": s.order.as_ref()? })));
+        let orders = summaries.iter().filter_map(|s| {
+            Some(json!({ "method": s.name, "order": s.order.as_ref()?, "stable_from_steps_per_cycle": s.stable }))
+        });
         json!({
             "flank": env!("CARGO_PKG_VERSION"),
             "scene": self.session.scene.name(),
@@ -350,8 +374,16 @@ impl Comparison<'_> {
 }
 
 /// Head of the table of orders.
-const ORDERS: [&str; 7] =
-    ["method", "order seen", "smooth", "× Flank at 1e-3", "at 1e-6", "at 1e-9", "why the order falls short"];
+const ORDERS: [&str; 8] = [
+    "method",
+    "order seen",
+    "smooth",
+    "stable from, steps",
+    "× Flank at 1e-3",
+    "at 1e-6",
+    "at 1e-9",
+    "why the order falls short",
+];
 
 /// A time or a ratio of times: three digits are more than it is known to.
 fn times(x: f64) -> String {

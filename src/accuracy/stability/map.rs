@@ -3,14 +3,13 @@ use std::sync::atomic::AtomicBool;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Outcome, Own, Rule};
+use super::{Outcome, Own, Rule, limit::highest_frequency};
 use crate::{
     accuracy::{AccuracyError, Contender, Kind, Problem, Truth, Window},
     engine::State,
-    gear::{Stiffness, contact::Law},
     hybrid::Instant,
     integrate::Choice,
-    train::{Quantity, Spec, Structure, bonded_modes, equilibrium},
+    train::{Quantity, Spec, Structure, equilibrium},
 };
 
 /// Where runs start.
@@ -215,7 +214,7 @@ fn fill(
     row.window = Some(truth.window);
     row.events = truth.passages.len();
     row.truth_error = truth.error;
-    row.omega_max = highest(structure.spec(), &truth.peak);
+    row.omega_max = highest_frequency(structure.spec(), &truth.peak);
     let steps = |limit: f64| row.omega_max.map(|omega| omega * subject.period / limit);
     row.limit_steps_per_cycle = plan.methods.iter().map(|method| limit(method).and_then(steps)).collect();
     let references: Vec<u64> = plan.references.iter().map(|reference| reference.steps_per_cycle).collect();
@@ -242,22 +241,4 @@ fn fill(
     }
     row.own = Some(own);
     Ok(true)
-}
-
-/// Highest natural frequency with every contact closed at its largest stiffness, rad/s; of a power law the tangent under the
-/// force given, of a rigid contact none. `None` if the structure has no natural modes.
-fn highest(spec: &Spec, forces: &[f64]) -> Option<f64> {
-    let mut closed = spec.clone();
-    for (contact, force) in closed.contacts.iter_mut().zip(forces) {
-        let k = contact.stiffness.maximum();
-        contact.stiffness = Stiffness::Constant(match contact.law {
-            Law::Power(law) => {
-                let n = law.exponent.value();
-                n * k.powf(n.recip()) * force.powf(1.0 - n.recip())
-            }
-            Law::Rigid(_) => 0.0,
-            Law::KelvinVoigt(..) | Law::Bilateral(_) => k,
-        });
-    }
-    bonded_modes(&closed).ok()?.omega.last().copied()
 }

@@ -5,11 +5,13 @@
 //! every mesh closed would become unstable. Results do not depend on the number of threads.
 
 mod figure;
+mod limit;
 mod long;
 mod map;
 mod outcome;
 
 pub use figure::figure;
+pub use limit::highest_frequency;
 pub use long::{Own, Rule};
 pub use map::{Cell, Map, Plan, Reference, Row, Start, Subject, map};
 pub use outcome::Outcome;
