@@ -18,8 +18,10 @@ use crate::{
 pub enum Roughness {
     /// Velocities jump: rigid impacts.
     Impact,
-    /// The force jumps: damping that acts in contact alone, a stiffness step under load, hysteresis.
+    /// The force jumps: damping that acts in contact alone, a stiffness step under load.
     Jump,
+    /// The law keeps the approach speed, which is found at the end of a step.
+    Latch,
     /// The force has a kink: a spring with backlash.
     Kink,
     /// The force is continuously differentiable: Hertz.
@@ -47,6 +49,7 @@ impl Roughness {
                 // Released by force, the force of a damper is still not zero where contact begins.
                 Law::KelvinVoigt(l, Release::Deflection | Release::Force) if l.damping > 0.0 => Self::Jump,
                 Law::KelvinVoigt(..) => Self::Kink,
+                Law::Power(l) if l.hysteresis > 0.0 => Self::Latch,
                 Law::Power(l) if l.exponent.value() <= 1.0 => Self::Kink,
                 Law::Power(_) | Law::Bilateral(_) => Self::Smooth,
             }
@@ -59,6 +62,7 @@ impl Roughness {
         match self {
             Self::Impact => (1.0, "velocities jump at impacts, which are found at the ends of steps"),
             Self::Jump => (1.0, "the force jumps inside steps"),
+            Self::Latch => (1.0, "the approach speed that hysteresis keeps is found at the end of a step"),
             Self::Kink => (2.0, "the force has a kink inside steps"),
             Self::Smooth => (f64::INFINITY, ""),
         }
