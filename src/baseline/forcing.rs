@@ -30,10 +30,10 @@ impl Spring {
         }
     }
 
-    fn at(&self, t: f64, cosines: &[f64], sines: &[f64]) -> f64 {
+    fn at(&self, t: f64, phasors: &[Phasor]) -> f64 {
         match self {
             Self::Constant(k) => *k,
-            Self::Waves(mean, waves) => mean + sum(waves, cosines, sines),
+            Self::Waves(mean, waves) => mean + sum(waves, phasors),
             Self::Periodic { period, origin, pieces } => {
                 let turns = (t - origin) / period;
                 let u = turns - turns.floor();
@@ -56,8 +56,20 @@ pub(super) fn wave(h: &Harmonic, scale: f64, frequencies: &mut Vec<f64>) -> Wave
     (index, scale * h.amplitude * h.phase.cos(), -scale * h.amplitude * h.phase.sin())
 }
 
-fn sum(waves: &[Wave], cosines: &[f64], sines: &[f64]) -> f64 {
-    waves.iter().fold(0.0, |s, (i, c, d)| s + c * cosines[*i] + d * sines[*i])
+fn sum(waves: &[Wave], phasors: &[Phasor]) -> f64 {
+    waves.iter().fold(0.0, |s, (i, c, d)| s + c * phasors[*i].cos + d * phasors[*i].sin)
+}
+
+/// One frequency of the forcing.
+#[derive(Clone, Copy, Debug)]
+struct Phasor {
+    omega: f64,
+    /// Its number as a harmonic of the clock's.
+    order: Option<u32>,
+    cos: f64,
+    sin: f64,
+    /// What a stride turns it by.
+    turn: (f64, f64),
 }
 
 /// What depends on time alone, at one instant.
@@ -91,11 +103,7 @@ pub(super) struct Forcing {
     index: u64,
     /// Time of the cosines and sines, s.
     t: f64,
-    /// Frequency, and its number as a harmonic of the clock's.
-    frequencies: Vec<(f64, Option<u32>)>,
-    turns: Vec<(f64, f64)>,
-    cosines: Vec<f64>,
-    sines: Vec<f64>,
+    phasors: Vec<Phasor>,
 }
 
 /// Strides between fresh angles: the rotations' rounding stays below 1e-14.
@@ -109,9 +117,10 @@ impl Forcing {
             (clock.omega() > 0.0 && (1.0..1e6).contains(&h) && (h * clock.omega() - w).abs() <= f64::EPSILON * w)
                 .then_some(h as u32)
         };
-        let frequencies: Vec<_> = model.frequencies.iter().map(|w| (*w, order(*w))).collect();
-        let turns = model.frequencies.iter().map(|w| (w * stride).sin_cos()).map(|(s, c)| (c, s)).collect();
-        let count = frequencies.len();
+        let phasor = |omega: &f64| {
+            let (sin, cos) = (omega * stride).sin_cos();
+            Phasor { omega: *omega, order: order(*omega), cos: 1.0, sin: 0.0, turn: (cos, sin) }
+        };
         let mut forcing = Self {
             clock,
             from,
@@ -119,10 +128,7 @@ impl Forcing {
             stride,
             index: 0,
             t: 0.0,
-            frequencies,
-            turns,
-            cosines: vec![0.0; count],
-            sines: vec![0.0; count],
+            phasors: model.frequencies.iter().map(phasor).collect(),
         };
         forcing.stand(forcing.from);
         forcing
@@ -131,8 +137,8 @@ impl Forcing {
     /// Cosines and sines at any instant.
     fn stand(&mut self, at: Instant) {
         self.t = self.clock.time(at).value();
-        for (i, (omega, order)) in self.frequencies.iter().enumerate() {
-            (self.sines[i], self.cosines[i]) = self.clock.angle(*omega, *order, at).sin_cos();
+        for p in &mut self.phasors {
+            (p.sin, p.cos) = self.clock.angle(p.omega, p.order, at).sin_cos();
         }
     }
 
@@ -142,8 +148,8 @@ impl Forcing {
         if self.index.is_multiple_of(FRESH) {
             self.stand(self.clock.advance(self.from, self.index as f64 * self.stride));
         } else {
-            for ((c, s), (turn_c, turn_s)) in self.cosines.iter_mut().zip(&mut self.sines).zip(&self.turns) {
-                (*c, *s) = (*c * turn_c - *s * turn_s, *s * turn_c + *c * turn_s);
+            for Phasor { cos, sin, turn: (c, s), .. } in &mut self.phasors {
+                (*cos, *sin) = (*cos * *c - *sin * *s, *sin * *c + *cos * *s);
             }
         }
         self.t = self.start + self.index as f64 * self.stride;
@@ -159,18 +165,22 @@ impl Forcing {
 
     /// The moment it stands at.
     pub fn moment(&self, model: &Penalty, out: &mut Moment) {
-        let t = self.t;
-        let (cosines, sines) = (&self.cosines[..], &self.sines[..]);
-        for (c, forced) in model.contacts.iter().zip(&mut out.contacts) {
-            forced.stiffness = c.spring.at(t, cosines, sines);
-            forced.error = [c.error_offset + sum(&c.error, cosines, sines), sum(&c.error_rate, cosines, sines)];
+        // What is constant is in there from the start.
+        for &j in &model.varying {
+            let (c, forced) = (&model.contacts[j], &mut out.contacts[j]);
+            forced.stiffness = c.spring.at(self.t, &self.phasors);
+            forced.error = [c.error_offset + sum(&c.error, &self.phasors), sum(&c.error_rate, &self.phasors)];
         }
-        // The constant part is in there from the start, and stays where there are no waves.
-        for (number, (i, cosine, sine)) in model.load_waves.iter().enumerate() {
-            let before = |k: usize, out: &[f64]| if number == 0 { model.load[k] } else { out[k] };
-            for k in 0..model.n {
-                out.load[k] = before(k, &out.load) + cosine[k] * cosines[*i] + sine[k] * sines[*i];
+        let mut waves = model.load_waves.iter();
+        if let Some((i, cosine, sine)) = waves.next() {
+            let Phasor { cos, sin, .. } = self.phasors[*i];
+            for (out, (load, (c, s))) in out.load.iter_mut().zip(model.load.iter().zip(cosine.iter().zip(sine))) {
+                *out = load + c * cos + s * sin;
             }
+        }
+        for (i, cosine, sine) in waves {
+            let Phasor { cos, sin, .. } = self.phasors[*i];
+            out.load.iter_mut().zip(cosine.iter().zip(sine)).for_each(|(out, (c, s))| *out += c * cos + s * sin);
         }
     }
 }

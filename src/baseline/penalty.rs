@@ -62,6 +62,8 @@ pub struct Penalty {
     pub(super) load_waves: Vec<(usize, Vec<f64>, Vec<f64>)>,
     pub(super) frequencies: Vec<f64>,
     pub(super) contacts: Vec<Contact>,
+    /// Contacts whose stiffness or error changes in time.
+    pub(super) varying: Vec<usize>,
     pub(super) ramp: Ramp,
     mass: DMatrix<f64>,
     stiffness: DMatrix<f64>,
@@ -147,7 +149,8 @@ impl Penalty {
                 error_offset: c.error_offset,
             }
         });
-        let contacts = contacts.collect();
+        let contacts: Vec<Contact> = contacts.collect();
+        let varies = |c: &Contact| !matches!(c.spring, Spring::Constant(_)) || !c.error.is_empty();
         let (k, c) = (mass.solve(&spec.stiffness), mass.solve(&spec.damping));
         let row = |i: usize| {
             let entries = (0..n).map(|j| (j as u32, k[(i, j)], c[(i, j)]));
@@ -160,6 +163,7 @@ impl Penalty {
             load: over_mass(&spec.load),
             load_waves,
             frequencies,
+            varying: (0..contacts.len()).filter(|j| varies(&contacts[*j])).collect(),
             contacts,
             ramp,
             mass: spec.mass.clone(),
@@ -274,7 +278,11 @@ impl Penalty {
     }
 
     pub(super) fn moment(&self) -> Moment {
-        Moment { contacts: vec![Forced::default(); self.contacts.len()], load: self.load.clone() }
+        let constant = |c: &Contact| Forced {
+            stiffness: if let Spring::Constant(k) = c.spring { k } else { 0.0 },
+            error: [c.error_offset, 0.0],
+        };
+        Moment { contacts: self.contacts.iter().map(constant).collect(), load: self.load.clone() }
     }
 
     /// Forces at a state that a step has not ended in.

@@ -11,30 +11,22 @@ pub(super) struct RungeKutta {
     middle: Moment,
     q: Vec<f64>,
     force: Vec<f64>,
-    /// Accelerations and velocities of the four stages.
-    a: [Vec<f64>; 4],
-    w: [Vec<f64>; 4],
+    stages: [Stage; 4],
+}
+
+/// Slopes of a stage.
+struct Stage {
+    /// Of coordinates: velocities.
+    v: Vec<f64>,
+    /// Of velocities: accelerations.
+    a: Vec<f64>,
 }
 
 impl RungeKutta {
     pub fn new(model: &Penalty) -> Self {
         let vector = || vec![0.0; model.n];
-        let stages = || [vector(), vector(), vector(), vector()];
-        let force = vec![0.0; model.contacts.len()];
-        Self { middle: model.moment(), q: vector(), force, a: stages(), w: stages() }
-    }
-
-    /// Stage `I` from stage `I − 1` over the time `dt`.
-    #[inline(always)]
-    fn stage<const I: usize>(&mut self, model: &Penalty, moment: &Moment, point: &Point, dt: f64) {
-        let (before, now) = self.w.split_at_mut(I);
-        let (w, v) = (&before[I - 1], &mut now[0]);
-        for k in 0..model.n {
-            self.q[k] = point.q[k] + dt * w[k];
-            v[k] = point.v[k] + dt * self.a[I - 1][k];
-        }
-        model.forces(moment, &self.q, v, &point.contacts, &mut self.force);
-        model.accelerations(moment, &self.q, v, self.force.iter().copied(), &mut self.a[I]);
+        let stages = std::array::from_fn(|_| Stage { v: vector(), a: vector() });
+        Self { middle: model.moment(), q: vector(), force: vec![0.0; model.contacts.len()], stages }
     }
 }
 
@@ -44,20 +36,29 @@ impl Stepper for RungeKutta {
     }
 
     fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, counters: &mut Counters) {
-        model.accelerations(&point.moment, &point.q, &point.v, point.forces(), &mut self.a[0]);
-        self.w[0].copy_from_slice(&point.v);
-        let mut middle = std::mem::take(&mut self.middle);
-        forcing.advance(model, &mut middle);
-        self.stage::<1>(model, &middle, point, 0.5 * h);
-        self.stage::<2>(model, &middle, point, 0.5 * h);
-        self.middle = middle;
-        let mut end = std::mem::take(&mut point.moment);
-        forcing.advance(model, &mut end);
-        self.stage::<3>(model, &end, point, h);
-        point.moment = end;
+        let Self { middle, q, force, stages: [s1, s2, s3, s4] } = self;
+        let Point { q: q0, v: v0, contacts, moment } = point;
+        let mut stage = |moment: &Moment, before: &Stage, now: &mut Stage, dt: f64| {
+            let slopes = before.v.iter().zip(&before.a);
+            for (((q, v), (q0, v0)), (dq, dv)) in q.iter_mut().zip(&mut now.v).zip(q0.iter().zip(v0.iter())).zip(slopes)
+            {
+                *q = q0 + dt * dq;
+                *v = v0 + dt * dv;
+            }
+            model.forces(moment, q, &now.v, contacts, force);
+            model.accelerations(moment, q, &now.v, force.iter().copied(), &mut now.a);
+        };
+        s1.v.copy_from_slice(v0);
+        model.accelerations(moment, q0, v0, contacts.iter().map(|touch| touch.force), &mut s1.a);
+        forcing.advance(model, middle);
+        stage(middle, s1, s2, 0.5 * h);
+        stage(middle, s2, s3, 0.5 * h);
+        forcing.advance(model, moment);
+        stage(moment, s3, s4, h);
+        let sum = |[a, b, c, d]: [f64; 4]| h / 6.0 * (a + 2.0 * (b + c) + d);
         for k in 0..model.n {
-            point.q[k] += h / 6.0 * (self.w[0][k] + 2.0 * (self.w[1][k] + self.w[2][k]) + self.w[3][k]);
-            point.v[k] += h / 6.0 * (self.a[0][k] + 2.0 * (self.a[1][k] + self.a[2][k]) + self.a[3][k]);
+            q0[k] += sum([s1.v[k], s2.v[k], s3.v[k], s4.v[k]]);
+            v0[k] += sum([s1.a[k], s2.a[k], s3.a[k], s4.a[k]]);
         }
         counters.evaluations += 3;
     }

@@ -37,7 +37,7 @@ pub struct Arguments {
     #[arg(long, value_name = "X", default_value_t = 1e3, value_parser = growth)]
     growth: f64,
     /// Most steps of one run
-    #[arg(long, value_name = "N", default_value_t = 5_000_000)]
+    #[arg(long, value_name = "N", default_value_t = 2_000_000)]
     most_steps: u64,
     /// Timed repetitions of each run
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=1000))]
