@@ -32,8 +32,8 @@ type Measure = (&'static str, &'static str, fn(&Score) -> Option<f64>);
 const MEASURES: [Measure; 4] = [
     ("largest error of event times", "T", |s| s.event_time),
     ("error of the time apart, share of the window", "", |s| s.apart),
-    ("error of the state at the starts of cycles", "", |s| Some(s.state)),
-    ("error of the largest force", "", |s| s.peak_force),
+    ("error of the state at the starts of cycles, share of its size", "", |s| s.state),
+    ("relative error of the largest force", "", |s| s.peak_force),
 ];
 
 /// Errors against steps a cycle. Open marks: the sequence of events is wrong.
@@ -88,7 +88,7 @@ const ENGINE: usize = 6;
 /// Errors of nothing cannot be drawn on a logarithmic axis; they stand at the truth's own.
 fn panel(measure: &Measure, points: &[(&Row<'_>, f64)], (label, unit): (&str, &str), truth: &Truth) -> Panel {
     let (name, error_unit, of) = measure;
-    let floor = truth.error.clamp(f64::EPSILON, 1e-9);
+    let floor = truth.error.max(f64::EPSILON);
     let mut names: Vec<&str> = Vec::new();
     for (row, _) in points {
         if !names.contains(&row.contender.name.as_str()) {
@@ -115,7 +115,7 @@ fn panel(measure: &Measure, points: &[(&Row<'_>, f64)], (label, unit): (&str, &s
             series.push(Series::line(*name, colour, x, y).styled(Style::Joined));
         }
         if !wrong_x.is_empty() {
-            series.push(Series::line(*name, colour, wrong_x, wrong_y).styled(Style::Marks));
+            series.push(Series::line("sequence of events wrong", colour, wrong_x, wrong_y).styled(Style::Marks));
         }
     }
     let log = |label: &str, unit: &str| Axis { logarithmic: true, ..Axis::new(label, unit) };

@@ -115,9 +115,6 @@ pub struct Performance {
     pub stopped: Option<String>,
 }
 
-/// Samples a cycle that adaptive solvers are asked for.
-const SAMPLES: u64 = 2000;
-
 /// The words [`Contender::parse`] knows.
 const WORDS: &str = "rk4, newmark, hht[=ALPHA], generalized-alpha[=RHO], euler, verlet, tsit45, esdirk34, bdf, flank, \
                      flank-explicit, flank-sdirk, flank-bdf; after a baseline +cubic, +tanh=SIGMA, +sqrt=SIGMA, +poly=SIGMA";
@@ -173,7 +170,10 @@ impl Contender {
                     "the engine's flanks are sharp and its events exact: nothing can be added".to_owned(),
                 ));
             }
-            let sigma = |text| number(text, f64::MIN_POSITIVE, f64::MAX);
+            let sigma = |text: &str| match text.parse::<f64>() {
+                Ok(sigma) if sigma > 0.0 && sigma.is_finite() => Ok(sigma),
+                _ => Err(fault(format!("the sharpness {text} is not a number above 0, in 1/m"))),
+            };
             match part.split_once('=') {
                 None if part == "cubic" => interpolation = Interpolation::Cubic,
                 Some(("tanh", s)) => ramp = Ramp::Tanh(sigma(s)?),
@@ -253,11 +253,11 @@ impl Contender {
         Ok(crossings.found.len())
     }
 
-    /// Samples a cycle.
+    /// Grid points a cycle: an adaptive solver is asked for the starts of cycles, and sampled at its own steps besides.
     fn per_cycle(&self, setting: Setting) -> u64 {
         match setting {
             Setting::StepsPerCycle(n) => n,
-            _ => SAMPLES,
+            _ => 1,
         }
     }
 
@@ -306,7 +306,10 @@ fn engine(problem: &Problem<'_>, cycles: u64, other: Option<(Choice, f64)>) -> R
     let mut run = Performance::default();
     for k in 0..=cycles {
         let at = problem.section(k);
-        if let Err(error) = engine.run(at, &mut watch) {
+        // Where it starts nothing has to be run.
+        if k > 0
+            && let Err(error) = engine.run(at, &mut watch)
+        {
             run.stopped = Some(error.to_string());
             break;
         }

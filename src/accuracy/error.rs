@@ -30,13 +30,25 @@ pub enum AccuracyError {
         cycles: u64,
     },
     /// The motion amplifies errors from the first cycle on.
-    #[error("the motion amplifies errors {growth:.0}-fold within its first cycle: there is no window to compare in")]
+    #[error(
+        "within the first cycle errors grow {growth}, and there is no window to compare in: take a shorter cycle \
+         (run.period_s), a start nearer to the steady motion, or allow more growth"
+    )]
     NoWindow {
-        /// Growth found.
-        growth: f64,
+        /// What was found: a factor, or that neighbouring runs have other events.
+        growth: String,
+    },
+    /// The engine's own run, cut into other steps, has other events.
+    #[error(
+        "the reference cannot be trusted: with its steps cut elsewhere the same run has other events in its first {cycles} cycles; \
+         compare over fewer cycles, or allow less growth"
+    )]
+    Unsure {
+        /// Cycles of the window.
+        cycles: u64,
     },
     /// A word that names no contender.
-    #[error("{word}: {problem}")]
+    #[error("{word:?}: {problem}")]
     Word {
         /// The word.
         word: String,

@@ -24,8 +24,10 @@ pub enum Roughness {
     Latch,
     /// The force has a kink: a spring with backlash.
     Kink,
-    /// The force is continuously differentiable: Hertz.
+    /// The force is continuously differentiable: a power law beyond 1 without hysteresis.
     Smooth,
+    /// No contact can be lost.
+    Closed,
 }
 
 impl Roughness {
@@ -51,10 +53,11 @@ impl Roughness {
                 Law::KelvinVoigt(..) => Self::Kink,
                 Law::Power(l) if l.hysteresis > 0.0 => Self::Latch,
                 Law::Power(l) if l.exponent.value() <= 1.0 => Self::Kink,
-                Law::Power(_) | Law::Bilateral(_) => Self::Smooth,
+                Law::Power(_) => Self::Smooth,
+                Law::Bilateral(_) => Self::Closed,
             }
         });
-        contacts.min().unwrap_or(Self::Smooth)
+        contacts.min().unwrap_or(Self::Closed)
     }
 
     /// The largest order of event times that a step across such a place leaves, and the reason in words.
@@ -64,7 +67,9 @@ impl Roughness {
             Self::Jump => (1.0, "the force jumps inside steps"),
             Self::Latch => (1.0, "the approach speed that hysteresis keeps is found at the end of a step"),
             Self::Kink => (2.0, "the force has a kink inside steps"),
-            Self::Smooth => (f64::INFINITY, ""),
+            Self::Closed => (f64::INFINITY, ""),
+            // An error of h in the place of the start is one of h^(n+1) in the speed: 2.5 for Hertz.
+            Self::Smooth => (2.5, "the force of a power law is smooth to its exponent and no further"),
         }
     }
 }
@@ -72,10 +77,13 @@ impl Roughness {
 /// The order seen on the finest steps, the one expected, and why.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Order {
-    /// Slope of `log error` against `log step`, fitted to the finest five runs that are right and above rounding.
+    /// Slope of `log error` against `log step`, fitted to the finest five runs that are right and above rounding; absent for
+    /// fewer than four.
     pub observed: Option<f64>,
     /// Order of the method on smooth problems.
     pub smooth: u32,
+    /// The order that the train leaves of it.
+    pub expected: f64,
     /// What limits it here.
     pub reason: String,
 }
@@ -91,10 +99,11 @@ pub fn orders(contender: &Contender, structure: &Structure, runs: &[(u64, f64)],
     let runs: Vec<_> = runs.iter().copied().filter(|(_, e)| *e > RESOLVED * error).collect();
     let observed = slope(&runs);
     let smooth = method.order();
-    let mut reasons = Vec::new();
+    let (mut reasons, mut expected) = (Vec::new(), f64::from(smooth));
     if contender.ramp == Ramp::Sharp {
         let (limit, why) = Roughness::of(structure).limit();
         if limit < f64::from(smooth) {
+            expected = limit;
             reasons.push(format!("{why} (order {limit})"));
         }
     } else {
@@ -107,9 +116,10 @@ pub fn orders(contender: &Contender, structure: &Structure, runs: &[(u64, f64)],
         reasons.push(why);
     }
     if contender.interpolation == Interpolation::Linear && smooth > 2 {
+        expected = expected.min(2.0);
         reasons.push("straight lines between samples (order 2)".to_owned());
     }
-    Some(Order { observed, smooth, reason: reasons.join("; ") })
+    Some(Order { observed, smooth, expected, reason: reasons.join("; ") })
 }
 
 /// Runs that an order is fitted to: where in a step a flank falls scatters single errors by a factor of a few.
@@ -117,7 +127,7 @@ const FITTED: usize = 5;
 
 fn slope(runs: &[(u64, f64)]) -> Option<f64> {
     let finest = &runs[runs.len().saturating_sub(FITTED)..];
-    if finest.len() < 2 {
+    if finest.len() + 1 < FITTED {
         return None;
     }
     let points: Vec<(f64, f64)> = finest.iter().map(|(n, e)| ((*n as f64).ln(), e.ln())).collect();
@@ -130,26 +140,28 @@ fn slope(runs: &[(u64, f64)]) -> Option<f64> {
     Some(-xy / xx)
 }
 
-/// Cost at which a contender's error falls below `target`, from runs `(error, cost)`, coarse to fine: between two runs on the
-/// straight line through their logarithms, and only from where all finer runs stay below. The second number tells whether it
-/// was reached; if not, the cost of the finest run grows with the steps that the observed `order` asks for, if there is one.
+/// Cost at which a contender's error falls below `target`, from its runs `(error, cost)`, coarse to fine; a run whose sequence
+/// of events is wrong has no error. The cost is that of the first of the finest runs that all stay below, or lies between it and the
+/// run before, on the straight line through their logarithms, if that one is right too. The second number tells whether it was
+/// reached; if not, the cost of the finest run, if it is right, grows with the steps that `order` asks for.
 #[must_use]
-pub fn reached(runs: &[(f64, f64)], target: f64, order: Option<f64>) -> Option<(f64, bool)> {
-    let below = runs.iter().rev().take_while(|(e, _)| *e <= target).count();
-    match (below, runs) {
-        (_, []) => None,
-        (0, [.., (error, cost)]) => {
-            // An order near zero is a plateau: no step helps.
-            let order = order.filter(|p| *p > 0.5)?;
-            Some((cost * (error / target).powf(order.recip()), false))
-        }
-        (all, [first, ..]) if all == runs.len() => Some((first.1, true)),
-        (below, _) => {
-            let [a, b] = [runs[runs.len() - below - 1], runs[runs.len() - below]];
-            let slope = (b.1 / a.1).ln() / (b.0 / a.0).ln();
-            Some(((b.1.ln() + slope * (target / b.0).ln()).exp(), true))
-        }
+pub fn reached(runs: &[(Option<f64>, f64)], target: f64, order: Option<f64>) -> Option<(f64, bool)> {
+    let below = runs.iter().rev().take_while(|(e, _)| e.is_some_and(|e| e <= target)).count();
+    let first = runs.len() - below;
+    if below == 0 {
+        let (error, cost) = runs.last().and_then(|(e, cost)| Some(((*e)?, *cost)))?;
+        // An order near zero is a plateau: no step helps.
+        let order = order.filter(|p| *p > 0.5)?;
+        return Some((cost * (error / target).powf(order.recip()), false));
     }
+    let (Some(e1), c1) = runs[first] else { return None };
+    Some(match first.checked_sub(1).map(|i| runs[i]) {
+        Some((Some(e0), c0)) if e1 > 0.0 => {
+            let slope = (c1 / c0).ln() / (e1 / e0).ln();
+            ((c1.ln() + slope * (target / e1).ln()).exp(), true)
+        }
+        _ => (c1, true),
+    })
 }
 
 #[cfg(test)]
@@ -159,7 +171,7 @@ mod tests {
     #[test]
     fn costs_are_read_off_straight_lines() {
         // Order 2: error = 1/cost².
-        let runs = [(1e-2, 1e1), (1e-4, 1e2), (1e-6, 1e3)];
+        let runs = [(Some(1e-2), 1e1), (Some(1e-4), 1e2), (Some(1e-6), 1e3)];
         let (cost, is_reached) = reached(&runs, 1e-5, None).unwrap();
         assert!((cost - 10f64.powf(2.5)).abs() < 1e-9 * cost && is_reached);
         let (cost, is_reached) = reached(&runs, 1e-8, Some(2.0)).unwrap();
@@ -167,8 +179,10 @@ mod tests {
         assert_eq!(reached(&runs, 1e-8, None), None);
         assert_eq!(reached(&runs, 1e-8, Some(0.1)), None);
         assert_eq!(reached(&runs, 0.1, None), Some((10.0, true)));
-        // A lucky run in between does not count.
-        assert!(reached(&[(1e-2, 1.0), (1e-7, 2.0), (1e-3, 3.0)], 1e-6, None).is_none());
+        // A lucky run in between does not count, and a wrong one is no end to interpolate from.
+        assert!(reached(&[(Some(1e-2), 1.0), (Some(1e-7), 2.0), (Some(1e-3), 3.0)], 1e-6, None).is_none());
+        assert_eq!(reached(&[(None, 1.0), (Some(1e-7), 2.0)], 1e-6, None), Some((2.0, true)));
+        assert_eq!(reached(&[(Some(1e-2), 1.0), (None, 2.0)], 1e-6, Some(2.0)), None);
         // Order 2, and a constant.
         let runs: Vec<(u64, f64)> = (1..8).map(|k| (10 * k, 3.0 / (k * k) as f64)).collect();
         assert!((slope(&runs).unwrap() - 2.0).abs() < 1e-12);

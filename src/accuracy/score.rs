@@ -16,12 +16,14 @@ pub struct Score {
     pub spurious: usize,
     /// Largest error of a contact's time apart, over the window's length; absent where all are rigid.
     pub apart: Option<f64>,
-    /// Largest error of coordinates and velocities at the starts of cycles, relative to their sizes.
-    pub state: f64,
-    /// Largest relative error of a contact's largest force; absent for rigid contacts.
+    /// Largest error of coordinates and velocities at the starts of cycles, relative to their sizes; absent for a run that
+    /// stopped.
+    pub state: Option<f64>,
+    /// Largest relative error of a contact's largest force; absent for rigid contacts, and for a run that stopped.
     pub peak_force: Option<f64>,
-    /// Largest error of the mechanical energy at the starts of cycles, signed, relative to the largest energy.
-    pub energy: f64,
+    /// Largest error of the mechanical energy at the starts of cycles, signed, relative to the largest energy; absent for a
+    /// run that stopped.
+    pub energy: Option<f64>,
 }
 
 impl Score {
@@ -97,9 +99,7 @@ pub fn score(truth: &Truth, run: &Performance, period: f64) -> Score {
     let apart = time_apart(&run.passages, &truth.closed, &truth.rigid, end);
     let apart = exact.apart.iter().zip(&apart).zip(&truth.rigid).filter(|(_, rigid)| !**rigid);
     let apart = largest(apart.map(|((a, b), _)| (a - b).abs() / end));
-    // A run that stopped early is wrong by all there is from there on.
-    let whole = |found: usize| if found < exact.sections.len() { 1.0 } else { 0.0 };
-    let mut state: f64 = whole(run.sections.len());
+    let mut state: f64 = 0.0;
     for (a, b) in exact.sections.iter().zip(&run.sections) {
         let n = a.len() / 2;
         for (i, (a, b)) in a.iter().zip(b).enumerate() {
@@ -111,5 +111,9 @@ pub fn score(truth: &Truth, run: &Performance, period: f64) -> Score {
     let most = exact.energy.iter().fold(f64::MIN_POSITIVE, |m: f64, e| m.max(e.abs()));
     let energy = exact.energy.iter().zip(&run.energy).map(|(a, b)| (b - a) / most);
     let energy = energy.fold(0.0, |m: f64, e| if e.abs() > m.abs() { e } else { m });
+    let whole = run.stopped.is_none();
+    let [state, energy] = [state, energy].map(|e| Some(e).filter(|e| whole && e.is_finite()));
+    let peak_force = peak_force.filter(|e| whole && e.is_finite());
+    let apart = apart.filter(|_| whole);
     Score { event_time, missed, spurious, apart, state, peak_force, energy }
 }

@@ -12,6 +12,7 @@ use crate::{
     baseline::{Crossing, Penalty, Ramp},
     engine::State,
     integrate::Choice,
+    train::contact_mode,
 };
 
 /// Where errors can be compared: before the motion itself amplifies them.
@@ -108,6 +109,9 @@ impl Truth {
         if truth.passages.is_empty() {
             return Err(AccuracyError::NoEvents { cycles: truth.window.cycles });
         }
+        if truth.error.is_infinite() {
+            return Err(AccuracyError::Unsure { cycles: truth.window.cycles });
+        }
         let independent =
             pass(problem, problem.start.clone(), truth.window.cycles, 1, Some((Choice::Explicit, INDEPENDENT)))
                 .ok()
@@ -139,8 +143,8 @@ impl Truth {
         let model = Penalty::new(problem.structure, Ramp::Sharp);
         let n = problem.structure.freedoms();
         let point = |k: usize, x: &[f64]| model.point(problem.section(k as u64), &x[..n], &x[n..]);
-        let begin = point(0, &sections[0]);
-        let closed: Vec<bool> = (0..model.contacts()).map(|j| model.is_beyond(j, &begin)).collect();
+        let mode = problem.start.jump.mode;
+        let closed: Vec<bool> = (0..model.contacts()).map(|j| contact_mode(mode, j).side() != 0.0).collect();
         let rigid: Vec<bool> = (0..model.contacts()).map(|j| model.flanks(j).2).collect();
         let energy = sections.iter().enumerate().map(|(k, x)| model.energy(&point(k, x))).collect();
         let mut forces = Contacts::new(problem.structure, None).keep(0);
@@ -198,7 +202,9 @@ fn window(problem: &Problem<'_>, found: &[Crossing], sizes: [f64; 2], limit: f64
             let by = |i: usize| NEAR * size * scattered(u64::from(neighbour) * 1000 + (from + i) as u64 + 1);
             x.iter().enumerate().map(|(i, x)| x + by(i)).collect()
         };
-        let start = problem.structure.start(problem.start.at, &moved(q, sizes[0], 0), &moved(v, sizes[1], n))?;
+        // A start on a flank stays there: moved off it, it would have an event more or less.
+        let reach = if problem.start.jump.pinned.is_empty() { sizes[0] } else { 0.0 };
+        let start = problem.structure.start(problem.start.at, &moved(q, reach, 0), &moved(v, sizes[1], n))?;
         let mut x = start.x;
         x[2 * n..].copy_from_slice(&problem.start.x[2 * n..]);
         let state = State { at: problem.start.at, x, jump: start.jump };
@@ -207,15 +213,20 @@ fn window(problem: &Problem<'_>, found: &[Crossing], sizes: [f64; 2], limit: f64
         rises.extend(matched.iter().map(|(a, b)| (a.t, (a.t - b.t).abs() / (NEAR * problem.period))));
         if missed + spurious > 0 {
             // The first event without a partner: the motions have parted.
-            let parted = found.iter().find(|e| !matched.iter().any(|(a, _)| a == e));
-            rises.extend(parted.map(|e| (e.t, f64::INFINITY)));
+            let alone = |e: &&Crossing| !matched.iter().any(|(a, b)| a == e || b == e);
+            let parted = found.iter().chain(&other).filter(alone).map(|e| e.t).reduce(f64::min);
+            rises.extend(parted.map(|t| (t, f64::INFINITY)));
         }
     }
     rises.sort_by(|a, b| a.0.total_cmp(&b.0));
     let broken = rises.iter().find(|(_, growth)| *growth > limit);
     let cycles = broken.map_or(problem.cycles, |(t, _)| (t / problem.period).floor() as u64);
     if cycles == 0 {
-        return Err(AccuracyError::NoWindow { growth: broken.map_or(0.0, |b| b.1) });
+        let growth = match broken {
+            Some((_, growth)) if growth.is_finite() => format!("{growth:.0}-fold"),
+            _ => "beyond bound: neighbouring runs have other events".to_owned(),
+        };
+        return Err(AccuracyError::NoWindow { growth });
     }
     let end = cycles as f64 * problem.period;
     let growth = rises.iter().filter(|(t, _)| *t <= end).fold(0.0, |m: f64, (_, g)| m.max(*g));

@@ -106,8 +106,11 @@ impl HybridSystem for Through<'_> {
     }
 }
 
-/// Runs an adaptive solver with relative tolerance `rtol` over `grid`. Sampled are the grid's points, from its dense output, and
-/// the ends of its own steps.
+/// Samples of a solver's step.
+const WITHIN: u32 = 4;
+
+/// Runs an adaptive solver with relative tolerance `rtol` over `grid`. Sampled are, from its dense output, the grid's points and
+/// each of its own steps at four places, its end the last.
 ///
 /// # Errors
 /// [`IntegrateError`] where the solver gives up, as it may at jumps of the force.
@@ -162,15 +165,14 @@ pub fn adaptive(
                 flow = watch.sample(&Sample { number, t, point: &point });
                 flow
             };
-            // At the points of the grid, and at the end of the step, where a short contact would fall between them.
-            let last = (next..=grid.steps).take_while(|k| *k as f64 * grid.step <= to).last();
-            let first = next;
-            next = last.map_or(next, |k| k + 1);
-            for k in first..=last.unwrap_or(0) {
-                sample(Some(k), k as f64 * grid.step, &mut x)?;
-            }
-            if last.is_none_or(|k| (k as f64 * grid.step) < to) {
-                sample(None, to, &mut x)?;
+            // Within the step at equal distances, at the points of the grid, and at its end.
+            for i in 1..=WITHIN {
+                let t = from + (to - from) * f64::from(i) / f64::from(WITHIN);
+                while next <= grid.steps && next as f64 * grid.step <= t {
+                    sample(Some(next), next as f64 * grid.step, &mut x)?;
+                    next += 1;
+                }
+                sample(None, t, &mut x)?;
             }
             step.state(1.0, &mut x);
             through.latch(step.start(), step.time(1.0), &x);

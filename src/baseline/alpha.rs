@@ -47,7 +47,7 @@ impl Alpha {
 
 /// Newton iterations before a step counts as unconverged.
 const MOST: u32 = 40;
-/// Newton's correction of a deflection, relative to its size and that of the backlash, at which it stops.
+/// Newton's correction of a deflection at which it stops, relative to its size, its way in a step and the backlash.
 const TOLERANCE: f64 = 1e-14;
 
 /// The structure is linear, so Newton's iteration runs on the contacts alone: with `S = (1 − α_m) + (1 − α_f) M⁻¹(γhC + βh²K)`,
@@ -158,7 +158,9 @@ impl GeneralisedAlpha {
             let mut arrived = true;
             for j in 0..m {
                 self.unknowns[j] += self.residual[j];
-                let size = point.contacts[j].deflection[0].abs() + model.contacts[j].half_backlash;
+                // A deflection passes through zero; what it moves by in a step does not.
+                let [d, r] = point.contacts[j].deflection;
+                let size = d.abs() + h * r.abs() + model.contacts[j].half_backlash.abs();
                 arrived &= by_q * self.residual[j].abs() <= TOLERANCE * size;
             }
             if arrived {

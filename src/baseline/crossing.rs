@@ -96,7 +96,8 @@ impl Watch for Crossings {
                     let t = self.t + h * strike.place;
                     self.found.push(Crossing { t, contact, back, closing: true });
                 }
-            } else if (g[0] > 0.0) != (g[1] > 0.0) {
+            } else if (g[0] > 0.0) != (g[1] > 0.0) && !(g[0] == 0.0 && self.t == 0.0) {
+                // (A start on the flank is no passage of it.)
                 let u = self.interpolation.place(g, [side * r0 * h, side * r1 * h]);
                 self.found.push(Crossing { t: self.t + h * u, contact, back, closing: g[1] > 0.0 });
             }

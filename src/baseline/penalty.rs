@@ -317,6 +317,7 @@ impl Penalty {
     /// What the end of a step brings: deflections, impacts of rigid contacts, latched speeds, forces.
     pub(super) fn arrive(&self, point: &mut Point) {
         let Point { q, v, contacts, moment } = point;
+        let mut struck = false;
         for ((c, forced), touch) in self.contacts.iter().zip(&moment.contacts).zip(contacts.iter_mut()) {
             let mut at = c.deflection(forced, q, v);
             let (p, side) = c.penetration(at[0]);
@@ -330,6 +331,7 @@ impl Penalty {
                         v[*i as usize] -= push * back * at[1];
                     }
                     let before = c.half_backlash - side * touch.deflection[0];
+                    struck = true;
                     touch.strike = Some(Strike { side, place: (before / (before + p)).clamp(0.0, 1.0) });
                     at = c.deflection(forced, q, v);
                 }
@@ -341,6 +343,13 @@ impl Penalty {
             touch.touched = p > 0.0;
             touch.deflection = at;
             touch.force = self.law(c, forced.stiffness, at, touch.latch).0;
+        }
+        if struck {
+            // One contact's impact moves the others.
+            for ((c, forced), touch) in self.contacts.iter().zip(&moment.contacts).zip(contacts.iter_mut()) {
+                touch.deflection = c.deflection(forced, q, v);
+                touch.force = self.law(c, forced.stiffness, touch.deflection, touch.latch).0;
+            }
         }
     }
 

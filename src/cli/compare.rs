@@ -6,7 +6,7 @@ use std::{
 };
 
 use flank::{
-    accuracy::{AccuracyError, Contender, Problem, Row, Setting, Truth, score},
+    accuracy::{AccuracyError, Contender, Kind, Problem, Row, Setting, Truth, score},
     scene::Duration as Length,
 };
 
@@ -34,7 +34,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     cycles: Option<u64>,
     /// The window ends before errors grow so many times
-    #[arg(long, value_name = "X", default_value_t = 1e3, value_parser = growth)]
+    #[arg(long, value_name = "X", default_value_t = 1e3, value_parser = growth, allow_negative_numbers = true)]
     growth: f64,
     /// Most steps of one run
     #[arg(long, value_name = "N", default_value_t = 2_000_000)]
@@ -68,7 +68,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let session = Session::open(arguments.scene.as_deref())?;
     let problem = problem(&session, arguments.cycles);
     let contenders = contenders(arguments, &problem)?;
-    let folder = arguments.out.as_deref().map(|path| Folder::open(path, arguments.force)).transpose()?;
+    arguments.out.as_deref().map_or(Ok(()), |path| Folder::check(path, arguments.force))?;
     catch_interrupt();
 
     let truth = Truth::find(&problem, arguments.growth)?;
@@ -77,6 +77,14 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         .iter()
         .flat_map(|c| c.settings(cycles, arguments.most_steps).into_iter().map(move |s| (c, s)))
         .collect();
+    if let Some(idle) = contenders.iter().find(|c| !plan.iter().any(|(p, _)| p.name == c.name)) {
+        let problem = format!(
+            "no run of {cycles} cycles fits into --most-steps {}: allow {} or more",
+            arguments.most_steps,
+            47 * cycles
+        );
+        return Err(AccuracyError::Word { word: idle.name.clone(), problem }.into());
+    }
     let bar = counting("runs", arguments.quiet);
     bar.set_length(plan.len() as u64);
     let (mut rows, mut times, mut stopped) = (Vec::new(), Vec::new(), Vec::new());
@@ -103,6 +111,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         stopped: &stopped,
     };
     let summaries = comparison.summaries(&contenders);
+    let folder = arguments.out.as_deref().map(|path| Folder::open(path, arguments.force)).transpose()?;
     if let Some(folder) = &folder {
         comparison.write(folder, arguments.out.as_deref().unwrap_or(Path::new(".")), &summaries)?;
     }
@@ -147,11 +156,14 @@ fn contenders(arguments: &Arguments, problem: &Problem<'_>) -> Result<Vec<Conten
             Ok(contender) if found.iter().any(|c| c.name == contender.name) => {}
             Ok(contender) if contender.applies_to(problem.structure) => found.push(contender),
             Ok(_) if arguments.methods.is_empty() => {}
-            Ok(_) => faults.push(AccuracyError::Word {
+            Ok(contender) => faults.push(AccuracyError::Word {
                 word: word.to_owned(),
-                problem: "it cannot solve this scene: it needs a force at every contact, and a build with the feature \
-                          diffsol"
-                    .to_owned(),
+                problem: match contender.kind {
+                    Kind::Adaptive(_) if cfg!(feature = "diffsol") => {
+                        "it needs a force at every contact, and a rigid one has none".to_owned()
+                    }
+                    _ => "not part of this build: it needs the cargo feature diffsol".to_owned(),
+                },
             }),
             Err(error) => faults.push(error),
         }

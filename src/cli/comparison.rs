@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use flank::integrate::Choice;
 use flank::{
     accuracy::{
         Contender, Kind, Order, Problem, Row, Setting, Timed, Truth, by_steps, by_time, fold, orders, reached,
@@ -61,14 +62,14 @@ impl Comparison<'_> {
                 _ => None,
             });
             let order = orders(contender, self.problem.structure, &steps.collect::<Vec<_>>(), self.truth.error);
-            // A run with a wrong sequence is as wrong as can be.
-            let costs: Vec<(f64, f64)> = own()
+            let costs: Vec<(Option<f64>, f64)> = own()
                 .map(|(row, time)| {
-                    let error = row.score.event_time.filter(|_| row.score.is_right()).unwrap_or(1.0);
-                    (error.max(self.truth.error), time.ratio)
+                    let error = row.score.event_time.filter(|_| row.score.is_right());
+                    (error.map(|e| e.max(self.truth.error)), time.ratio)
                 })
                 .collect();
-            let slope = order.as_ref().and_then(|o| o.observed);
+            // Better than it can be for long it is by chance.
+            let slope = order.as_ref().and_then(|o| o.observed.map(|p| p.min(o.expected)));
             let ratios = TARGETS.map(|target| reached(&costs, target, slope));
             Summary { name: contender.name.clone(), order, stable: self.stable_steps(contender), ratios }
         };
@@ -175,13 +176,19 @@ impl Comparison<'_> {
             vec![
                 row.contender.name.clone(),
                 self.setting(row),
-                s.event_time.map_or("-".to_owned(), small),
+                match s.event_time {
+                    // The reference beside itself: its error is what it states.
+                    Some(e) if row.contender.kind == Kind::Engine(Choice::Auto) => {
+                        format!("≤ {}", small(e.max(self.truth.error)))
+                    }
+                    e => e.map_or("-".to_owned(), small),
+                },
                 s.missed.to_string(),
                 s.spurious.to_string(),
                 s.apart.map_or("-".to_owned(), small),
-                small(s.state),
+                s.state.map_or("-".to_owned(), small),
                 s.peak_force.map_or("-".to_owned(), small),
-                small(s.energy),
+                s.energy.map_or("-".to_owned(), small),
                 format!("{:.0}", row.work.steps as f64 / cycles),
                 row.work.evaluations.map_or("-".to_owned(), |e| format!("{:.0}", e as f64 / cycles)),
                 times(1e6 * time.seconds_per_cycle),
@@ -219,27 +226,42 @@ impl Comparison<'_> {
         for line in self.reference() {
             text += &format!("{line}\n");
         }
-        let (head, rows) = self.table();
-        let mut table = Table::new(&head);
-        rows.into_iter().for_each(|row| table.row(row));
-        text += &format!("\n{table}\n");
-        let mut table = Table::new(&ORDERS);
-        self.order_rows(summaries).into_iter().for_each(|row| table.row(row));
+        if out.is_none() {
+            let (head, rows) = self.table();
+            let mut table = Table::new(&head);
+            rows.into_iter().for_each(|row| table.row(row));
+            text += &format!("\n{table}");
+        }
+        text += "\n";
+        let mut table = Table::new(&ORDERS[..ORDERS.len() - 1]);
+        for mut row in self.order_rows(summaries) {
+            row.pop();
+            table.row(row);
+        }
         text += &format!("{table}\n");
+        for s in summaries {
+            let order = s.order.as_ref().filter(|o| !o.reason.is_empty());
+            text += &order.map_or(String::new(), |o| format!("{} falls short of its order: {}\n", s.name, o.reason));
+        }
         for line in self.verdicts(summaries) {
             text += &format!("{line}\n");
         }
         let failures = self.failures();
         if !failures.is_empty() {
-            text += "\nStopped:\n";
+            text += "\nFailed:\n";
             failures.iter().for_each(|line| text += &format!("  {line}\n"));
         }
         out.map_or(text.clone(), |out| text + &format!("\nreport: {}\n", out.join("report.html").display()))
     }
 
     fn failures(&self) -> Vec<String> {
+        let unconverged = self.rows.iter().filter(|row| row.work.unconverged > 0).map(|row| {
+            let (name, setting, n) = (&row.contender.name, row.setting, row.work.unconverged);
+            format!("{name}, {setting}: Newton's iteration did not converge in {n} steps")
+        });
         let rows = self.rows.iter().zip(self.stopped);
         rows.filter_map(|(row, why)| Some(format!("{}, {}: {}", row.contender.name, row.setting, why.as_ref()?)))
+            .chain(unconverged)
             .collect()
     }
 
@@ -319,9 +341,9 @@ impl Comparison<'_> {
                 s.missed,
                 s.spurious,
                 maybe(s.apart),
-                s.state,
+                maybe(s.state),
                 maybe(s.peak_force),
-                s.energy,
+                maybe(s.energy),
                 w.steps,
                 w.evaluations.map_or(String::new(), |e| e.to_string()),
                 w.iterations,
