@@ -341,6 +341,14 @@ fn scatter_is_taken_into_account() {
     assert_eq!(verdict(&motion([0.5, 0.0], Some(2)), &motion([0.5, 0.0], Some(1))), Verdict::NotEnough);
     // A long transient of the same measures is.
     assert_eq!(verdict(&motion([0.5, 1e-6], None), &motion([0.5, 0.0], Some(1))), Verdict::Enough);
+    // Of one that drifts, ten times the scatter of its ten stretches counts: 10 √10 1e-4 = 0.0032.
+    let drifting = motion([0.5, 1e-4], None);
+    assert!(drifting.settling());
+    for (apart, wanted) in [(0.506, Verdict::Enough), (0.508, Verdict::Unclear), (0.512, Verdict::Unclear)] {
+        assert_eq!(verdict(&drifting, &motion([apart, 0.0], Some(1))), wanted);
+        assert_eq!(verdict(&motion([apart, 0.0], Some(1)), &drifting), wanted);
+    }
+    assert_eq!(verdict(&drifting, &motion([0.514, 0.0], None)), Verdict::NotEnough);
 }
 
 fn flank(folder: &Path, words: &[&str]) -> Command {
@@ -350,6 +358,17 @@ fn flank(folder: &Path, words: &[&str]) -> Command {
 }
 
 const PAIR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/scenes/kahraman-singh.json");
+
+#[test]
+fn a_scene_that_has_not_settled_is_called_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let pair = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/scenes/spur-pair.json");
+    let done = flank(folder.path(), &["advise", pair]).assert().code(0);
+    let text = String::from_utf8(done.get_output().stdout.clone()).unwrap();
+    assert!(text.contains("The scene has not settled in 400 cycles"), "{text}");
+    assert!(!text.contains("models no more than it needs"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 120), "{text}");
+}
 
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
@@ -400,6 +419,7 @@ fn what_cannot_be_advised_on_is_refused() {
         (vec!["advise", "missing.json", "--out", "out"], "missing.json"),
         (vec!["advise", "none.json", "--out", "out"], "/train/kind"),
         (vec!["advise", PAIR, "--tolerance", "0"], "above 0 and below 1"),
+        (vec!["advise", PAIR, "--tolerance", "-1"], "above 0 and below 1"),
         (vec!["advise", PAIR, "--tolerance", "much"], "above 0 and below 1"),
     ] {
         let done = flank(folder.path(), &words).assert().code(2);

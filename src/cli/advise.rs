@@ -30,7 +30,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Change that still counts as none: forcing periods of time apart, share of the peak force
-    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = tolerance)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = tolerance, allow_negative_numbers = true)]
     tolerance: f64,
     /// Write into a folder that is not empty
     #[arg(long)]
@@ -141,10 +141,12 @@ fn text(advice: &Advice, timing: &Timing) -> String {
     let mut text = format!("{}: how little is enough\n\n", advice.scene);
     let models = advice.models_table();
     let mut head: Vec<&str> = models.head.iter().map(String::as_str).collect();
-    head.insert(head.len() - 1, "µs/T");
+    // The time takes the place of the events, which are in the files: a line is to fit a terminal.
+    let place = head.len() - 2;
+    head[place] = "µs/T";
     let mut table = Table::new(&head);
     for (mut row, timed) in models.rows.into_iter().zip(&timing.models) {
-        row.insert(row.len() - 1, format!("{:.1}", 1e6 * timed.cycle_s));
+        row[place] = format!("{:.1}", 1e6 * timed.cycle_s);
         table.row(row);
     }
     text += &format!("{table}\n");
@@ -156,12 +158,31 @@ fn text(advice: &Advice, timing: &Timing) -> String {
         text += &format!("{table}\n");
     }
     for line in advice.verdicts() {
-        text += &format!("{line}\n");
+        text += &wrapped(&line);
     }
     if let Some(faster) = faster(advice, timing) {
         text += &faster;
     }
-    text + &format!("\n{}\n", advice.rule_in_words())
+    text + "\n" + &wrapped(&advice.rule_in_words())
+}
+
+/// The words in lines of at most 120 letters, those after the first set in.
+pub fn wrapped(text: &str) -> String {
+    let mut lines = String::new();
+    let mut used = 0;
+    for word in text.split(' ') {
+        let length = word.chars().count();
+        if used > 0 && used + 1 + length > 120 {
+            lines += "\n  ";
+            used = 2;
+        } else if used > 0 {
+            lines.push(' ');
+            used += 1;
+        }
+        lines += word;
+        used += length;
+    }
+    lines + "\n"
 }
 
 /// What the least model saves in time.

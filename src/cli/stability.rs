@@ -17,6 +17,7 @@ use serde_json::json;
 
 use super::{
     CliError, Done,
+    advise::wrapped,
     folder::Folder,
     print,
     progress::{catch_interrupt, counting, interrupt},
@@ -72,6 +73,8 @@ enum Over {
 
 /// Steps that people use: a thousand a cycle, and these, s.
 const USED: [(f64, &str); 2] = [(1e-5, "1e-5 s"), (1e-6, "1e-6 s")];
+/// Methods that a map can be made of.
+const FIXED: [&str; 6] = ["rk4", "newmark", "hht", "generalized-alpha", "euler", "verlet"];
 /// Most cells of a map.
 const MOST: usize = 100_000;
 
@@ -102,6 +105,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 
     let name = scene.resolved()["name"].as_str().filter(|name| !name.is_empty()).unwrap_or(scene.name());
     let figure = stability::figure(name, &map);
+    let unit = if case.built.dimensionless { "" } else { "s" };
     if let Some(out) = &arguments.out {
         let folder = Folder::open(out, arguments.force)?;
         folder.bytes("stability.csv", csv(&map).as_bytes())?;
@@ -111,13 +115,13 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         file("json", figure.json().as_bytes())?;
         file("svg", plot::svg(&figure, Theme::Light).as_bytes())?;
         file("png", &plot::png(&figure, 1.5))?;
-        folder.bytes("report.html", report(&scene, &map, figure).html().as_bytes())?;
+        folder.bytes("report.html", report(&scene, &map, unit, figure).html().as_bytes())?;
         let scene = json!({ "name": scene.name(), "sha256": scene.hash() });
         folder
             .complete("stability.json", &json!({ "flank": env!("CARGO_PKG_VERSION"), "scene": scene, "map": map }))?;
     }
     if !arguments.quiet {
-        print(&text(&scene, &map, arguments.out.as_deref()))?;
+        print(&text(&scene, &map, unit, arguments.out.as_deref()))?;
     }
     let judged = map.rows.iter().any(|row| row.error.is_none());
     Ok(if judged { Done::Completely } else { Done::Partly })
@@ -158,20 +162,16 @@ fn plan(arguments: &Arguments, subject: &Subject, dimensionless: bool) -> Result
             format!("a quantity that its contacts have: vary another one, or give a contact some {word}"),
         ));
     }
+    let known = |word: &str| word.split(['+', '=']).next().is_some_and(|base| FIXED.contains(&base));
+    let method = |found: String| fault("--methods", found, format!("methods of fixed steps: {}", FIXED.join(", ")));
     let mut methods: Vec<Contender> = Vec::new();
     for word in &arguments.methods {
         match Contender::parse(word) {
             Ok(method) if matches!(method.kind, Kind::Fixed(_)) => methods.push(method),
-            Ok(_) => faults.push(fault(
-                "--methods",
-                format!("{word}, which chooses its own steps"),
-                "methods of fixed steps: rk4, newmark, hht, generalized-alpha, euler, verlet",
-            )),
-            Err(error) => faults.push(fault(
-                "--methods",
-                error.to_string(),
-                "methods of fixed steps: rk4, newmark, hht, generalized-alpha, euler, verlet",
-            )),
+            Ok(_) => faults.push(method(format!("{word}, which chooses its own steps"))),
+            // What is wrong with a known one; the others are not to be had here.
+            Err(error) if known(word) => faults.push(method(error.to_string())),
+            Err(_) => faults.push(method(format!("{word:?}, which is none"))),
         }
     }
     let mut factors = values("factors", &arguments.factors, (1e-6, 1e6), &mut faults);
@@ -240,16 +240,15 @@ fn values(name: &str, text: &str, (low, high): (f64, f64), faults: &mut Vec<Faul
 }
 
 /// One line for each method: what it needs where the factor is 1, and over all factors.
-fn summary(map: &Map) -> (Vec<String>, Vec<Vec<String>>) {
-    let mut head = ["method", "right sequence from", "right motion from", "its step", "limit", "over all factors"]
-        .map(String::from)
-        .to_vec();
+fn summary(map: &Map, unit: &str) -> (Vec<String>, Vec<Vec<String>>) {
+    let step = if unit.is_empty() { "its step".to_owned() } else { format!("its step, {unit}") };
+    let mut head = ["method", "sequence from", "motion from", &step, "limit", "all factors"].map(String::from).to_vec();
     head.extend(map.references.iter().map(|reference| reference.name.clone()));
-    let unit = map.rows.iter().find(|row| row.factor == 1.0);
+    let one = map.rows.iter().find(|row| row.factor == 1.0);
     let steps = |n: Option<u64>| n.map_or_else(|| "none".to_owned(), |n| n.to_string());
     let rows = map.methods.iter().enumerate().map(|(i, method)| {
-        let fewest = |holds: fn(Outcome) -> bool| unit.and_then(|row| map.fewest(i, row, holds));
-        let limit = unit.and_then(|row| row.limit_steps_per_cycle.get(i).copied().flatten());
+        let fewest = |holds: fn(Outcome) -> bool| one.and_then(|row| map.fewest(i, row, holds));
+        let limit = one.and_then(|row| row.limit_steps_per_cycle.get(i).copied().flatten());
         let right = fewest(|outcome| outcome == Outcome::Right);
         let mut cells = vec![
             method.clone(),
@@ -264,8 +263,8 @@ fn summary(map: &Map) -> (Vec<String>, Vec<Vec<String>>) {
             over_all(map, i),
         ];
         for (k, _) in map.references.iter().enumerate() {
-            let cell = unit.and_then(|row| row.references.get(i)?.get(k));
-            cells.push(cell.map_or("-", |cell| cell.outcome.words()).to_owned());
+            let cell = one.and_then(|row| row.references.get(i)?.get(k));
+            cells.push(cell.map_or_else(|| "-".to_owned(), |cell| word_of(cell.outcome)));
         }
         cells
     });
@@ -289,15 +288,8 @@ fn over_all(map: &Map, method: usize) -> String {
 
 /// One line for each factor.
 fn listing(map: &Map) -> (Vec<String>, Vec<Vec<String>>) {
-    let mut head =
-        ["factor", "cycles compared", "events", "Flank: motion", "Flank: steps a cycle"].map(String::from).to_vec();
-    for method in &map.methods {
-        head.extend([
-            format!("{method}: limit"),
-            format!("{method}: right sequence"),
-            format!("{method}: right motion"),
-        ]);
-    }
+    let mut head = ["factor", "cycles", "events", "motion", "Flank's steps"].map(String::from).to_vec();
+    head.extend(map.methods.iter().cloned());
     let rows = map.rows.iter().map(|row| {
         let factor = table::number(row.factor);
         let (Some(own), Some(window)) = (&row.own, &row.window) else {
@@ -312,9 +304,10 @@ fn listing(map: &Map) -> (Vec<String>, Vec<Vec<String>>) {
         ];
         for i in 0..map.methods.len() {
             let steps = |n: Option<u64>| n.map_or_else(|| "none".to_owned(), |n| n.to_string());
-            cells.push(row.limit_steps_per_cycle[i].map_or_else(|| "-".to_owned(), |n| format!("{n:.1}")));
-            cells.push(steps(map.fewest(i, row, Outcome::has_right_sequence)));
-            cells.push(steps(map.fewest(i, row, |outcome| outcome == Outcome::Right)));
+            let limit = row.limit_steps_per_cycle[i].map_or_else(|| "-".to_owned(), |n| format!("{n:.1}"));
+            let sequence = steps(map.fewest(i, row, Outcome::has_right_sequence));
+            let motion = steps(map.fewest(i, row, |outcome| outcome == Outcome::Right));
+            cells.push(format!("{limit} / {sequence} / {motion}"));
         }
         cells
     });
@@ -322,28 +315,31 @@ fn listing(map: &Map) -> (Vec<String>, Vec<Vec<String>>) {
     (head, rows)
 }
 
-fn rules(map: &Map) -> String {
+fn rules(map: &Map, unit: &str) -> String {
+    let length = format!("{} {unit}", table::number(map.period_s));
     format!(
-        "Steps a cycle, whose length is {} in the time units of the scene. \"From\": the fewest steps on the map from which on every finer one is right too.",
-        table::number(map.period_s)
+        "A cycle is {}{}. Steps are steps a cycle; \"from\": the fewest on the map from which on every finer step is right too. By \
+         factor, of each method: its limit / right sequence from / right motion from.",
+        length.trim_end(),
+        if unit.is_empty() { " long, without unit" } else { "" }
     )
 }
 
-fn text(scene: &Scene, map: &Map, out: Option<&Path>) -> String {
+fn text(scene: &Scene, map: &Map, unit: &str, out: Option<&Path>) -> String {
     let told = |(head, rows): (Vec<String>, Vec<Vec<String>>)| {
         let mut table = Table::new(&head.iter().map(String::as_str).collect::<Vec<_>>());
         rows.into_iter().for_each(|row| table.row(row));
         table.to_string()
     };
     let mut text = format!("{}: factors on the {} of every contact\n\n", scene.name(), map.over.word());
-    text += &told(summary(map));
+    text += &told(summary(map, unit));
     text += "\n";
     text += &told(listing(map));
-    text += &format!("\n{}\n", rules(map));
+    text += &format!("\n{}", wrapped(&rules(map, unit)));
     text + &out.map_or_else(String::new, |out| format!("report: {}\n", out.join("report.html").display()))
 }
 
-fn report(scene: &Scene, map: &Map, figure: plot::Figure) -> Report {
+fn report(scene: &Scene, map: &Map, unit: &str, figure: plot::Figure) -> Report {
     let table = |title: &str, (head, rows): (Vec<String>, Vec<Vec<String>>)| {
         let rows = rows.into_iter().map(|row| row.into_iter().map(plot::Cell::from).collect()).collect();
         Item::Table(plot::Table { title: title.to_owned(), head, rows, note: String::new() })
@@ -351,12 +347,12 @@ fn report(scene: &Scene, map: &Map, figure: plot::Figure) -> Report {
     let rule = &map.rule;
     Report {
         title: figure.title.clone(),
-        summary: vec![rules(map)],
+        summary: vec![rules(map, unit)],
         sections: vec![
             Section {
                 title: "Map".to_owned(),
                 text: String::new(),
-                items: vec![Item::Figure(figure), table("With the factor 1", summary(map))],
+                items: vec![Item::Figure(figure), table("With the factor 1", summary(map, unit))],
             },
             Section {
                 title: "Every factor".to_owned(),

@@ -36,6 +36,9 @@ pub struct Panel {
     pub tiles: Vec<Tile>,
     /// Straight lines across the panel.
     pub guides: Vec<Guide>,
+    /// The names of upright guides stand above the panel, not on their lines.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub names_above: bool,
     /// Words in the panel.
     pub notes: Vec<Note>,
 }
@@ -51,6 +54,9 @@ pub struct Axis {
     pub logarithmic: bool,
     /// Ends; fitted to the series if none are given.
     pub range: Option<[f64; 2]>,
+    /// Whole numbers are places in a row, not values: grid lines without ticks and numbers.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub places: bool,
 }
 
 impl Axis {

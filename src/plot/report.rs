@@ -250,7 +250,7 @@ fn figure_data(figure: &Figure) -> Value {
 
 fn panel_data(panel: &Panel) -> Value {
     let [x, y] = scales(panel);
-    let axis = |axis: &Axis, low: f64, high: f64| json!({ "label": axis.label, "unit": axis.unit, "logarithmic": axis.logarithmic, "range": [low, high] });
+    let axis = |axis: &Axis, low: f64, high: f64| json!({ "label": axis.label, "unit": axis.unit, "logarithmic": axis.logarithmic, "places": axis.places, "range": [low, high] });
     let rounder = |low: f64, high: f64, logarithmic| move |value: f64| rounded(value, high - low, logarithmic);
     let (round_x, round_y) = (rounder(x.low, x.high, x.logarithmic), rounder(y.low, y.high, y.logarithmic));
     let series = |series: &Series| {
@@ -274,6 +274,7 @@ fn panel_data(panel: &Panel) -> Value {
         "bands": panel.bands,
         "tiles": panel.tiles,
         "guides": panel.guides.iter().map(guide).collect::<Vec<_>>(),
+        "namesAbove": panel.names_above,
         "notes": panel.notes,
     })
 }

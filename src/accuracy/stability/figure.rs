@@ -29,13 +29,20 @@ pub fn figure(name: &str, map: &Map) -> Figure {
     };
     let missing = map.rows.iter().filter(|row| row.error.is_some()).count();
     let missing = if missing == 0 { String::new() } else { format!(" {missing} factors could not be judged.") };
+    let [first, last] = [map.steps_per_cycle.first(), map.steps_per_cycle.last()].map(|n| n.map_or(1.0, |n| *n as f64));
+    let outside = map.rows.iter().filter_map(|row| row.own.as_ref()).map(|own| own.steps_per_cycle);
+    let outside = if outside.into_iter().any(|n| !(first..=last).contains(&n)) {
+        " Some of Flank's own steps lie beyond the steps that were tried; the plane has no colour there."
+    } else {
+        ""
+    };
     Figure {
         id: format!("stability-{over}"),
         title: format!("Where fixed steps give the right motion: {name}"),
         caption: format!(
             "Outcome of each method against Flank's motion of the same train, with the {over} of every contact multiplied. \
              Sequences of events are compared over the first {cycles} cycles, where errors grow {:.0}-fold at most, the motion \
-             in the long run over {} cycles.{unsettled}{missing}",
+             in the long run over {} cycles.{unsettled}{missing}{outside}",
             rule.growth, rule.cycles
         ),
         columns: 2.min(map.methods.len()),
@@ -82,9 +89,9 @@ fn panel(map: &Map, method: usize) -> Panel {
         series.push(Series::line(name, INK, x, y).styled(style));
     }
     series.retain(|series| !series.x.is_empty());
-    let most = across.last().copied().unwrap_or(1.0);
-    let least = map.rows.iter().filter_map(|row| row.own.as_ref()).map(|own| own.steps_per_cycle / 1.5);
-    let least = least.fold(across.first().copied().unwrap_or(1.0), f64::min);
+    let own = || map.rows.iter().filter_map(|row| row.own.as_ref()).map(|own| own.steps_per_cycle);
+    let least = own().map(|n| n / 1.5).fold(across.first().copied().unwrap_or(1.0), f64::min);
+    let most = own().map(|n| n * 1.5).fold(across.last().copied().unwrap_or(1.0), f64::max);
     let guides = map.references.iter().filter(|r| (r.steps_per_cycle as f64) < most);
     let log = |label: &str, ends: Option<[f64; 2]>| Axis { logarithmic: true, range: ends, ..Axis::new(label, "") };
     Panel {
@@ -96,6 +103,7 @@ fn panel(map: &Map, method: usize) -> Panel {
         ),
         tiles,
         series,
+        names_above: true,
         guides: guides.map(|r| Guide::Vertical { x: r.steps_per_cycle as f64, name: r.name.clone() }).collect(),
         ..Panel::default()
     }

@@ -26,7 +26,7 @@ pub(crate) struct Entry<'a> {
 /// Width of a sample, of the gap after it, and of the gap between entries, px.
 const SAMPLE: f64 = 24.0;
 const GAP: f64 = 6.0;
-const SPACE: f64 = 18.0;
+const SPACE: f64 = 30.0;
 
 impl Entry<'_> {
     /// Whether it shows the same kind of thing as `look`.

@@ -15,6 +15,8 @@ use super::{
 
 pub(super) const SMALL: f64 = 10.5;
 const LABEL: f64 = 11.5;
+/// Of the names above a panel.
+const NAMES: f64 = 1.5 * SMALL;
 
 /// Between the edge of a cell and its frame, px, without the tick labels at the left.
 const TOP: f64 = 10.0;
@@ -54,7 +56,8 @@ impl<'a> Sheet<'a> {
     pub fn new(panel: &'a Panel, corner: Point, cell: [f64; 2], [left, top]: [f64; 2]) -> Self {
         let [mut x, mut y] = scales(panel);
         let heading = text::wrapped(&text::clean(&panel.title), LABEL, true, cell[0] - LEFT - 2.0 * RIGHT);
-        let top = top.max(TOP + heading.len() as f64 * 1.4 * LABEL);
+        let names = if panel.names_above { NAMES } else { 0.0 };
+        let top = top.max(TOP + heading.len() as f64 * 1.4 * LABEL + names);
         let height = cell[1] - top - BOTTOM;
         y = y.ticked((height / 42.0) as usize);
         let label_width = |(_, label): (f64, String)| text::width(&label, SMALL, false);
@@ -134,13 +137,15 @@ impl<'a> Sheet<'a> {
             .bold_line_style(rgb(colours.grid).stroke_width(units(0.8) as u32))
             .axis_style(rgb(colours.muted).stroke_width(units(0.8) as u32))
             .set_all_tick_mark_size(units(3.5))
+            .set_tick_mark_size(LabelAreaPosition::Left, units(if self.panel.y.places { 0.0 } else { 3.5 }))
             .label_style(font(SMALL, colours.ink, false))
             .axis_desc_style(font(size, colours.ink, false))
             .x_desc(text::clean(&x_label))
             .y_desc(text::clean(&y_label))
             .draw()?;
+        let names = if self.panel.names_above { NAMES } else { 0.0 };
         for (line, words) in self.heading.iter().enumerate() {
-            let at = [x0, y0 - (self.heading.len() - line) as f64 * 1.4 * LABEL + 0.4 * LABEL];
+            let at = [x0, y0 - names - (self.heading.len() - line) as f64 * 1.4 * LABEL + 0.4 * LABEL];
             canvas.text(words, at, Anchor::Left, LABEL, colours.ink, true)?;
         }
         Ok(())

@@ -16,6 +16,8 @@ pub(crate) struct Scale {
     ticks: Vec<f64>,
     /// Between ticks; none on a logarithmic axis with ticks at powers of ten.
     step: Option<f64>,
+    /// Whole numbers are places: ticks there, without labels.
+    places: bool,
     /// Tick labels leave out this power of ten, a multiple of three; the axis label names it.
     pub exponent: i32,
 }
@@ -39,7 +41,7 @@ impl Scale {
                 }
             }
         };
-        Self { low, high, logarithmic, ticks: Vec::new(), step: None, exponent: 0 }
+        Self { low, high, logarithmic, ticks: Vec::new(), step: None, places: axis.places, exponent: 0 }
     }
 
     /// The same scale about its middle, `factor` times as long. Linear only.
@@ -59,12 +61,12 @@ impl Scale {
                 return self;
             }
         }
-        let step = round_step((self.high - self.low) / count as f64);
+        let step = if self.places { 1.0 } else { round_step((self.high - self.low) / count as f64) };
         let (first, last) = ((self.low / step - 1e-9).ceil(), (self.high / step + 1e-9).floor());
         // A step of 1, 2 or 5 of a power of ten makes at most a few ticks more than asked for.
         self.ticks = (0..=(last - first).clamp(0.0, 100.0) as usize).map(|i| (first + i as f64) * step).collect();
         let largest = self.low.abs().max(self.high.abs());
-        if !(1e-3..1e5).contains(&largest) {
+        if !self.places && !(1e-3..1e5).contains(&largest) {
             self.exponent = (largest.log10() / 3.0).floor() as i32 * 3;
         }
         self.step = Some(step);
@@ -77,6 +79,9 @@ impl Scale {
     }
 
     fn label(&self, value: f64) -> String {
+        if self.places {
+            return String::new();
+        }
         let Some(step) = self.step else { return power_of_ten(value) };
         let decimals = (f64::from(self.exponent) - step.log10().floor()).clamp(0.0, 15.0) as usize;
         let text = format!("{:.decimals$}", value / 10f64.powi(self.exponent));

@@ -116,7 +116,9 @@ impl Sheet<'_> {
             let at = self.checked(note.at[0], note.at[1]).filter(|at| self.frame.holds(*at));
             all.extend(at.map(|at| (ink_colour, self.beside(&note.text, at))));
         }
-        for guide in &self.panel.guides {
+        self.names_above(canvas)?;
+        let above = |guide: &&Guide| self.panel.names_above && matches!(guide, Guide::Vertical { .. });
+        for guide in self.panel.guides.iter().filter(|guide| !above(guide)) {
             all.extend(self.guide_ends(guide).map(|ends| (muted, self.along(guide, ends))));
         }
         let mut written: Vec<Words<'_>> = Vec::new();
@@ -125,6 +127,28 @@ impl Sheet<'_> {
             if let Some(best) = free.min_by_key(|place| if place.firm { 0 } else { ink.under(place.room()) }) {
                 canvas.patched(best.words, best.at, best.anchor, SMALL, colour)?;
                 written.push(best);
+            }
+        }
+        Ok(())
+    }
+
+    /// The names of upright guides in a row above the frame, if that is where they belong.
+    fn names_above(&self, canvas: &Canvas<'_>) -> Drawn {
+        if !self.panel.names_above {
+            return Ok(());
+        }
+        let mut named: Vec<(&str, f64)> = Vec::new();
+        for guide in &self.panel.guides {
+            if let (Guide::Vertical { name, .. }, Some([foot, _])) = (guide, self.guide_ends(guide)) {
+                named.push((name, foot[0]));
+            }
+        }
+        named.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let widths: Vec<[f64; 2]> = named.iter().map(|(name, x)| [*x, text::width(name, SMALL, false)]).collect();
+        let (room, y) = ([self.frame.x0, self.frame.x1], self.frame.y0 - 0.75 * SMALL);
+        for ((name, _), x) in named.iter().zip(side_by_side(&widths, room)) {
+            if let Some(x) = x {
+                canvas.text(name, [x, y], Anchor::Middle, SMALL, canvas.colours.muted, false)?;
             }
         }
         Ok(())
@@ -181,9 +205,37 @@ impl Sheet<'_> {
     }
 }
 
+/// Middles of words of `[middle, width]`, rising, moved no farther than they must to stand apart in `room`; none of those that
+/// find no room.
+fn side_by_side(words: &[[f64; 2]], [low, high]: [f64; 2]) -> Vec<Option<f64>> {
+    const SPACE: f64 = 6.0;
+    let mut lefts = Vec::new();
+    let mut free = low;
+    for [middle, width] in words {
+        let left = (middle - width / 2.0).max(free);
+        lefts.push(left);
+        free = left + width + SPACE;
+    }
+    let mut end = high;
+    for (left, [_, width]) in lefts.iter_mut().zip(words).rev() {
+        *left = left.min(end - width);
+        end = *left - SPACE;
+    }
+    lefts.iter().zip(words).map(|(left, [_, width])| (*left >= low - 0.1).then_some(left + width / 2.0)).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_stand_side_by_side() {
+        // Far apart they stay; close ones are moved by 6 px of space; at the edge they are moved inwards.
+        assert_eq!(side_by_side(&[[20.0, 20.0], [80.0, 20.0]], [0.0, 100.0]), [Some(20.0), Some(80.0)]);
+        assert_eq!(side_by_side(&[[40.0, 20.0], [50.0, 20.0]], [0.0, 100.0]), [Some(40.0), Some(66.0)]);
+        assert_eq!(side_by_side(&[[80.0, 20.0], [99.0, 20.0]], [0.0, 100.0]), [Some(64.0), Some(90.0)]);
+        assert_eq!(side_by_side(&[[50.0, 60.0], [50.0, 60.0]], [0.0, 100.0]), [None, Some(70.0)]);
+    }
 
     #[test]
     fn ink_is_where_the_curve_runs() {

@@ -36,11 +36,12 @@ fn rows(title: &str, x: Axis, names: &[&str], rows: &[Row], guide: Guide) -> Pan
     Panel {
         title: title.to_owned(),
         x: x.between(low, high),
-        // Room for the name above the highest row; of fewer places ticks would be fractions.
-        y: Axis::new("place, by largest change", "").between(0.5, rows.len().max(4) as f64 + 0.8),
+        // Room for the name above the highest row.
+        y: Axis { places: true, ..Axis::new("from least to largest change", "") }.between(0.5, rows.len() as f64 + 0.8),
         notes: notes.collect(),
         series,
         guides: vec![guide],
+        names_above: true,
         ..Panel::default()
     }
 }

@@ -28,7 +28,7 @@ pub struct Estimate {
 
 impl Estimate {
     /// Standard deviation of the stretches behind it.
-    fn scatter(self) -> f64 {
+    pub(super) fn scatter(self) -> f64 {
         self.error * (STRETCHES as f64).sqrt()
     }
 
@@ -94,8 +94,8 @@ impl Motion {
     pub fn kind(&self) -> String {
         match self.settled.period {
             Some(period) => format!("period {period}"),
-            None if self.irregular() => "irregular".to_owned(),
-            None => "settling".to_owned(),
+            None if self.settling() => "settling".to_owned(),
+            None => "irregular".to_owned(),
         }
     }
 
@@ -112,6 +112,12 @@ impl Motion {
         let relative = |peak: Estimate| peak.scatter() > SCATTER * peak.value;
         let scatters = |mesh: &Mesh| mesh.apart.scatter() > SCATTER || mesh.peak.is_some_and(relative);
         self.settled.period.is_none() && self.meshes.iter().any(scatters)
+    }
+
+    /// Whether it is a transient longer than what was run.
+    #[must_use]
+    pub fn settling(&self) -> bool {
+        self.settled.period.is_none() && !self.irregular()
     }
 
     /// Largest time without force of any family, forcing periods.

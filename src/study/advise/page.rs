@@ -154,16 +154,28 @@ impl Advice {
         format!(
             "A model is enough if the time apart of every family of contacts changes by at most {} of the forcing period, its peak \
              force by at most {} %, and the motion stays of its kind: of one period, or irregular. Irregular motions need twice \
-             the standard error to spare.",
+             the standard error to spare, transients ten times their scatter.",
             self.tolerance,
             100.0 * self.tolerance
         )
     }
 
+    /// What verdicts mean of a scene that has not settled.
+    fn transient(&self) -> Option<String> {
+        let motion = &self.full.motion;
+        motion.settling().then(|| {
+            format!(
+                "The scene has not settled in {} cycles: verdicts are on its transient in the {} cycles after them, not on a \
+                 steady motion, and are left open where a change is not clear of the tolerance by ten times the scatter.",
+                motion.settled.cycles, motion.cycles
+            )
+        })
+    }
+
     /// What was found, sentence by sentence.
     #[must_use]
     pub fn verdicts(&self) -> Vec<String> {
-        let mut lines = Vec::new();
+        let mut lines = self.transient().into_iter().collect::<Vec<_>>();
         let dropped = || self.parts.iter().filter_map(|part| part.dropped.as_ref());
         let mut say = |rungs: &[&Rung], verdict: Verdict, words: &str, why: bool| {
             let own = rungs.iter().filter(|rung| rung.verdict == verdict);
@@ -179,11 +191,11 @@ impl Advice {
         let rungs: Vec<&Rung> = self.rungs.iter().collect();
         say(&rungs, Verdict::Enough, "Enough", false);
         say(&rungs, Verdict::NotEnough, "Not enough", false);
-        say(&rungs, Verdict::Unclear, "Hidden by the scatter of irregular motions", true);
+        say(&rungs, Verdict::Unclear, "Hidden by scatter or drift of the motion", true);
         let parts: Vec<&Rung> = dropped().collect();
         say(&parts, Verdict::Enough, "Freedoms that can each be dropped", false);
         say(&parts, Verdict::NotEnough, "Freedoms that matter", false);
-        say(&parts, Verdict::Unclear, "Freedoms whose weight the scatter hides", true);
+        say(&parts, Verdict::Unclear, "Freedoms whose weight is hidden by scatter or drift", true);
         if let Some(rung) = self.together.as_ref().filter(|rung| rung.verdict != Verdict::Enough) {
             lines.push(format!("Each is enough by itself, not together: {} ({}).", rung.words, cost(rung)));
         }
@@ -214,6 +226,13 @@ impl Advice {
                 )
             }
             None if rungs.is_empty() && parts.is_empty() => "Nothing could be made simpler.".to_owned(),
+            None if self.full.motion.settling() => {
+                "Nothing that was tried is shown to be enough; whether that holds once the scene has settled is open."
+                    .to_owned()
+            }
+            None if self.models().any(|rung| rung.verdict == Verdict::Unclear) => {
+                "Nothing that was tried is shown to be enough.".to_owned()
+            }
             None => "Nothing that was tried is enough: the scene models no more than it needs.".to_owned(),
         });
         lines

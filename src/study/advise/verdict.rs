@@ -32,7 +32,8 @@ pub enum Verdict {
     Enough,
     /// Something changes by more.
     NotEnough,
-    /// The scatter of irregular motions is too large to tell: twice the standard error of a change reaches over the tolerance.
+    /// Neither is clear of the tolerance: of irregular motions by twice the standard error of the change, of transients by ten
+    /// times its scatter.
     Unclear,
 }
 
@@ -75,6 +76,10 @@ pub fn changes(full: &Motion, motion: &Motion) -> Vec<Change> {
     full.meshes.iter().filter_map(change).collect()
 }
 
+/// Scatters by which a change of a transient must be clear of the tolerance. A slow drift does not average out, and its end is
+/// not known; it moves by about three scatters in the stretches that were measured.
+const DRIFT: f64 = 10.0;
+
 /// Judges `changes` from `full` to `motion`.
 #[must_use]
 pub fn judge(full: &Motion, motion: &Motion, changes: &[Change], tolerance: f64) -> Verdict {
@@ -86,9 +91,11 @@ pub fn judge(full: &Motion, motion: &Motion, changes: &[Change], tolerance: f64)
         [Some(_), None] => motion.irregular(),
         [None, Some(_)] => full.irregular(),
     };
-    if other_kind || sizes().any(|change| change.value.abs() - 2.0 * change.error > tolerance) {
+    let transient = full.settling() || motion.settling();
+    let margin = |change: Estimate| if transient { DRIFT * change.scatter() } else { 2.0 * change.error };
+    if other_kind || sizes().any(|change| change.value.abs() - margin(change) > tolerance) {
         Verdict::NotEnough
-    } else if sizes().all(|change| change.value.abs() + 2.0 * change.error <= tolerance) {
+    } else if sizes().all(|change| change.value.abs() + margin(change) <= tolerance) {
         Verdict::Enough
     } else {
         Verdict::Unclear
