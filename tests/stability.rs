@@ -263,7 +263,13 @@ mod command {
         let done = flank(folder.path(), &words).code(0);
         let told = String::from_utf8(done.get_output().stdout.clone()).unwrap();
         assert!(told.contains("sequence from") && told.contains("101"), "{told}");
+        assert!(!told.contains("its step, s"), "a scene without units: {told}");
         assert!(files(folder.path()).is_empty());
+        let units = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/scenes/spur-pair.json");
+        let done = flank(folder.path(), &[units, "--factors", "1", "--steps", "101", "--cycles", "20"]).code(0);
+        let told = String::from_utf8(done.get_output().stdout.clone()).unwrap();
+        // 60/(2400 · 50) s.
+        assert!(told.contains("its step, s") && told.contains("A cycle is 5.0000e-4 s."), "{told}");
     }
 
     #[test]
@@ -287,6 +293,8 @@ mod command {
         for word in ["damping", "tsit45", "bogus", "--factors", "10.5", "1000000000"] {
             assert!(told.contains(word), "{word}: {told}");
         }
+        // Only what a map takes is named as a remedy.
+        assert!(!told.contains("esdirk34"), "{told}");
         assert!(!folder.path().join("out").exists());
         flank(folder.path(), &["nothing.json"]).code(2);
         flank(folder.path(), &[PAIR, "--cycles", "0"]).code(2);
