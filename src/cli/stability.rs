@@ -283,7 +283,7 @@ fn over_all(map: &Map, method: usize) -> String {
         (Some(least), Some(most)) => format!("{least} to {most}"),
         _ => return "none".to_owned(),
     };
-    if none == 0 { range } else { format!("{range}, none at {none} factors") }
+    if none == 0 { range } else { format!("{range}, none at {none} of {}", all.len()) }
 }
 
 /// One line for each factor.
