@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use flank::{
-    engine::{EngineError, Options, Outcome, State},
+    engine::{EngineError, Options, State},
     gear::{
         Harmonic, Stiffness,
         contact::{Law, Linear, Release},
@@ -343,40 +343,4 @@ fn a15_schedules_that_meet_leave_no_sliver_however_late() {
     // T: 0, ½. T/2: 0, ¼, ½, ¾. T/3: 0, 1/6, 1/3, ½, 2/3, 5/6. Together eight.
     assert_eq!(first.len(), 80, "{:?}", &first[..9]);
     assert_eq!(phases(10_000_000), first);
-}
-
-/// A16. A spring without damper whose flank lies at the origin: where the force falls through zero the displacement is what
-/// rounding left of larger terms, and has nothing to be compared with. It is zero because the force fell through it. Contact
-/// and release take turns, over many cycles.
-#[test]
-fn a16_a_force_that_falls_through_zero_at_the_origin_is_let_go_once() {
-    for (stiffness, omega) in [(100.0, 1.7), (1e4, 1.7), (37.0, 0.9), (1e6, 2.3)] {
-        let s = walled(&Walled {
-            stiffness: 1.0,
-            damping: 0.1,
-            load_harmonics: vec![Harmonic { omega, amplitude: 1.0, phase: 0.0 }],
-            ..Walled::new(
-                1.0,
-                Walls::Above { position: 0.0 },
-                Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Force),
-                Stiffness::Constant(stiffness),
-            )
-        });
-        let cycles = 400;
-        // Far more than there can be; the budget ends what would not end.
-        let options = Options { max_events: 20 * cycles as u64, ..Options::default() };
-        let mut log = Log::default();
-        let mut engine = engine(&s, state(&s, &[-0.5], &[1.0]), options);
-        let outcome = engine.run(s.clock().at(cycles, 0.0), &mut log).unwrap();
-        assert_eq!(outcome, Outcome::ReachedEnd, "{stiffness} {omega}");
-        // Each of them a change of mode, in turn.
-        let modes = modes(&log.records.iter().filter(|r| !r.graze).collect::<Vec<_>>(), 0);
-        assert!(modes.len() > cycles as usize / 2, "{stiffness} {omega}: {}", modes.len());
-        for (k, pair) in modes.chunks(2).enumerate() {
-            assert!(
-                pair[0] == Drive && pair.get(1).is_none_or(|m| *m == Separated),
-                "{stiffness} {omega} {k}: {pair:?}"
-            );
-        }
-    }
 }
