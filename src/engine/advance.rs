@@ -286,6 +286,7 @@ impl<'s> Engine<'s> {
                 cycle,
             });
         }
+        state.jump.pinned.0 |= located.zero.0;
         state.jump = core.system.jump(&state.jump, located.fired, state.at, &mut state.x).map_err(model)?;
         open.projected = open.projected.max(state.jump.projected);
         open.jumps += 1;
@@ -332,6 +333,10 @@ impl Core<'_> {
     /// Opens the record of the instant at which `state` stands.
     fn begin(&mut self, state: &State) {
         let open = &mut self.open;
+        // An arc too short for the clock to tell leaves the instant what it was: its jumps go on counting.
+        if open.at != state.at {
+            self.cascade.clear();
+        }
         open.at = state.at;
         open.from = state.jump.mode;
         open.x_minus.clear();
@@ -345,7 +350,6 @@ impl Core<'_> {
         open.accumulation = None;
         open.projected = 0.0;
         self.is_open = true;
-        self.cascade.clear();
     }
 
     /// Closes the open record, if any, with the state after it.

@@ -14,6 +14,8 @@ pub struct Located {
     pub theta: f64,
     /// All guards that fire there.
     pub fired: GuardSet,
+    /// Those of them that are zero there: all that fell through zero, but none that is outside from the start of an arc.
+    pub zero: GuardSet,
     /// How well it is determined.
     pub conditioning: Conditioning,
 }
@@ -126,7 +128,7 @@ impl Locator {
             (series.error / deflated_slope.abs()).min((2.0 * series.error / curvature).sqrt()).min(1.0)
         };
         let standstill = stands_still(step, theta, theta);
-        let mut fired = GuardSet::EMPTY;
+        let (mut fired, mut zero) = (GuardSet::EMPTY, GuardSet::EMPTY);
         for (i, guard) in step.guards().iter().enumerate() {
             let series = Deflated::new(step, i);
             let fires = if i == lead {
@@ -143,6 +145,9 @@ impl Locator {
             };
             if fires {
                 fired.insert(guard.id);
+                if theta > 0.0 || series.order > 0 {
+                    zero.insert(guard.id);
+                }
             }
         }
         // All of it in time and in the guard's own units; at the end of a contact a root clock stands still.
@@ -155,6 +160,6 @@ impl Locator {
             },
             None => Conditioning { residual, slope: if rate > 0.0 { slope / rate } else { 0.0 }, time: width * rate },
         };
-        Located { theta, fired, conditioning }
+        Located { theta, fired, zero, conditioning }
     }
 }

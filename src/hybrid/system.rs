@@ -58,9 +58,10 @@ pub trait HybridSystem {
     fn guards(&self, mode: Mode, out: &mut Vec<Guard>);
     /// The value of a guard, positive inside the mode.
     fn guard(&self, mode: Mode, id: GuardId, at: Instant, x: &[f64]) -> f64;
-    /// Resets the state and gives the successor mode. `fired` is the whole batch. `from` holds the mode and,
-    /// where this is not the first jump at the instant, the zeros the earlier ones left: those of contacts that
-    /// do not fire again still stand.
+    /// Resets the state and gives the successor mode. `fired` is the whole batch. `from` holds the mode and the zeros:
+    /// the guards of the batch that fell through zero (the others are outside already, taken there by a switch or an
+    /// earlier jump), and what the earlier jumps at the instant left, which still stands for contacts that do not fire
+    /// again.
     ///
     /// # Errors
     /// [`ModelError`] if the automaton has no such edge or the impacts cannot be solved.

@@ -125,8 +125,15 @@ impl Structure {
         Ok(start)
     }
 
-    /// Follows one fired guard of a compliant contact.
-    fn follow(&self, jump: &mut Jump, j: usize, watch: Watch, at: Instant, x: &mut [f64]) -> Result<(), ModelError> {
+    /// Follows one fired guard of a compliant contact. `is_zero`: it fell through zero, and is not outside already.
+    fn follow(
+        &self,
+        jump: &mut Jump,
+        (j, watch): (usize, Watch),
+        is_zero: bool,
+        at: Instant,
+        x: &mut [f64],
+    ) -> Result<(), ModelError> {
         use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
         let c = &self.contacts[j];
         let state = contact_mode(jump.mode, j);
@@ -153,7 +160,8 @@ impl Structure {
             }
         };
         jump.mode = with_contact(jump.mode, j, next);
-        if watch != Watch::Force || self.is_forceless(j, jump.mode, at, x) {
+        // A force that a stiffness step or an impact elsewhere took past zero is not zero.
+        if watch != Watch::Force || is_zero {
             jump.pinned.insert(guard_id(j, watch));
         }
         if watch != Watch::Force {
@@ -310,7 +318,7 @@ impl HybridSystem for Structure {
                         Striker { contact: j, side, restitution: if lost { 0.0 } else { l.restitution } };
                     struck += 1;
                 }
-                _ => self.follow(&mut jump, j, watch, at, x)?,
+                _ => self.follow(&mut jump, (j, watch), from.pinned.contains(id), at, x)?,
             }
         }
         if struck > 0 {

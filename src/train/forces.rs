@@ -122,24 +122,6 @@ impl Structure {
         terms + c.error_rate.iter().map(|w| w.cosine.abs() + w.sine.abs()).sum::<f64>()
     }
 
-    /// Whether what the force guard of a compliant contact watches is zero to rounding: it is where the guard was crossed,
-    /// and is not where a stiffness step or an impact elsewhere took it past zero.
-    pub(super) fn is_forceless(&self, j: usize, mode: Mode, at: Instant, x: &[f64]) -> bool {
-        let c = &self.contacts[j];
-        let (value, size) = match c.spec.law {
-            Law::Power(l) => {
-                let rate = contact_mode(mode, j).side() * self.deflection(j, at, x).1;
-                (self.factor(c, rate, x), 1.0 + c.latch.map_or(0.0, |i| l.hysteresis / x[i] * self.rate_size(c, x)))
-            }
-            Law::KelvinVoigt(l, _) => (
-                self.law_force(j, mode, contact_mode(mode, j), at, x),
-                c.spec.stiffness.maximum() * self.deflection_size(c, x) + l.damping * self.rate_size(c, x),
-            ),
-            _ => (0.0, 0.0),
-        };
-        value.abs() <= 1e3 * f64::EPSILON * size
-    }
-
     /// Size of the terms whose sum is the acceleration of contact `j`, m/s²: its rounding error is a few units of
     /// this. `force` gives the force of any contact that carries one, N.
     pub(super) fn acceleration_size(&self, j: usize, mode: Mode, x: &[f64], force: impl Fn(usize) -> f64) -> f64 {

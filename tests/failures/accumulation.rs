@@ -7,7 +7,7 @@ use std::{
 
 use flank::{
     analysis::{Contacts, Ledger},
-    engine::{Options, Outcome},
+    engine::{EngineError, Options, Outcome},
     gear::{
         Harmonic, Stiffness,
         contact::{Law, Linear, Release},
@@ -217,6 +217,57 @@ fn c4_a_contact_released_by_a_drop_of_stiffness_does_not_pull() {
     assert!((flight - exact).abs() <= 64.0 * f64::EPSILON * exact, "{flight} {exact}");
     // The sum of k p and c ṗ, some 5 each, is rounded.
     assert!(contacts.report(0).force_min.unwrap() >= -32.0 * f64::EPSILON, "{:?}", contacts.report(0).force_min);
+}
+
+/// C4. A spring without damper whose flank lies at the origin: where the force falls through zero the displacement is what
+/// rounding left of larger terms, and has nothing to be compared with. It is zero because the force fell through it. Contact
+/// and release take turns, over many cycles.
+#[test]
+fn c4_a_force_that_falls_through_zero_at_the_origin_is_let_go_once() {
+    for (stiffness, omega) in [(100.0, 1.7), (1e4, 1.7), (37.0, 0.9), (1e6, 2.3)] {
+        let s = walled(&Walled {
+            stiffness: 1.0,
+            damping: 0.1,
+            load_harmonics: vec![Harmonic { omega, amplitude: 1.0, phase: 0.0 }],
+            ..Walled::new(
+                1.0,
+                Walls::Above { position: 0.0 },
+                Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Force),
+                Stiffness::Constant(stiffness),
+            )
+        });
+        let cycles = 400;
+        // Far more than there can be; the budget ends what would not end.
+        let options = Options { max_events: 20 * cycles as u64, ..Options::default() };
+        let mut log = Log::default();
+        let mut engine = engine(&s, state(&s, &[-0.5], &[1.0]), options);
+        let outcome = engine.run(s.clock().at(cycles, 0.0), &mut log).unwrap();
+        assert_eq!(outcome, Outcome::ReachedEnd, "{stiffness} {omega}");
+        // Each of them a change of mode, in turn.
+        let modes = modes(&log.records.iter().filter(|r| !r.graze).collect::<Vec<_>>(), 0);
+        assert!(modes.len() > cycles as usize / 2, "{stiffness} {omega}: {}", modes.len());
+        for (k, pair) in modes.chunks(2).enumerate() {
+            assert!(
+                pair[0] == Drive && pair.get(1).is_none_or(|m| *m == Separated),
+                "{stiffness} {omega} {k}: {pair:?}"
+            );
+        }
+    }
+}
+
+/// C4. Impacts that nobody sums (e = ½, a fraction that is never reached) come ever faster, until the clock, with its 32 digits,
+/// no longer tells one from the next: then they are jumps at one instant, and too many of them end the run with an error.
+#[test]
+fn c4_impacts_that_time_cannot_tell_apart_are_jumps_at_one_instant() {
+    let s = ball(0.5);
+    let options = Options { chatter_fraction: f64::MIN_POSITIVE, ..Options::default() };
+    let mut engine = engine(&s, state(&s, &[0.0], &[1.1]), options);
+    let outcome = engine.run(s.clock().instant(5.0), &mut ());
+    // Flights of 2.2·2⁻ᵏ up to t = 4.4.
+    let Err(EngineError::Cycle { t, .. }) = outcome else { panic!("{outcome:?}") };
+    assert!((t - 4.4).abs() <= 16.0 * f64::EPSILON, "{t}");
+    // By k = 53 they are below the first double of the time, and by 106 below the second.
+    assert!((53..=53 + 64 + 64).contains(&engine.counters().events), "{}", engine.counters().events);
 }
 
 proptest! {
