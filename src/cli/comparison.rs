@@ -147,7 +147,7 @@ impl Comparison<'_> {
                     best.name,
                     times(cost)
                 ),
-                None => format!("At {target:e} T no fixed-step method tried arrives, and none is on its way there."),
+                None => format!("At {target:e} T no fixed-step method tried arrives, and none shows an order that tells its cost there."),
             });
         }
         lines
