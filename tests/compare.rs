@@ -148,6 +148,32 @@ fn orders_fall_where_the_force_is_rough() {
     }
 }
 
+/// A power law is smooth to its exponent: RK4 is of order n + 1 on it.
+#[test]
+fn power_laws_leave_one_order_more_than_their_exponent() {
+    for (n, q) in [(1.25, 2.25), (2.0, 3.0)] {
+        let case = of(&Scene::from_json(
+            &format!(
+                r#"{{ "flank": 1,
+                "train": {{ "kind": "wall", "mass_kg": 1, "load_n": -1, "damping_n_s_per_m": 0.2,
+                    "load_harmonics": [{{ "amplitude_n": 0.5, "frequency_rad_per_s": 0.9, "phase_rad": 0.3 }}],
+                    "wall": {{ "side": "below", "position_m": 0 }},
+                    "law": {{ "kind": "power", "exponent": {n}, "hysteresis_coefficient": 0 }}, "contact_stiffness": 20 }},
+                "initial": {{ "q": [0.5] }}, "run": {{ "cycles": 5 }} }}"#
+            ),
+            "scene",
+        )
+        .unwrap());
+        assert_eq!(Roughness::of(&case.structure), Roughness::Smooth);
+        let truth = Truth::find(&case.problem(), 1e3).unwrap();
+        let runs = case.runs("rk4+cubic", &truth, &[331, 1013, 3301, 10_103, 33_013]);
+        let order = orders(&Contender::parse("rk4+cubic").unwrap(), &case.structure, &runs, truth.error).unwrap();
+        assert_eq!(order.expected, q);
+        // Scatter as above.
+        assert!((order.observed.unwrap() - q).abs() < 0.35, "n = {n}: {order:?} {runs:?}");
+    }
+}
+
 /// A smoothed flank has an error of its own, which no step takes away: with tanh it falls in proportion to 1/σ or faster.
 #[test]
 fn smoothing_leaves_a_floor() {

@@ -221,12 +221,6 @@ impl HybridSystem for Ball {
         (x[0], x[1]) = (0.0, -self.restitution * x[1]);
         Ok(Jump { mode: from.mode, pinned: fired, projected, ..Jump::default() })
     }
-    fn next_switch(&self, _: Instant) -> Option<Instant> {
-        None
-    }
-    fn switched(&self, mode: Mode, _: Instant) -> Mode {
-        mode
-    }
     fn restitution(&self, _: GuardId) -> Option<f64> {
         Some(self.restitution)
     }
@@ -531,15 +525,6 @@ impl HybridSystem for Dip {
         x[0] = 0.0;
         Ok(Jump { mode: Mode(1 - from.mode.0), pinned: fired, ..Jump::default() })
     }
-    fn next_switch(&self, _: Instant) -> Option<Instant> {
-        None
-    }
-    fn switched(&self, mode: Mode, _: Instant) -> Mode {
-        mode
-    }
-    fn restitution(&self, _: GuardId) -> Option<f64> {
-        None
-    }
     fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         self.jump(from, fired, at, x)
     }
@@ -604,15 +589,6 @@ impl HybridSystem for Blowup {
     }
     fn jump(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
         Ok(Jump { mode: from.mode, ..Jump::default() })
-    }
-    fn next_switch(&self, _: Instant) -> Option<Instant> {
-        None
-    }
-    fn switched(&self, mode: Mode, _: Instant) -> Mode {
-        mode
-    }
-    fn restitution(&self, _: GuardId) -> Option<f64> {
-        None
     }
     fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         self.jump(from, fired, at, x)

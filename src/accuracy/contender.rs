@@ -8,7 +8,7 @@ use super::{AccuracyError, Problem, problem::Passages};
 use crate::{
     analysis::Contacts,
     baseline::{
-        Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Watch, drive,
+        Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Solver, Watch, drive,
     },
     integrate::Choice,
     train::Structure,
@@ -20,20 +20,9 @@ pub enum Kind {
     /// A fixed-step method.
     Fixed(Method),
     /// An adaptive solver without events.
-    Adaptive(Adaptive),
+    Adaptive(Solver),
     /// The engine, with one of its integrators.
     Engine(Choice),
-}
-
-/// An adaptive solver without events.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Adaptive {
-    /// Explicit, Tsitouras 5(4).
-    Tsit45,
-    /// Implicit, ESDIRK 3(4).
-    Esdirk34,
-    /// Implicit, backward differences.
-    Bdf,
 }
 
 /// A way to solve a problem.
@@ -151,9 +140,9 @@ impl Contender {
             }
             "euler" => Kind::Fixed(Method::SemiImplicitEuler),
             "verlet" => Kind::Fixed(Method::Verlet),
-            "tsit45" => Kind::Adaptive(Adaptive::Tsit45),
-            "esdirk34" => Kind::Adaptive(Adaptive::Esdirk34),
-            "bdf" => Kind::Adaptive(Adaptive::Bdf),
+            "tsit45" => Kind::Adaptive(Solver::Explicit),
+            "esdirk34" => Kind::Adaptive(Solver::Sdirk),
+            "bdf" => Kind::Adaptive(Solver::Bdf),
             "flank" => Kind::Engine(Choice::Auto),
             "flank-explicit" => Kind::Engine(Choice::Explicit),
             "flank-sdirk" => Kind::Engine(Choice::Sdirk),
@@ -276,13 +265,7 @@ impl Contender {
             (Kind::Fixed(method), _) => drive(model, method, &grid, problem.start(), watch)
                 .map_err(|diverged| (diverged.counters, diverged.to_string())),
             #[cfg(feature = "diffsol")]
-            (Kind::Adaptive(adaptive), Setting::Tolerance(rtol)) => {
-                use crate::baseline::Solver;
-                let solver = match adaptive {
-                    Adaptive::Tsit45 => Solver::Explicit,
-                    Adaptive::Esdirk34 => Solver::Sdirk,
-                    Adaptive::Bdf => Solver::Bdf,
-                };
+            (Kind::Adaptive(solver), Setting::Tolerance(rtol)) => {
                 crate::baseline::adaptive(model, solver, rtol, &grid, problem.start(), watch)
                     .map_err(|error| (Counters::default(), error.to_string()))
             }

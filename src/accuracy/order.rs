@@ -61,17 +61,29 @@ impl Roughness {
     }
 
     /// The largest order of event times that a step across such a place leaves, and the reason in words.
-    fn limit(self) -> (f64, &'static str) {
+    fn limit(self, structure: &Structure) -> (f64, &'static str) {
         match self {
             Self::Impact => (1.0, "velocities jump at impacts, which are found at the ends of steps"),
             Self::Jump => (1.0, "the force jumps inside steps"),
             Self::Latch => (1.0, "the approach speed that hysteresis keeps is found at the end of a step"),
             Self::Kink => (2.0, "the force has a kink inside steps"),
             Self::Closed => (f64::INFINITY, ""),
-            // An error of h in the place of the start is one of h^(n+1) in the speed: 2.5 for Hertz.
-            Self::Smooth => (2.5, "the force of a power law is smooth to its exponent and no further"),
+            // A step that straddles a start is wrong by its length times the force it missed, h · hⁿ.
+            Self::Smooth => (
+                1.0 + lowest_exponent(structure),
+                "the force of a power law is smooth to its exponent n and no further",
+            ),
         }
     }
+}
+
+/// Lowest exponent of the power laws of a train.
+fn lowest_exponent(structure: &Structure) -> f64 {
+    let exponents = structure.spec().contacts.iter().filter_map(|c| match c.law {
+        Law::Power(l) => Some(l.exponent.value()),
+        _ => None,
+    });
+    exponents.fold(f64::INFINITY, f64::min)
 }
 
 /// The order seen on the finest steps, the one expected, and why.
@@ -89,7 +101,7 @@ pub struct Order {
 }
 
 /// Errors below this many times the truth's own are not told from it.
-pub(super) const RESOLVED: f64 = 10.0;
+const RESOLVED: f64 = 10.0;
 
 /// The order of event times of a fixed-step contender, from its runs `(steps a cycle, error)` with the right sequence of
 /// events, coarse to fine; `error` is the truth's own. `None` for others.
@@ -101,7 +113,7 @@ pub fn orders(contender: &Contender, structure: &Structure, runs: &[(u64, f64)],
     let smooth = method.order();
     let (mut reasons, mut expected) = (Vec::new(), f64::from(smooth));
     if contender.ramp == Ramp::Sharp {
-        let (limit, why) = Roughness::of(structure).limit();
+        let (limit, why) = Roughness::of(structure).limit(structure);
         if limit < f64::from(smooth) {
             expected = limit;
             reasons.push(format!("{why} (order {limit})"));

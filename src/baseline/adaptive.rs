@@ -3,7 +3,7 @@
 use std::{cell::RefCell, ops::ControlFlow};
 
 use super::{
-    Counters, Grid, Penalty, Point, Sample, Touch, Watch,
+    Counters, Grid, Penalty, Point, Sample, Solver, Touch, Watch,
     forcing::{Forcing, Moment},
 };
 use crate::{
@@ -11,17 +11,6 @@ use crate::{
     hybrid::{Clock, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, VectorField},
     integrate::{Arc, DenseStep, Diffsol, IntegrateError, Integrator, Method},
 };
-
-/// An adaptive solver.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Solver {
-    /// Tsitouras 5(4).
-    Explicit,
-    /// ESDIRK 3(4).
-    Sdirk,
-    /// Backward differences of order 1 to 5.
-    Bdf,
-}
 
 /// A penalty train as one smooth mode, which it is not: the solver has to find out.
 struct Through<'p> {
@@ -91,15 +80,6 @@ impl HybridSystem for Through<'_> {
     }
     fn jump(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
         Ok(*from)
-    }
-    fn next_switch(&self, _: Instant) -> Option<Instant> {
-        None
-    }
-    fn switched(&self, mode: Mode, _: Instant) -> Mode {
-        mode
-    }
-    fn restitution(&self, _: GuardId) -> Option<f64> {
-        None
     }
     fn settle(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
         Ok(*from)

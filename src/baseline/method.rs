@@ -47,3 +47,14 @@ impl Method {
         }
     }
 }
+
+/// An adaptive solver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Solver {
+    /// Tsitouras 5(4).
+    Explicit,
+    /// ESDIRK 3(4).
+    Sdirk,
+    /// Backward differences of order 1 to 5.
+    Bdf,
+}

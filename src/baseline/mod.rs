@@ -28,10 +28,10 @@ mod rk4;
 mod verlet;
 
 #[cfg(feature = "diffsol")]
-pub use adaptive::{Solver, adaptive};
+pub use adaptive::adaptive;
 pub use alpha::Alpha;
 pub use crossing::{Crossing, Crossings, Interpolation};
 pub use drive::{Counters, Diverged, Grid, Sample, Watch, drive};
-pub use method::Method;
+pub use method::{Method, Solver};
 pub use penalty::{Penalty, Point, Strike, Touch};
 pub use ramp::Ramp;

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use flank::integrate::Choice;
 use flank::{
     accuracy::{
         Contender, Kind, Order, Problem, Row, Setting, Timed, Truth, by_steps, by_time, fold, orders, reached,
         stability::highest_frequency,
     },
+    integrate::Choice,
     plot::{Cell, Figure, Item, Report, Section, Table as ReportTable},
 };
 use serde::Serialize;
@@ -23,6 +23,7 @@ use super::{
 
 /// Errors at which costs are compared, periods.
 const TARGETS: [f64; 3] = [1e-3, 1e-6, 1e-9];
+
 /// What one contender's runs come to.
 pub struct Summary {
     pub name: String,
@@ -143,7 +144,7 @@ impl Comparison<'_> {
                     format!("At an error of {target:e} T the best fixed-step method ({}) takes {} times Flank's time.", best.name, times(cost))
                 }
                 Some((best, cost, false)) => format!(
-                    "At {target:e} T no fixed-step method tried arrives; on its last slope {} would take {} times Flank's time.",
+                    "At {target:e} T no fixed-step method tried arrives; by the order it shows {} would take {} times Flank's time.",
                     best.name,
                     times(cost)
                 ),
@@ -368,8 +369,7 @@ impl Comparison<'_> {
             title: "Orders and costs".to_owned(),
             head: owned(&ORDERS),
             rows: self.order_rows(summaries).iter().map(cells).collect(),
-            note: "Costs are times over Flank's; in brackets: not reached, followed on along the last slope."
-                .to_owned(),
+            note: "Costs are times over Flank's; in brackets: not reached, told from the order seen.".to_owned(),
         };
         let section =
             |title: &str, text: &str, items| Section { title: title.to_owned(), text: text.to_owned(), items };

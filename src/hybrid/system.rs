@@ -66,12 +66,21 @@ pub trait HybridSystem {
     /// # Errors
     /// [`ModelError`] if the automaton has no such edge or the impacts cannot be solved.
     fn jump(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError>;
-    /// The next known switching time strictly after `at`, if any.
-    fn next_switch(&self, at: Instant) -> Option<Instant>;
+    /// The next known switching time strictly after `at`, if any; none unless the system says otherwise.
+    fn next_switch(&self, at: Instant) -> Option<Instant> {
+        let _ = at;
+        None
+    }
     /// The mode right after the known switching time at `at`.
-    fn switched(&self, mode: Mode, at: Instant) -> Mode;
+    fn switched(&self, mode: Mode, at: Instant) -> Mode {
+        let _ = at;
+        mode
+    }
     /// The coefficient of restitution of the impact that guard `id` stands for; `None` if it is no impact.
-    fn restitution(&self, id: GuardId) -> Option<f64>;
+    fn restitution(&self, id: GuardId) -> Option<f64> {
+        let _ = id;
+        None
+    }
     /// Puts the contacts of `fired` to rest on their boundaries: velocity projected, sustained-contact mode.
     ///
     /// # Errors

@@ -259,15 +259,6 @@ impl HybridSystem for Course {
     fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
         Ok(Jump { mode: Mode(1 - from.mode.0), pinned: fired, ..Jump::default() })
     }
-    fn next_switch(&self, _: Instant) -> Option<Instant> {
-        None
-    }
-    fn switched(&self, mode: Mode, _: Instant) -> Mode {
-        mode
-    }
-    fn restitution(&self, _: GuardId) -> Option<f64> {
-        None
-    }
     fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         self.jump(from, fired, at, x)
     }

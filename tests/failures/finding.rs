@@ -213,15 +213,6 @@ impl HybridSystem for Scaled {
     fn jump(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         self.course.jump(from, fired, at, x)
     }
-    fn next_switch(&self, _: Instant) -> Option<Instant> {
-        None
-    }
-    fn switched(&self, mode: Mode, _: Instant) -> Mode {
-        mode
-    }
-    fn restitution(&self, _: GuardId) -> Option<f64> {
-        None
-    }
     fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         self.course.settle(from, fired, at, x)
     }
