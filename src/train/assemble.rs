@@ -2,7 +2,12 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::{ContactSpec, Flanks, Spec, check::AssembleError, schedule::Schedule};
+use super::{
+    ContactSpec, Flanks, Spec,
+    check::AssembleError,
+    jet::{Forcing, swing},
+    schedule::Schedule,
+};
 use crate::{
     gear::{Harmonic, Stiffness, contact::Law},
     hybrid::{Clock, Instant},
@@ -68,6 +73,10 @@ pub struct Contact {
     pub(super) mobility: f64,
     /// `Σ |g_i|/√M_ii`: what a weighted rate of one can add to the contact's rate.
     pub(super) across: f64,
+    /// `max √M_ii |M⁻¹g|_i`: the weighted acceleration by a force of one.
+    pub(super) push_norm: f64,
+    /// Sum of the amplitudes, N/m, and fastest frequency, rad/s, of a stiffness that follows oscillators.
+    pub(super) swing: (f64, f64),
     pub(super) error: Vec<Wave>,
     /// `ė` as waves.
     pub(super) error_rate: Vec<Wave>,
@@ -180,12 +189,8 @@ pub struct Structure {
     pub(super) contacts: Vec<Contact>,
     /// `√M_ii`, the weights that make freedoms of different kinds comparable.
     pub(super) weights: Vec<f64>,
-    /// A bound on the growth rate of any mode, 1/s, in the weighted norm (see `growth_bound`).
-    pub(super) growth: f64,
-    /// The same with every contact open.
-    pub(super) open_growth: f64,
-    /// Some stiffness varies smoothly or some law is not linear: modes are analytic, not affine.
-    pub(super) affine: bool,
+    /// Sums over the forcing, for the bounds of a step.
+    pub(super) forcing: Forcing,
 }
 
 impl Structure {
@@ -229,11 +234,19 @@ impl Structure {
                 dim += 1;
                 dim - 1
             });
+            let spring = match &c.stiffness {
+                Stiffness::Constant(k) => Spring::Constant(*k),
+                Stiffness::Harmonic { mean, harmonics } => {
+                    Spring::Waves(*mean, harmonics.iter().map(|h| wave(h, *mean)).collect())
+                }
+                scheduled => Spring::Scheduled(Schedule::new(scheduled, &clock)),
+            };
             contacts.push(Contact {
                 direction: sparse(&c.direction),
                 mobility,
                 weight: mobility.sqrt().recip(),
                 across: c.direction.iter().zip(&weights).map(|(g, w)| g.abs() / w).sum(),
+                push_norm: push.iter().zip(&weights).fold(0.0, |m: f64, (p, w)| m.max(p.abs() * w)),
                 push: sparse(&push),
                 error_rate: error
                     .iter()
@@ -243,13 +256,11 @@ impl Structure {
                     })
                     .collect(),
                 error,
-                spring: match &c.stiffness {
-                    Stiffness::Constant(k) => Spring::Constant(*k),
-                    Stiffness::Harmonic { mean, harmonics } => {
-                        Spring::Waves(*mean, harmonics.iter().map(|h| wave(h, *mean)).collect())
-                    }
-                    scheduled => Spring::Scheduled(Schedule::new(scheduled, &clock)),
+                swing: match &spring {
+                    Spring::Waves(_, waves) => swing(waves, &oscillators),
+                    _ => (0.0, 0.0),
                 },
+                spring,
                 latch,
                 spec: c.clone(),
             });
@@ -263,11 +274,6 @@ impl Structure {
                     .collect()
             })
             .collect();
-        let affine = contacts.iter().all(|c| match (&c.spec.law, &c.spring) {
-            (Law::Power(_), _) | (_, Spring::Waves(..)) => false,
-            (_, Spring::Scheduled(s)) => s.is_piecewise_constant(),
-            _ => true,
-        });
         let mut structure = Self {
             load: over_mass(&spec.load),
             rows,
@@ -279,13 +285,10 @@ impl Structure {
             load_waves,
             contacts,
             weights,
-            growth: 0.0,
-            open_growth: 0.0,
-            affine,
+            forcing: Forcing::default(),
             spec,
         };
-        structure.growth = structure.growth_bound(&structure.contacts);
-        structure.open_growth = structure.growth_bound(&[]);
+        structure.forcing = Forcing::new(&structure);
         Ok(structure)
     }
 
@@ -319,33 +322,6 @@ impl Structure {
             let (s, c) = self.clock.angle(o.omega, o.order, at).sin_cos();
             out(i, c, s);
         }
-    }
-
-    /// Bound on the norm of the system matrix in the weighted norm `max_i √M_ii (Ω|q_i|, |q̇_i|)`, with
-    /// `Ω² = ‖√M M⁻¹K √M⁻¹‖`: `Ω + ‖M⁻¹C‖`; the linear contacts of `closed` at their stiffest.
-    fn growth_bound(&self, closed: &[Contact]) -> f64 {
-        let w = &self.weights;
-        let (mut k_rows, mut c_rows) = (vec![0.0; self.n], vec![0.0; self.n]);
-        for i in 0..self.n {
-            for (j, k, c) in &self.rows[i] {
-                let ratio = w[i] / w[*j as usize];
-                k_rows[i] += k.abs() * ratio;
-                c_rows[i] += c.abs() * ratio;
-            }
-        }
-        for c in closed {
-            let (k, d) = match &c.spec.law {
-                Law::Bilateral(l) | Law::KelvinVoigt(l, _) => (c.spec.stiffness.maximum(), l.damping),
-                Law::Power(_) | Law::Rigid(_) => continue,
-            };
-            for (i, p) in &c.push {
-                let i = *i as usize;
-                k_rows[i] += k * p.abs() * w[i] * c.across;
-                c_rows[i] += d * p.abs() * w[i] * c.across;
-            }
-        }
-        let largest = |r: &[f64]| r.iter().copied().fold(0.0, f64::max);
-        largest(&k_rows).sqrt() + largest(&c_rows)
     }
 }
 

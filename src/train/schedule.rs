@@ -72,13 +72,6 @@ impl Schedule {
         }
     }
 
-    pub fn is_piecewise_constant(&self) -> bool {
-        match self {
-            Self::Locked { slopes, .. } | Self::Own { slopes, .. } => slopes.iter().all(|s| *s == 0.0),
-            Self::Listed { .. } => true,
-        }
-    }
-
     /// Piece starts in one repetition.
     fn starts(&self) -> usize {
         match self {

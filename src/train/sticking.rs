@@ -59,6 +59,14 @@ impl Sticking {
         &self.set[..self.len]
     }
 
+    /// Column `k` of `W⁻¹`.
+    pub fn inverse_column(&self, k: usize) -> [f64; MAX_CONTACTS] {
+        let mut column = [0.0; MAX_CONTACTS];
+        column[k] = 1.0;
+        self.solve(&mut column);
+        column
+    }
+
     /// Solves `W f = r` in place.
     pub fn solve(&self, r: &mut [f64]) {
         for i in 0..self.len {

@@ -1,11 +1,11 @@
 //! The guards of a mode as polynomials in the step's clock.
 
-use super::{Expansion, FACTOR, FORCE, LANES, RATE, ROW, rooted::Owner};
+use super::{Expansion, FACTOR, FORCE, LANES, RATE, ROW, bound::Tail, rooted::Owner};
 use crate::{
     gear::contact::{Law, Release},
     hybrid::{Guard, Jet},
     train::{
-        assemble::{Contact, Structure},
+        assemble::{Contact, MAX_CONTACTS, Structure},
         contact_mode::{ContactMode, Watch, contact_mode, guard_id, watches},
     },
 };
@@ -32,10 +32,16 @@ impl Structure {
 }
 
 impl Expansion<'_> {
-    /// Writes the guards of the mode and the bounds on what their series leave out.
-    pub(super) fn guards(&self, owner: Option<Owner>, out: &mut Jet) {
-        let deflect = self.tail(out);
+    /// Writes the guards of the mode and their errors.
+    pub(super) fn guards(&self, owner: Option<Owner>, tail: &Tail, out: &mut Jet) {
         let reach = out.reach;
+        let mut force_tails = [0.0; MAX_CONTACTS];
+        for (j, c) in self.s.contacts.iter().enumerate() {
+            let watched = self.s.watched(c, contact_mode(self.request.mode, j));
+            if watched.iter().any(|(watch, _)| *watch == Watch::Force) {
+                force_tails[j] = self.force_tail(j, tail, out);
+            }
+        }
         let Jet { guards, guard_series, guard_rates, guard_errors, remainder, rounding, work, .. } = out;
         guards.clear();
         remainder.clear();
@@ -58,9 +64,8 @@ impl Expansion<'_> {
                 let id = guard_id(j, watch);
                 let row = guards.len() * ROW;
                 let series = &mut guard_series[row..row + ROW];
-                let tail = work[self.layout.tails + j];
-                let (tail, size) = match watch {
-                    Watch::Force => self.force_guard(j, owner, (sign, tail, deflect, reach), work, series),
+                let (error, size) = match watch {
+                    Watch::Force => (force_tails[j], self.force_guard(j, owner, sign, reach, work, series)),
                     _ if owner.is_some_and(|o| o.contact == j && o.root > 1) => {
                         let y = self.layout.y(1);
                         series.copy_from_slice(&work[y..y + ROW]);
@@ -71,7 +76,7 @@ impl Expansion<'_> {
                         {
                             series[0] = 0.0;
                         }
-                        (tail * self.h, 0.0)
+                        (c.across * tail.velocity * self.h, 0.0)
                     }
                     _ => {
                         let along = if watch == Watch::DriveFlank { -sign } else { sign };
@@ -81,7 +86,7 @@ impl Expansion<'_> {
                             0.0 => series[0] + sign * c.gap(),
                             side => side * work[self.layout.stretches + j],
                         };
-                        (tail * deflect, self.stretch_size(j, owner, reach, work))
+                        (self.deflection_tail(j, tail), self.stretch_size(j, owner, reach, work))
                     }
                 };
                 series.iter_mut().zip(&powers).for_each(|(s, p)| *s *= p);
@@ -96,14 +101,23 @@ impl Expansion<'_> {
                     let r = self.layout.of(j, RATE);
                     let rates = guard_rates[row..row + ROW].iter_mut().zip(work[r..r + ROW].iter().zip(&powers));
                     rates.for_each(|(g, (r, p))| *g = sign * r * p);
-                    let error =
-                        ROUNDING * self.s.deflection_size(c, self.request.x) + deflect * work[self.layout.tails + j];
+                    let error = ROUNDING * self.s.deflection_size(c, self.request.x) + self.deflection_tail(j, tail);
                     guard_errors.push(if watch == Watch::Force { -1.0 } else { error });
                 }
-                remainder.push(tail);
+                remainder.push(error);
                 rounding.push(ROUNDING * size);
                 guards.push(Guard { id });
             }
+        }
+    }
+
+    /// What the truncated terms add to the force of a contact (of a power law: to its factor `1 + χ ṗ`).
+    fn force_tail(&self, j: usize, tail: &Tail, out: &Jet) -> f64 {
+        let c = &self.s.contacts[j];
+        match c.spec.law {
+            Law::Power(l) => c.latch.map_or(0.0, |i| l.hysteresis / self.request.x[i]) * self.rate_tail(j, tail, out),
+            Law::Rigid(_) => self.held_force_tail(j, tail),
+            Law::Bilateral(l) | Law::KelvinVoigt(l, _) => self.linear_force_tail(j, l.damping, tail, out),
         }
     }
 
@@ -122,15 +136,16 @@ impl Expansion<'_> {
         }
     }
 
-    /// The force of a contact (of a power law: its factor `1 + χ ṗ`) as a guard, and its error.
+    /// The force of a contact (of a power law: its factor `1 + χ ṗ`) as a guard, and the size of its terms.
     fn force_guard(
         &self,
         j: usize,
         owner: Option<Owner>,
-        (sign, tail, deflect, reach): (f64, f64, f64, f64),
+        sign: f64,
+        reach: f64,
         work: &[f64],
         series: &mut [f64],
-    ) -> (f64, f64) {
+    ) -> f64 {
         let (c, state) = (&self.s.contacts[j], contact_mode(self.request.mode, j));
         let (which, sign) =
             if matches!(c.spec.law, Law::Power(_)) { (FACTOR, sign) } else { (FORCE, sign * state.side()) };
@@ -139,18 +154,15 @@ impl Expansion<'_> {
         match c.spec.law {
             Law::Power(l) => {
                 let chi = c.latch.map_or(0.0, |i| l.hysteresis / self.request.x[i]);
-                (chi * tail, 1.0 + chi * self.s.rate_size(c, self.request.x))
+                1.0 + chi * self.s.rate_size(c, self.request.x)
             }
             Law::Rigid(_) => {
                 let force = |k| work[self.layout.of(k, FORCE)];
-                let held = self.s.acceleration_size(j, self.request.mode, self.request.x, force);
-                (tail / deflect * c.effective_mass(), c.effective_mass() * held)
+                c.effective_mass() * self.s.acceleration_size(j, self.request.mode, self.request.x, force)
             }
             Law::Bilateral(l) | Law::KelvinVoigt(l, _) => {
                 let k = c.spec.stiffness.maximum();
-                let size =
-                    k * self.stretch_size(j, owner, reach, work) + l.damping * self.s.rate_size(c, self.request.x);
-                (tail * (k * deflect + l.damping), size)
+                k * self.stretch_size(j, owner, reach, work) + l.damping * self.s.rate_size(c, self.request.x)
             }
         }
     }

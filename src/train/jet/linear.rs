@@ -5,7 +5,7 @@
 //! fixed-size columns that the compiler turns into vector instructions.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use super::{Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STEP, STIFFNESS, product};
+use super::{Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STIFFNESS, product};
 use crate::{
     gear::contact::Law,
     hybrid::Jet,
@@ -164,7 +164,7 @@ impl Expansion<'_> {
             if varying {
                 self.varying_forces(parts, k, &v, &mut a, work);
             }
-            let step = h * STEP[k];
+            let step = h / (k + 1) as f64;
             for (i, (w, o)) in waves.iter_mut().zip(&s.oscillators).enumerate() {
                 let f = step * o.omega;
                 *w = (-f * w.1, f * w.0);

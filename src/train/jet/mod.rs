@@ -11,11 +11,14 @@
 //! `dy/dθ = h ṗ`, and everything is a polynomial in y again. The series then runs through the start and the end of
 //! a contact, where in plain time `pⁿ` has a branch point.
 
+mod bound;
 mod guards;
 mod linear;
 mod plain;
 mod reach;
 mod rooted;
+
+pub(super) use bound::{Forcing, swing};
 
 use super::{
     assemble::{Structure, dot},
@@ -40,16 +43,6 @@ const POWER: usize = 3;
 const STIFFNESS: usize = 4;
 const FACTOR: usize = 5;
 const CARRIED: usize = 6;
-/// `1/(k + 1)`.
-const STEP: [f64; ROW] = {
-    let mut s = [1.0; ROW];
-    let mut k = 0;
-    while k < ROW {
-        s[k] = 1.0 / (k + 1) as f64;
-        k += 1;
-    }
-    s
-};
 
 /// Deflections are kept four contacts side by side.
 const LANES: usize = 4;
@@ -68,8 +61,8 @@ struct Layout {
     accelerations: usize,
     /// `δ − σ b` of each contact at order zero, σ b its flank.
     stretches: usize,
-    /// Bound on what the truncated tail adds to each contact's rate.
-    tails: usize,
+    /// Row sums of the flow's matrices, `2n`.
+    rows: usize,
     len: usize,
 }
 
@@ -81,8 +74,8 @@ impl Layout {
         let deflections = accelerations + ROW * s.n;
         let lanes = s.contacts.len().next_multiple_of(LANES);
         let stretches = deflections + ROW * lanes;
-        let tails = stretches + lanes;
-        Self { contacts, deflections, clock, accelerations, stretches, tails, len: tails + s.contacts.len() }
+        let rows = stretches + lanes;
+        Self { contacts, deflections, clock, accelerations, stretches, rows, len: rows + 2 * s.n }
     }
 
     /// `cos ωt` of oscillator `i`; its sine follows, one row on.
@@ -133,7 +126,7 @@ impl JetField for Structure {
         let owner = self.owner(request);
         let h = owner.map_or(request.span, |o| self.root_scale(request, o));
         let mut e = Expansion { s: self, request, layout, h };
-        loop {
+        let tail = loop {
             e.start(out);
             match owner {
                 None if e.linear(out) => {}
@@ -141,9 +134,13 @@ impl JetField for Structure {
                 Some(owner) => e.rooted(owner, out),
             }
             out.span = e.h;
-            out.reach = e.reach(owner, out);
-            if out.reach.is_finite() && out.reach > 0.0 {
-                break;
+            let reach = match owner {
+                None => e.plain_reach(out),
+                Some(owner) => e.rooted_reach(owner, out),
+            };
+            if let Some((reach, tail)) = reach.filter(|(reach, _)| *reach > 0.0) {
+                out.reach = reach;
+                break tail;
             }
             // The scale overshot so far that the last coefficients overflowed.
             e.h *= 1e-6;
@@ -151,8 +148,8 @@ impl JetField for Structure {
                 out.reach = f64::NAN;
                 return;
             }
-        }
-        e.guards(owner, out);
+        };
+        e.guards(owner, &tail, out);
     }
 
     /// The stretch `δ − σ b` of closed contacts. A penetration is a small difference of displacements: taken

@@ -1,6 +1,6 @@
 //! The recurrence in plain time, `w = 1`: everything but closed power laws.
 
-use super::{Expansion, FACTOR, FORCE, Layout, ORDER, PENETRATION, RATE, ROW, STEP, STIFFNESS, product};
+use super::{Expansion, FACTOR, FORCE, Layout, ORDER, PENETRATION, RATE, ROW, STIFFNESS, product};
 use crate::{
     gear::contact::Law,
     hybrid::Jet,
@@ -45,7 +45,7 @@ impl Expansion<'_> {
                 let rate = self.rate(j, k, v, work);
                 work[r + k] = rate;
                 if k > 0 {
-                    work[layout.deflection(j, k)] = h * STEP[k - 1] * work[r + k - 1];
+                    work[layout.deflection(j, k)] = h / k as f64 * work[r + k - 1];
                 }
                 self.part_force(j, part, k, rate, work);
             }
@@ -65,7 +65,7 @@ impl Expansion<'_> {
             if k == ORDER {
                 break;
             }
-            let step = h * STEP[k];
+            let step = h / (k + 1) as f64;
             let (q1, v1) = high[..2 * n].split_at_mut(n);
             q1.iter_mut().zip(v).for_each(|(q, v)| *q = step * v);
             v1.iter_mut().zip(&work[a..a + n]).for_each(|(v, a)| *v = step * a);

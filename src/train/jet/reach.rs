@@ -1,64 +1,41 @@
-//! How far a series holds, and what it leaves out.
+//! How far a series in a root clock holds, and what it leaves out: estimates from its last terms.
 
-use super::{Expansion, ORDER, ROW, rooted::Owner};
+use super::{
+    Expansion, ORDER, ROW,
+    bound::{Tail, root_below},
+    rooted::Owner,
+};
 use crate::{
-    gear::contact::Law,
     hybrid::Jet,
     poly::{FirstRoot, first_root},
-    train::{assemble::Contact, contact_mode::contact_mode},
 };
 
 /// Largest ratio of successive terms the tail is summed with.
 const LARGEST_RATIO: f64 = 0.75;
 
-/// A little less than `x^(1/k)` for `x > 0`, within 7 %: the exponent and the leading bits divided by k.
-///
-/// The double's bits are a piecewise linear logarithm, off by at most 0.0861 in log₂, twice over in the quotient.
-fn root_below(x: f64, k: usize) -> f64 {
-    const ONE: i64 = 1023 << 52;
-    let bits = (x.to_bits() as i64 - ONE) / k as i64 + ONE;
-    f64::from_bits(bits as u64) * 0.94
-}
-
 impl Expansion<'_> {
-    /// The weighted size of the rates at order `k`, those of the contacts included.
-    fn size(&self, k: usize, out: &Jet) -> f64 {
-        let s = self.s;
-        let v = &out.state[k * s.dim + s.n..k * s.dim + 2 * s.n];
-        let size = v.iter().zip(&s.weights).fold(0.0, |m: f64, (v, w)| m.max(v.abs() * w));
-        // (δ̇)_k = (k+1) δ_{k+1}/h in plain time; in a root clock the same up to the weight, which is of order one.
-        let k = k.min(ORDER - 1) + 1;
-        let per_time = k as f64 / self.h;
-        s.contacts
-            .iter()
-            .enumerate()
-            .fold(size, |m, (j, c)| m.max((out.work[self.layout.deflection(j, k)] * per_time).abs() * c.weight))
-    }
-
-    /// Largest `θ ≤ 1` at which the series holds; not finite if the coefficients overflowed.
+    /// Largest `θ ≤ 1` at which the series holds, and what it leaves out; `None` if the coefficients overflowed.
     ///
-    /// In plain time the last two terms must be below `tolerance` times the largest of the first ones. In a
-    /// root clock only every (p+q)-th term may be there, and the radius of convergence is finite: the root test over
-    /// the last p+q terms gives the radius R, and `(reach/R)^N` is brought below the tolerance.
-    pub(super) fn reach(&self, owner: Option<Owner>, out: &Jet) -> f64 {
-        let tolerance = self.request.tolerance;
+    /// Only every (p+q)-th term may be there, and the radius of convergence is finite: the root test over the last p+q terms
+    /// gives the radius R, and `(reach/R)^N` is brought below the tolerance.
+    pub(super) fn rooted_reach(&self, owner: Owner, out: &Jet) -> Option<(f64, Tail)> {
+        const LAST: usize = ORDER - 1;
         let first = [0, 1, 2].map(|k| self.size(k, out));
-        let window = owner.map_or(2, |o| (o.law.exponent.p + o.root) as usize).min(ORDER);
-        let (shrink, tolerance) =
-            if owner.is_some() { (tolerance.powf(1.0 / ORDER as f64), 1.0) } else { (1.0, tolerance) };
+        let window = ((owner.law.exponent.p + owner.root) as usize).min(LAST);
+        let shrink = self.request.tolerance.powf(1.0 / LAST as f64);
         let mut last = [0.0; ORDER];
-        for (a, k) in last[..window].iter_mut().zip(ORDER + 1 - window..) {
+        for (a, k) in last[..window].iter_mut().zip(LAST + 1 - window..) {
             *a = self.size(k, out);
         }
         if !first.iter().chain(&last).all(|v| v.is_finite()) {
-            return f64::NAN;
+            return None;
         }
         let mut reach: f64 = 1.0;
         for _ in 0..4 {
-            let allowed = tolerance * first[0].max(first[1] * reach).max(first[2] * reach * reach);
+            let allowed = first[0].max(first[1] * reach).max(first[2] * reach * reach);
             let mut next: f64 = 1.0;
-            for (a, k) in last[..window].iter().zip(ORDER + 1 - window..) {
-                if shrink < 1.0 && *a > 0.0 || *a > allowed {
+            for (a, k) in last[..window].iter().zip(LAST + 1 - window..) {
+                if *a > 0.0 {
                     next = next.min(shrink * root_below(allowed / a, k));
                 }
             }
@@ -68,12 +45,8 @@ impl Expansion<'_> {
                 break;
             }
         }
-        if owner.is_some() {
-            return self.within_bound(reach, out);
-        }
-        // The tail is proven only where it falls like a geometric series.
-        let proven = LARGEST_RATIO * ORDER as f64 / (self.h * self.growth());
-        if self.s.affine { reach.min(proven) } else { reach }
+        let reach = self.within_bound(reach, out);
+        Some((reach, self.rooted_tail(reach, out)))
     }
 
     /// In a root clock, not beyond the bound in time.
@@ -87,38 +60,14 @@ impl Expansion<'_> {
         }
     }
 
-    /// Bound on the growth rate of the mode, 1/s; with every contact open, that of the structure alone.
-    fn growth(&self) -> f64 {
-        let s = self.s;
-        let open = |(j, c): (usize, &Contact)| {
-            !matches!(c.spec.law, Law::Bilateral(_)) && !contact_mode(self.request.mode, j).is_closed()
-        };
-        let growth = if s.contacts.iter().enumerate().all(open) { s.open_growth } else { s.growth };
-        s.oscillators.iter().fold(growth, |g, o| g.max(o.omega))
-    }
-
-    /// Writes what the truncated terms can add to each contact's rate up to `reach`, and returns the
-    /// factor that turns that into deflection, s.
-    ///
-    /// For affine modes `‖x_{k+1}‖ ≤ ‖x_k‖ h L/(k+1)` with L the growth bound: a geometric tail, a proof.
-    /// Where a product or a power of series is involved the ratio of the last terms stands for L: an estimate.
-    pub(super) fn tail(&self, out: &mut Jet) -> f64 {
-        let s = self.s;
-        let h = self.h * out.reach;
-        let power = out.reach.powi(ORDER as i32 - 1);
-        let last = [self.size(ORDER - 1, out) * power, self.size(ORDER, out) * power * out.reach];
-        let mut ratio = h * self.growth() / ORDER as f64;
-        if !s.affine {
-            let before = self.size(ORDER - 2, out) * power / out.reach;
-            if before > 0.0 {
-                ratio = ratio.max((last[1] / before).sqrt());
-            }
-        }
-        let ratio = ratio.min(LARGEST_RATIO);
-        let beyond = last[0].max(last[1]) * ratio / (1.0 - ratio);
-        for (j, c) in s.contacts.iter().enumerate() {
-            out.work[self.layout.tails + j] = beyond * c.across;
-        }
-        h / ORDER as f64
+    /// The ratio of the last terms stands for that of all to come.
+    fn rooted_tail(&self, reach: f64, out: &Jet) -> Tail {
+        let power = reach.powi(ORDER as i32 - 2);
+        let [before, last, end] = [ORDER - 3, ORDER - 2, ORDER - 1].map(|k| self.size(k, out));
+        let (before, last, end) = (before * power / reach, last * power, end * power * reach);
+        let ratio = if before > 0.0 { (end / before).sqrt().min(LARGEST_RATIO) } else { LARGEST_RATIO };
+        let velocity = last.max(end) * ratio / (1.0 - ratio);
+        let displacement = velocity * self.h * reach / ORDER as f64;
+        Tail { velocity, displacement, waves: [0.0; 2], free: [0.0; 3], is_estimate: true }
     }
 }
