@@ -82,6 +82,8 @@ struct Core<'s> {
     /// The record of the current instant, open until no further guard fires at it.
     open: EventRecord,
     is_open: bool,
+    /// The run starts with a guard at zero.
+    starts_on_guard: bool,
     /// What fired at the last closed instant and is still to be counted as impacts.
     uncounted: GuardSet,
     /// Modes visited at the current instant.
@@ -138,8 +140,9 @@ impl<'s> Engine<'s> {
             counters: Counters::default(),
             locator: Locator::default(),
             chatter: Chatter::default(),
-            // A start on a guard is a decision worth a record.
-            is_open: !state.jump.pinned.is_empty(),
+            // What holds at the start is one record, if there is anything to say.
+            is_open: true,
+            starts_on_guard: !state.jump.pinned.is_empty(),
             open,
             uncounted: GuardSet::EMPTY,
             cascade: Vec::with_capacity(MAX_CASCADE),
@@ -287,6 +290,9 @@ impl<'s> Engine<'s> {
             });
         }
         state.jump.pinned.0 |= located.zero.0;
+        // Events closer together than their uncertainties are one instant: a rigid flank that does not give back touches.
+        let touches = located.near.iter().filter(|id| core.system.restitution(*id) == Some(0.0));
+        touches.for_each(|id| state.jump.pinned.insert(id));
         state.jump = core.system.jump(&state.jump, located.fired, state.at, &mut state.x).map_err(model)?;
         open.projected = open.projected.max(state.jump.projected);
         open.jumps += 1;
@@ -358,6 +364,10 @@ impl Core<'_> {
             return ControlFlow::Continue(());
         }
         let open = &mut self.open;
+        // A start off all guards is no decision.
+        if open.start && !self.starts_on_guard && open.fired.is_empty() && !open.switched {
+            return ControlFlow::Continue(());
+        }
         self.uncounted = open.fired;
         open.to = state.jump.mode;
         open.x_plus.clear();

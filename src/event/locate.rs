@@ -16,6 +16,8 @@ pub struct Located {
     pub fired: GuardSet,
     /// Those of them that are zero there: all that fell through zero, but none that is outside from the start of an arc.
     pub zero: GuardSet,
+    /// Those that do not fire, but cannot be told from zero there.
+    pub near: GuardSet,
     /// How well it is determined.
     pub conditioning: Conditioning,
 }
@@ -40,6 +42,11 @@ struct Deflated<'a> {
 }
 
 impl<'a> Deflated<'a> {
+    /// The guard's value at `theta`.
+    fn value(&self, theta: f64) -> f64 {
+        poly::eval(self.p, theta) * theta.powi(self.order as i32)
+    }
+
     /// A guard that is zero at the start to within rounding starts on its surface: the first non-zero
     /// derivative decides which side it goes to.
     fn new(step: &'a dyn DenseStep, i: usize) -> Self {
@@ -128,7 +135,7 @@ impl Locator {
             (series.error / deflated_slope.abs()).min((2.0 * series.error / curvature).sqrt()).min(1.0)
         };
         let standstill = stands_still(step, theta, theta);
-        let (mut fired, mut zero) = (GuardSet::EMPTY, GuardSet::EMPTY);
+        let (mut fired, mut zero, mut near) = (GuardSet::EMPTY, GuardSet::EMPTY, GuardSet::EMPTY);
         for (i, guard) in step.guards().iter().enumerate() {
             let series = Deflated::new(step, i);
             let fires = if i == lead {
@@ -148,6 +155,8 @@ impl Locator {
                 if theta > 0.0 || series.order > 0 {
                     zero.insert(guard.id);
                 }
+            } else if series.value(theta).abs() <= series.error {
+                near.insert(guard.id);
             }
         }
         // All of it in time and in the guard's own units; at the end of a contact a root clock stands still.
@@ -160,6 +169,6 @@ impl Locator {
             },
             None => Conditioning { residual, slope: if rate > 0.0 { slope / rate } else { 0.0 }, time: width * rate },
         };
-        Located { theta, fired, zero, conditioning }
+        Located { theta, fired, zero, near, conditioning }
     }
 }

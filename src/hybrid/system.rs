@@ -15,12 +15,10 @@ pub enum ModelError {
         mode: String,
     },
     /// The simultaneous impacts have no solution.
-    #[error("the simultaneous impacts of {elements} have no solution after {iterations} pivots")]
+    #[error("no impulses open the flanks of {elements} together with the speeds that their restitution asks for")]
     ImpactUnsolvable {
         /// The contacts that struck together.
         elements: String,
-        /// Pivots tried.
-        iterations: usize,
     },
 }
 

@@ -3,7 +3,6 @@
 use super::{
     assemble::{Contact, MAX_CONTACTS, Structure},
     contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, with_contact, with_piece},
-    impact::Striker,
 };
 use crate::{
     gear::contact::Law,
@@ -165,8 +164,8 @@ impl Structure {
             jump.pinned.insert(guard_id(j, watch));
         }
         if watch != Watch::Force {
-            let target = if watch == Watch::DriveFlank { c.gap() } else { -c.gap() };
-            jump.projected = jump.projected.max(self.project(j, target, at, x));
+            let flank = std::iter::once((j, watch.side()));
+            jump.projected = jump.projected.max(self.project(flank, at, x));
         }
         if let (Law::Power(l), Some(i), Separated) = (c.spec.law, c.latch, state) {
             let approach = next.side() * self.deflection(j, at, x).1;
@@ -174,78 +173,7 @@ impl Structure {
         }
         Ok(())
     }
-
-    /// Takes the rate of contact `j` out of the velocities.
-    fn stop(&self, j: usize, at: Instant, x: &mut [f64]) {
-        let (c, rate) = (&self.contacts[j], self.deflection(j, at, x).1);
-        c.push.iter().for_each(|(i, p)| x[self.n + *i as usize] -= p / c.mobility * rate);
-    }
-
-    /// A resting rigid contact lets go: gap, rate and, at a crossing of the multiplier, acceleration are zero.
-    fn release(&self, jump: &mut Jump, j: usize, at: Instant, x: &mut [f64]) {
-        let state = contact_mode(jump.mode, j);
-        let flank = guard_id(j, if state.side() > 0.0 { Watch::DriveFlank } else { Watch::BackFlank });
-        let (mut forces, mut a) = ([0.0; MAX_CONTACTS], vec![0.0; self.n]);
-        self.dynamics(jump.mode, at, x, &mut forces, &mut a);
-        // The multiplier against the accelerations it is a difference of.
-        let size = self.acceleration_size(j, jump.mode, x, |k| forces[k]);
-        if (forces[j] * self.contacts[j].mobility).abs() <= 1e3 * f64::EPSILON * size {
-            jump.pinned.insert(guard_id(j, Watch::Force));
-        }
-        jump.pinned.insert(flank);
-        jump.still.insert(flank);
-        jump.projected = jump.projected.max(self.project(j, state.side() * self.contacts[j].gap(), at, x));
-        self.stop(j, at, x);
-        jump.mode = with_contact(jump.mode, j, ContactMode::Separated);
-    }
-
-    /// Brings `strikers` to their rebound (or to rest), and pins their flanks.
-    fn rebound(&self, jump: &mut Jump, strikers: &[Striker], at: Instant, x: &mut [f64]) -> Result<(), ModelError> {
-        for s in strikers {
-            let target = s.side * self.contacts[s.contact].gap();
-            jump.projected = jump.projected.max(self.project(s.contact, target, at, x));
-        }
-        self.strike(jump.mode, strikers, at, x)?;
-        for s in strikers {
-            let flank = guard_id(s.contact, if s.side > 0.0 { Watch::DriveFlank } else { Watch::BackFlank });
-            jump.pinned.insert(flank);
-            let rests = s.restitution == 0.0
-                && self.closing_speed(s.contact, s.side, at, x).abs() <= self.speed_rounding(s.contact, at, x);
-            if rests {
-                jump.mode = with_contact(jump.mode, s.contact, Self::resting(s.side));
-                jump.still.insert(flank);
-            }
-        }
-        self.tear_off(jump, strikers, at, x);
-        Ok(())
-    }
-
-    /// Contacts at rest that an impact elsewhere has sent off their flanks are separated, with a rate.
-    fn tear_off(&self, jump: &mut Jump, strikers: &[Striker], at: Instant, x: &mut [f64]) {
-        for (j, c) in self.contacts.iter().enumerate() {
-            let state = contact_mode(jump.mode, j);
-            let at_rest = matches!(c.spec.law, Law::Rigid(_)) && state.is_closed();
-            if !at_rest || strikers.iter().any(|s| s.contact == j) {
-                continue;
-            }
-            if self.closing_speed(j, state.side(), at, x) < -self.speed_rounding(j, at, x) {
-                jump.projected = jump.projected.max(self.project(j, state.side() * c.gap(), at, x));
-                jump.pinned.insert(guard_id(j, if state.side() > 0.0 { Watch::DriveFlank } else { Watch::BackFlank }));
-                jump.mode = with_contact(jump.mode, j, ContactMode::Separated);
-            }
-        }
-    }
 }
-
-/// The force guards of all contacts.
-const FORCES: u128 = {
-    let (mut set, mut j) = (0, 0);
-    while j < MAX_CONTACTS {
-        set |= 1 << (3 * j + Watch::Force as usize);
-        j += 1;
-    }
-    set
-};
 
 impl Structure {
     /// What still stands of `from` at the same instant: the zeros of the contacts that do not fire again.
@@ -303,29 +231,16 @@ impl HybridSystem for Structure {
 
     fn jump(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         let mut jump = Self::standing(from, fired);
-        let mut strikers = [Striker { contact: 0, side: 0.0, restitution: 0.0 }; MAX_CONTACTS];
-        let mut struck = 0;
+        let mut rigid = false;
         for id in fired.iter() {
             let (j, watch) = guard_of(id);
-            match (self.contacts[j].spec.law, watch) {
-                (Law::Rigid(_), Watch::Force) => self.release(&mut jump, j, at, x),
-                (Law::Rigid(l), flank) => {
-                    let side = if flank == Watch::DriveFlank { 1.0 } else { -1.0 };
-                    let rebound = l.restitution * self.closing_speed(j, side, at, x);
-                    // A rebound lost in rounding is none: the contact comes to rest.
-                    let lost = rebound <= self.speed_rounding(j, at, x);
-                    strikers[struck] =
-                        Striker { contact: j, side, restitution: if lost { 0.0 } else { l.restitution } };
-                    struck += 1;
-                }
+            match self.contacts[j].spec.law {
+                Law::Rigid(_) => rigid = true,
                 _ => self.follow(&mut jump, (j, watch), from.pinned.contains(id), at, x)?,
             }
         }
-        if struck > 0 {
-            // Impulses change rates and multipliers; positions stay.
-            jump.still = GuardSet::EMPTY;
-            jump.pinned = GuardSet(jump.pinned.0 & !FORCES);
-            self.rebound(&mut jump, &strikers[..struck], at, x)?;
+        if rigid {
+            self.resolve(&mut jump, (from, fired), false, at, x)?;
         }
         Ok(jump)
     }
@@ -369,30 +284,7 @@ impl HybridSystem for Structure {
 
     fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         let mut jump = Self::standing(from, fired);
-        let mut strikers = [Striker { contact: 0, side: 0.0, restitution: 0.0 }; MAX_CONTACTS];
-        let mut struck = 0;
-        for id in fired.iter() {
-            let (j, watch) = guard_of(id);
-            let side = if watch == Watch::DriveFlank { 1.0 } else { -1.0 };
-            strikers[struck] = Striker { contact: j, side, restitution: 0.0 };
-            struck += 1;
-        }
-        self.come_to_rest(&mut jump, &strikers[..struck], at, x);
+        self.resolve(&mut jump, (from, fired), true, at, x)?;
         Ok(jump)
-    }
-}
-
-impl Structure {
-    /// The end of a chatter: the remaining rates are taken out whatever their sign, and the contacts rest.
-    fn come_to_rest(&self, jump: &mut Jump, strikers: &[Striker], at: Instant, x: &mut [f64]) {
-        for s in strikers {
-            let c = &self.contacts[s.contact];
-            jump.projected = jump.projected.max(self.project(s.contact, s.side * c.gap(), at, x));
-            self.stop(s.contact, at, x);
-            let flank = guard_id(s.contact, if s.side > 0.0 { Watch::DriveFlank } else { Watch::BackFlank });
-            jump.pinned.insert(flank);
-            jump.still.insert(flank);
-            jump.mode = with_contact(jump.mode, s.contact, Self::resting(s.side));
-        }
     }
 }

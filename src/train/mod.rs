@@ -11,7 +11,6 @@ mod energy;
 mod error;
 mod forces;
 pub mod frame;
-mod impact;
 mod jet;
 mod linear;
 mod mesh;
@@ -21,6 +20,7 @@ mod scaled;
 mod schedule;
 mod spec;
 mod sticking;
+mod unilateral;
 mod view;
 mod wall;
 

@@ -8,13 +8,16 @@ use crate::{gear::contact::Law, hybrid::Mode};
 
 /// The resting contacts of a mode, and the factors of their mobility matrix `W = G M⁻¹ Gᵀ`.
 ///
-/// `W = L D Lᵀ`; a pivot that vanishes belongs to a contact that the ones before it already hold, and its
-/// multiplier is zero. The motion does not depend on that choice.
+/// `W = L D Lᵀ`; a pivot that vanishes belongs to a contact that the ones before it already hold. The motion does not depend on
+/// how such contacts share the load; the multipliers of least norm are taken, which treat equal contacts equally: with
+/// `B = L √D` and `S = BᵀB` they are `B S⁻² Bᵀ r`.
 pub(super) struct Sticking {
     set: [usize; MAX_CONTACTS],
     len: usize,
     factor: [[f64; MAX_CONTACTS]; MAX_CONTACTS],
     pivot: [f64; MAX_CONTACTS],
+    /// Cholesky factor of S, where a contact is redundant.
+    shared: Option<Box<[[f64; MAX_CONTACTS]; MAX_CONTACTS]>>,
 }
 
 /// A pivot below this fraction of its diagonal entry is a redundant contact: far above rounding (10⁻¹⁶
@@ -52,7 +55,53 @@ impl Sticking {
                 }
             }
         }
-        Self { set, len, factor, pivot }
+        let mut sticking = Self { set, len, factor, pivot, shared: None };
+        if sticking.pivot[..len].contains(&0.0) {
+            sticking.share();
+        }
+        sticking
+    }
+
+    /// `B_ij`, zero in the columns of redundant contacts.
+    fn half(&self, i: usize, j: usize) -> f64 {
+        if i < j { 0.0 } else { self.factor[i][j] * self.pivot[j].sqrt() }
+    }
+
+    /// Factors S; redundant contacts get a one on the diagonal.
+    fn share(&mut self) {
+        let mut s = Box::new([[0.0; MAX_CONTACTS]; MAX_CONTACTS]);
+        for i in 0..self.len {
+            for j in 0..=i {
+                let gram: f64 = (i..self.len).map(|k| self.half(k, i) * self.half(k, j)).sum();
+                let known: f64 = (0..j).map(|k| s[i][k] * s[j][k]).sum();
+                s[i][j] = match i == j {
+                    true if self.pivot[i] == 0.0 => 1.0,
+                    true => (gram - known).sqrt(),
+                    false => (gram - known) / s[j][j],
+                };
+            }
+        }
+        self.shared = Some(s);
+    }
+
+    /// `B S⁻² Bᵀ r`, in place.
+    fn solve_shared(&self, s: &[[f64; MAX_CONTACTS]; MAX_CONTACTS], r: &mut [f64]) {
+        let n = self.len;
+        let mut y = [0.0; MAX_CONTACTS];
+        for (j, y) in y[..n].iter_mut().enumerate() {
+            *y = (j..n).map(|i| self.half(i, j) * r[i]).sum();
+        }
+        for _ in 0..2 {
+            for i in 0..n {
+                y[i] = (y[i] - (0..i).map(|k| s[i][k] * y[k]).sum::<f64>()) / s[i][i];
+            }
+            for i in (0..n).rev() {
+                y[i] = (y[i] - (i + 1..n).map(|k| s[k][i] * y[k]).sum::<f64>()) / s[i][i];
+            }
+        }
+        for (i, r) in r[..n].iter_mut().enumerate() {
+            *r = (0..=i).map(|j| self.half(i, j) * y[j]).sum();
+        }
     }
 
     pub fn contacts(&self) -> &[usize] {
@@ -69,6 +118,9 @@ impl Sticking {
 
     /// Solves `W f = r` in place.
     pub fn solve(&self, r: &mut [f64]) {
+        if let Some(shared) = &self.shared {
+            return self.solve_shared(shared, r);
+        }
         for i in 0..self.len {
             let known: f64 = (0..i).map(|j| self.factor[i][j] * r[j]).sum();
             r[i] -= known;

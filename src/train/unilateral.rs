@@ -1,0 +1,352 @@
+//! Unilateral contact of rigid flanks at one instant: strikes, rest, tearing off and release.
+//!
+//! All of them are one complementarity problem in the mobility `W = G M⁻¹Gᵀ`, posed for positions, velocities and
+//! accelerations in turn:
+//!
+//! ```text
+//! z ≥ 0,   s = d − W z ≤ 0,   zᵀ s = 0
+//! ```
+//!
+//! - velocities: z are impulses, `d = (1 + e) u` for a contact that closes with speed u > 0, and `d = u` for one that only
+//!   touches. It takes part if it strikes, rests, or touches with e = 0.
+//! - accelerations: z are multipliers, d is the closing acceleration without them. Contacts with no speed after the impulses
+//!   take part: they rest where `s = 0` and let go where `s < 0`.
+//!
+//! `W` is positive semidefinite and both problems are convex; they are solved by the dual active-set method of Goldfarb and
+//! Idnani (1983), which keeps its active contacts independent and ends. Kinetic energy falls by `½ Σ P (1 − e) u` where
+//! every striker approaches. Rest is data: the speed of a contact at rest is zero, and is never read back from the state.
+
+use arrayvec::ArrayVec;
+
+use super::{
+    assemble::{MAX_CONTACTS, Structure, dot},
+    contact_mode::{ContactMode, Watch, contact_mode, guard_id, with_contact},
+    sticking::Sticking,
+};
+use crate::{
+    gear::contact::Law,
+    hybrid::{GuardSet, Instant, Jump, ModelError},
+};
+
+/// Rounding of a sum of products, relative to the sum of their sizes: twice the contacts a train may have.
+const ROUNDING: f64 = 2.0 * MAX_CONTACTS as f64 * f64::EPSILON;
+
+/// A pivot below this fraction of its diagonal entry belongs to a contact that the active ones hold already.
+const DEPENDENT: f64 = 1e-12;
+
+/// A rigid contact on its flank.
+#[derive(Clone, Copy, Debug)]
+struct Touching {
+    contact: usize,
+    /// +1 on the drive flank, −1 on the back flank.
+    side: f64,
+    /// Restitution to apply; zero where a rebound would be lost in rounding.
+    restitution: f64,
+    /// Closing speed, m/s: exactly zero at rest.
+    speed: f64,
+    /// Rounding of the speed, m/s.
+    error: f64,
+    /// Its multiplier fell through zero, or below: it does not come back to rest at this instant.
+    releases: bool,
+}
+
+impl Touching {
+    fn flank(&self) -> Watch {
+        if self.side > 0.0 { Watch::DriveFlank } else { Watch::BackFlank }
+    }
+}
+
+type Set = ArrayVec<Touching, MAX_CONTACTS>;
+type Row = [f64; MAX_CONTACTS];
+
+/// What a complementarity problem comes to.
+struct Solution {
+    z: Row,
+    /// `d − W z`.
+    rest: Row,
+    /// Rounding of `rest`.
+    slack: Row,
+}
+
+/// Solves the complementarity problem; `noise` is the rounding of each d. `None` if no z satisfies it.
+fn complement(w: &[Row], d: &Row, noise: &Row) -> Option<Solution> {
+    let n = w.len();
+    let mut s = Solution { z: [0.0; MAX_CONTACTS], rest: *d, slack: *noise };
+    let mut active: ArrayVec<usize, MAX_CONTACTS> = ArrayVec::new();
+    // Each contact enters at most once for each of those that may leave.
+    for _ in 0..4 * n * n + 4 {
+        for i in 0..n {
+            let terms = (0..n).map(|j| w[i][j] * s.z[j]);
+            s.rest[i] = d[i] - terms.clone().sum::<f64>();
+            s.slack[i] = noise[i] + ROUNDING * (d[i].abs() + terms.map(f64::abs).sum::<f64>());
+        }
+        // The worst violation for its mass.
+        let violated = (0..n).filter(|i| s.rest[*i] > s.slack[*i] && !active.contains(i));
+        let weight = |i: &usize| s.rest[*i] / w[*i][*i].sqrt();
+        let Some(enter) = violated.max_by(|a, b| weight(a).total_cmp(&weight(b)).then(b.cmp(a))) else {
+            return Some(s);
+        };
+        let mut left = s.rest[enter];
+        loop {
+            let mut step: Row = [0.0; MAX_CONTACTS];
+            for (r, k) in step.iter_mut().zip(&active) {
+                *r = w[*k][enter];
+            }
+            solve(w, &active, &mut step);
+            let known: f64 = active.iter().zip(&step).map(|(k, r)| w[enter][*k] * r).sum();
+            let pivot = w[enter][enter] - known;
+            let full = if pivot > DEPENDENT * w[enter][enter] { left / pivot } else { f64::INFINITY };
+            let first = (0..active.len())
+                .filter(|k| step[*k] > 0.0)
+                .map(|k| (s.z[active[k]] / step[k], k))
+                .min_by(|a, b| a.0.total_cmp(&b.0));
+            let length = first.map_or(full, |(partial, _)| full.min(partial));
+            if length == f64::INFINITY {
+                return None;
+            }
+            s.z[enter] += length;
+            active.iter().zip(&step).for_each(|(k, r)| s.z[*k] -= length * r);
+            left -= length * pivot.max(0.0);
+            match first {
+                Some((partial, k)) if partial < full => {
+                    s.z[active[k]] = 0.0;
+                    active.remove(k);
+                }
+                _ => break,
+            }
+        }
+        active.push(enter);
+        active.sort_unstable();
+        // Afresh, so that the changes of z do not gather rounding.
+        let mut exact: Row = [0.0; MAX_CONTACTS];
+        exact.iter_mut().zip(&active).for_each(|(r, k)| *r = d[*k]);
+        solve(w, &active, &mut exact);
+        active.iter().zip(&exact).for_each(|(k, z)| s.z[*k] = z.max(0.0));
+    }
+    None
+}
+
+/// Solves `W_AA r = r` in place by Cholesky's method; the rows of A are independent.
+fn solve(w: &[Row], active: &[usize], r: &mut Row) {
+    let n = active.len();
+    let mut l = [[0.0; MAX_CONTACTS]; MAX_CONTACTS];
+    for i in 0..n {
+        for j in 0..=i {
+            let known: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
+            let entry = w[active[i]][active[j]] - known;
+            l[i][j] = if i == j { entry.sqrt() } else { entry / l[j][j] };
+        }
+    }
+    for i in 0..n {
+        r[i] = (r[i] - (0..i).map(|k| l[i][k] * r[k]).sum::<f64>()) / l[i][i];
+    }
+    for i in (0..n).rev() {
+        r[i] = (r[i] - (i + 1..n).map(|k| l[k][i] * r[k]).sum::<f64>()) / l[i][i];
+    }
+}
+
+impl Structure {
+    /// What the rigid contacts do at one instant. `fired` holds the guards that fall through zero now, `from` the mode and the
+    /// zeros that stand; `settles` brings the fired contacts to rest whatever their speed (the end of an accumulation).
+    ///
+    /// # Errors
+    /// [`ModelError::ImpactUnsolvable`] if no impulses open all flanks: contacts with different restitution that hold each other.
+    pub(super) fn resolve(
+        &self,
+        jump: &mut Jump,
+        (from, fired): (&Jump, GuardSet),
+        settles: bool,
+        at: Instant,
+        x: &mut [f64],
+    ) -> Result<(), ModelError> {
+        let set = self.touching(from, fired, settles, at, x);
+        let mut w = [[0.0; MAX_CONTACTS]; MAX_CONTACTS];
+        for (i, a) in set.iter().enumerate() {
+            for (j, b) in set.iter().enumerate() {
+                w[i][j] = a.side * b.side * self.coupling(a.contact, b.contact);
+            }
+        }
+        let w = &w[..set.len()];
+        jump.projected = jump.projected.max(self.project(set.iter().map(|t| (t.contact, t.side)), at, x));
+        let rests = self.strike(jump, &set, w, settles, x)?;
+        self.stop(set.iter().zip(&rests).filter(|(_, rests)| **rests).map(|(t, _)| t.contact), at, x);
+        self.hold(jump, from, &set, &rests, at, x)
+    }
+
+    /// The rigid contacts on their flanks that take part.
+    fn touching(&self, from: &Jump, fired: GuardSet, settles: bool, at: Instant, x: &[f64]) -> Set {
+        let mut set = Set::new();
+        for (j, c) in self.contacts.iter().enumerate() {
+            let Law::Rigid(law) = c.spec.law else { continue };
+            let state = contact_mode(from.mode, j);
+            let contact = |side, restitution| {
+                let speed = side * self.deflection(j, at, x).1;
+                Touching { contact: j, side, restitution, speed, error: self.speed_rounding(j, at, x), releases: false }
+            };
+            if state.is_closed() {
+                let releases = fired.contains(guard_id(j, Watch::Force));
+                set.push(Touching { speed: 0.0, error: 0.0, releases, ..contact(state.side(), 0.0) });
+                continue;
+            }
+            for (watch, side) in [(Watch::DriveFlank, 1.0), (Watch::BackFlank, -1.0)] {
+                let id = guard_id(j, watch);
+                if fired.contains(id) {
+                    let striker = contact(side, if settles { 0.0 } else { law.restitution });
+                    let speed = if from.still.contains(id) || settles { 0.0 } else { striker.speed.max(0.0) };
+                    // A rebound lost in rounding is none: the contact comes to rest.
+                    let lost = law.restitution * speed <= striker.error;
+                    set.push(Touching { speed, restitution: if lost { 0.0 } else { striker.restitution }, ..striker });
+                } else if from.pinned.contains(id) && law.restitution == 0.0 {
+                    let touching = contact(side, 0.0);
+                    let still = from.still.contains(id);
+                    let (speed, error) = if still { (0.0, 0.0) } else { (touching.speed, touching.error) };
+                    set.push(Touching { speed, error, ..touching });
+                }
+            }
+        }
+        set
+    }
+
+    /// Applies the impulses, and says which contacts have no speed after them.
+    fn strike(
+        &self,
+        jump: &mut Jump,
+        set: &[Touching],
+        w: &[Row],
+        settles: bool,
+        x: &mut [f64],
+    ) -> Result<[bool; MAX_CONTACTS], ModelError> {
+        let mut rests = [false; MAX_CONTACTS];
+        if settles || set.iter().all(|t| t.speed <= 0.0) {
+            rests.iter_mut().zip(set).for_each(|(rests, t)| *rests = t.speed.abs() <= t.error);
+            return Ok(rests);
+        }
+        let (mut d, mut noise) = ([0.0; MAX_CONTACTS], [0.0; MAX_CONTACTS]);
+        for (i, t) in set.iter().enumerate() {
+            d[i] = (1.0 + if t.speed > 0.0 { t.restitution } else { 0.0 }) * t.speed;
+            noise[i] = t.error;
+        }
+        let solution = complement(w, &d, &noise).ok_or_else(|| self.unsolvable(set))?;
+        for (t, z) in set.iter().zip(&solution.z).filter(|(_, z)| **z > 0.0) {
+            for (i, p) in &self.contacts[t.contact].push {
+                x[self.n + *i as usize] -= p * t.side * z;
+            }
+        }
+        for (i, t) in set.iter().enumerate() {
+            let rebounds = t.speed > 0.0 && t.restitution > 0.0;
+            rests[i] = !rebounds && solution.rest[i] >= -solution.slack[i];
+        }
+        // Rates and multipliers of all that the impulses reach are no longer zero.
+        for j in 0..self.contacts.len() {
+            if set.iter().zip(&solution.z).any(|(t, z)| *z > 0.0 && self.coupling(j, t.contact) != 0.0) {
+                jump.still.0 &= !(7 << guard_id(j, Watch::DriveFlank).0);
+                jump.pinned.0 &= !(1 << guard_id(j, Watch::Force).0);
+            }
+        }
+        Ok(rests)
+    }
+
+    /// Which of the contacts without speed rest, and which let go; the zeros of all.
+    fn hold(
+        &self,
+        jump: &mut Jump,
+        from: &Jump,
+        set: &[Touching],
+        rests: &[bool],
+        at: Instant,
+        x: &[f64],
+    ) -> Result<(), ModelError> {
+        for t in set {
+            jump.mode = with_contact(jump.mode, t.contact, ContactMode::Separated);
+            jump.pinned.insert(guard_id(t.contact, t.flank()));
+        }
+        let slow: Set = set.iter().zip(rests).filter(|(_, rests)| **rests).map(|(t, _)| *t).collect();
+        for t in &slow {
+            jump.still.insert(guard_id(t.contact, t.flank()));
+        }
+        let pressed: Set = slow.iter().filter(|t| !t.releases).copied().collect();
+        let (mut forces, mut a) = ([0.0; MAX_CONTACTS], vec![0.0; self.n]);
+        self.dynamics(jump.mode, at, x, &mut forces, &mut a);
+        let mut w = [[0.0; MAX_CONTACTS]; MAX_CONTACTS];
+        let (mut d, mut noise) = ([0.0; MAX_CONTACTS], [0.0; MAX_CONTACTS]);
+        for (i, t) in pressed.iter().enumerate() {
+            d[i] = t.side * (dot(&self.contacts[t.contact].direction, &a) - self.error(t.contact, at).2);
+            noise[i] = ROUNDING * self.acceleration_size(t.contact, jump.mode, x, |k| forces[k]);
+            for (j, b) in pressed.iter().enumerate() {
+                w[i][j] = t.side * b.side * self.coupling(t.contact, b.contact);
+            }
+        }
+        let solution = complement(&w[..pressed.len()], &d, &noise).ok_or_else(|| self.unsolvable(&pressed))?;
+        for (i, t) in pressed.iter().enumerate() {
+            if solution.rest[i] >= -solution.slack[i] {
+                jump.mode = with_contact(jump.mode, t.contact, Self::resting(t.side));
+            }
+        }
+        // A multiplier that fell through zero leaves the gap without acceleration: the third derivative decides.
+        for t in slow.iter().filter(|t| t.releases) {
+            let force = guard_id(t.contact, Watch::Force);
+            if from.pinned.contains(force) {
+                jump.pinned.insert(force);
+            }
+        }
+        Ok(())
+    }
+
+    fn unsolvable(&self, set: &[Touching]) -> ModelError {
+        let names: Vec<&str> = set.iter().map(|t| self.name_of(t.contact)).collect();
+        ModelError::ImpactUnsolvable { elements: names.join(", ") }
+    }
+
+    /// A closing speed below this is rounding of the sum it is computed from, m/s.
+    pub(super) fn speed_rounding(&self, j: usize, at: Instant, x: &[f64]) -> f64 {
+        let c = &self.contacts[j];
+        let terms: f64 = c.direction.iter().map(|(i, g)| (g * x[self.n + *i as usize]).abs()).sum();
+        8.0 * f64::EPSILON * (terms + self.error(j, at).1.abs())
+    }
+
+    /// The name of contact `j`.
+    pub(super) fn name_of(&self, j: usize) -> &str {
+        &self.contacts[j].spec.name
+    }
+
+    /// Moves the state onto the flanks of `contacts` (number, side), by the displacement of least kinetic size. Returns how
+    /// far a deflection was off at most, m.
+    pub(super) fn project(
+        &self,
+        contacts: impl Iterator<Item = (usize, f64)> + Clone,
+        at: Instant,
+        x: &mut [f64],
+    ) -> f64 {
+        let off = contacts.clone().map(|(j, side)| {
+            side * self.contacts[j].gap() - (dot(&self.contacts[j].direction, x) - self.error(j, at).0)
+        });
+        let off: ArrayVec<f64, MAX_CONTACTS> = off.collect();
+        self.shift(contacts.map(|(j, _)| j), &off, &mut x[..self.n]);
+        off.iter().fold(0.0, |m: f64, off| m.max(off.abs()))
+    }
+
+    /// Takes the rates of `contacts` out of the velocities.
+    fn stop(&self, contacts: impl Iterator<Item = usize> + Clone, at: Instant, x: &mut [f64]) {
+        let rates: ArrayVec<f64, MAX_CONTACTS> = contacts.clone().map(|j| -self.deflection(j, at, x).1).collect();
+        self.shift(contacts, &rates, &mut x[self.n..2 * self.n]);
+    }
+
+    /// Adds `M⁻¹Gᵀ y` with `W y = by`, so that `G` times the change is `by`.
+    fn shift(&self, contacts: impl Iterator<Item = usize> + Clone, by: &[f64], values: &mut [f64]) {
+        if by.iter().all(|by| *by == 0.0) {
+            return;
+        }
+        let (mut set, mut y) = ([0; MAX_CONTACTS], [0.0; MAX_CONTACTS]);
+        set.iter_mut().zip(contacts.clone()).for_each(|(s, j)| *s = j);
+        y[..by.len()].copy_from_slice(by);
+        Sticking::of(self, set, by.len()).solve(&mut y);
+        for (j, y) in contacts.zip(&y) {
+            self.contacts[j].push.iter().for_each(|(i, p)| values[*i as usize] += p * y);
+        }
+    }
+
+    /// The state a rigid contact is in while it rests on `side`.
+    pub(super) fn resting(side: f64) -> ContactMode {
+        if side > 0.0 { ContactMode::Drive } else { ContactMode::Back }
+    }
+}
