@@ -52,7 +52,6 @@ impl Chatter {
         fired: GuardSet,
         options: &Options,
     ) -> Option<(GuardSet, Accumulation)> {
-        let h = step.plain_span()?;
         let mut ending = GuardSet::EMPTY;
         let mut end = Accumulation { resolved: 0, remaining: 0.0 };
         for (i, guard) in step.guards().iter().enumerate() {
@@ -60,8 +59,8 @@ impl Chatter {
                 continue;
             }
             let Some(e) = system.restitution(guard.id).filter(|e| *e < 1.0) else { continue };
-            let p = step.guard(i);
-            let (u, a, j) = (p[1] / h, -2.0 * p[2] / (h * h), 6.0 * p[3] / (h * h * h));
+            let Some([u, falling, j]) = step.guard_derivatives_in_time(i) else { continue };
+            let a = -falling;
             let sequence = self.record(guard.id, u);
             let epsilon = j * u / (a * a);
             let slow = u <= options.chatter_fraction * sequence.fastest || u <= options.chatter_speed;

@@ -7,6 +7,7 @@ use super::{
     check::AssembleError,
     jet::{Forcing, swing},
     schedule::Schedule,
+    symmetry::Symmetry,
 };
 use crate::{
     gear::{Harmonic, Stiffness, contact::Law},
@@ -191,6 +192,8 @@ pub struct Structure {
     pub(super) weights: Vec<f64>,
     /// Sums over the forcing, for the bounds of a step.
     pub(super) forcing: Forcing,
+    /// What is equal.
+    pub(super) symmetry: Symmetry,
 }
 
 impl Structure {
@@ -286,6 +289,7 @@ impl Structure {
             contacts,
             weights,
             forcing: Forcing::default(),
+            symmetry: Symmetry::new(&spec),
             spec,
         };
         structure.forcing = Forcing::new(&structure);

@@ -176,6 +176,17 @@ impl Structure {
 }
 
 impl Structure {
+    /// The classes of equal displacements and of equal velocities.
+    fn equal(&self, x: &[f64]) -> [u128; 2] {
+        [self.symmetry.equal(&x[..self.n]), self.symmetry.equal(&x[self.n..2 * self.n])]
+    }
+
+    /// What was equal before a jump is equal after it.
+    fn restore(&self, [displacements, velocities]: [u128; 2], x: &mut [f64]) {
+        self.symmetry.restore(displacements, &mut x[..self.n]);
+        self.symmetry.restore(velocities, &mut x[self.n..2 * self.n]);
+    }
+
     /// What still stands of `from` at the same instant: the zeros of the contacts that do not fire again.
     fn standing(from: &Jump, fired: GuardSet) -> Jump {
         let again = fired.iter().fold(0, |set, id| set | 7 << (3 * guard_of(id).0));
@@ -231,6 +242,7 @@ impl HybridSystem for Structure {
 
     fn jump(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         let mut jump = Self::standing(from, fired);
+        let equal = self.equal(x);
         let mut rigid = false;
         for id in fired.iter() {
             let (j, watch) = guard_of(id);
@@ -242,6 +254,7 @@ impl HybridSystem for Structure {
         if rigid {
             self.resolve(&mut jump, (from, fired), false, at, x)?;
         }
+        self.restore(equal, x);
         Ok(jump)
     }
 
@@ -284,7 +297,9 @@ impl HybridSystem for Structure {
 
     fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         let mut jump = Self::standing(from, fired);
+        let equal = self.equal(x);
         self.resolve(&mut jump, (from, fired), true, at, x)?;
+        self.restore(equal, x);
         Ok(jump)
     }
 }

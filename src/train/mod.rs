@@ -20,6 +20,7 @@ mod scaled;
 mod schedule;
 mod spec;
 mod sticking;
+mod symmetry;
 mod unilateral;
 mod view;
 mod wall;

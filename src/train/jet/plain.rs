@@ -168,6 +168,7 @@ impl Expansion<'_> {
             }
         }
         held.solve(&mut forces);
+        s.symmetry.restore_forces(held.contacts(), &mut forces);
         for (force, &j) in forces.iter().zip(held.contacts()) {
             work[self.layout.of(j, FORCE) + k] = *force;
             for (i, p) in &s.contacts[j].push {
