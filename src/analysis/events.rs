@@ -105,6 +105,8 @@ pub struct EventRow {
     pub slope: f64,
     /// Uncertainty of the time, s.
     pub uncertainty: f64,
+    /// The uncertainty is an estimate, no proven bound.
+    pub estimated: bool,
     /// The contacts to which something happened, in rising order.
     pub contacts: Vec<ContactEvent>,
 }
@@ -153,6 +155,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFl
             residual: record.conditioning.residual,
             slope: record.conditioning.slope,
             uncertainty: record.conditioning.time,
+            estimated: record.conditioning.estimated,
             contacts,
         }
     }

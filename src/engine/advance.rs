@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::{EngineError, Observer, Outcome, chatter::Chatter};
+use super::{EngineError, Observer, Outcome, alarm::Alarm, chatter::Chatter};
 use crate::{
     event::{Accumulation, Conditioning, EventRecord, Located, Locator},
     hybrid::{GuardId, GuardSet, HybridSystem, Instant, Jump, Mode},
@@ -79,6 +79,7 @@ struct Core<'s> {
     counters: Counters,
     locator: Locator,
     chatter: Chatter,
+    alarm: Alarm,
     /// The record of the current instant, open until no further guard fires at it.
     open: EventRecord,
     is_open: bool,
@@ -102,6 +103,7 @@ enum End {
     Budget,
     /// Nothing more fires at the instant the run ends at.
     Closed,
+    Alarm(EngineError),
 }
 
 /// What a visit needs to know about the arc.
@@ -140,6 +142,7 @@ impl<'s> Engine<'s> {
             counters: Counters::default(),
             locator: Locator::default(),
             chatter: Chatter::default(),
+            alarm: Alarm::default(),
             // What holds at the start is one record, if there is anything to say.
             is_open: true,
             starts_on_guard: !state.jump.pinned.is_empty(),
@@ -199,7 +202,7 @@ impl<'s> Engine<'s> {
                     }
                 }
                 End::Bound if switch.is_some() => self.switch(),
-                End::Bound | End::Closed => {}
+                End::Bound | End::Closed | End::Alarm(_) => {}
             }
         }
         // An instant exactly at the end is still open. It belongs to this run, and so does what follows from it at once.
@@ -236,6 +239,7 @@ impl<'s> Engine<'s> {
             bound,
         };
         let (mut ended, mut first) = (End::Bound, true);
+        core.alarm.begin();
         integrator
             .integrate_arc(core.system, &arc, end, &mut |step| {
                 let flow = core.visit(step, place, first, state, observer);
@@ -249,6 +253,9 @@ impl<'s> Engine<'s> {
                 }
             })
             .map_err(|source| EngineError::Integrate { mode: core.system.mode_in_words(place.mode), source })?;
+        if let End::Alarm(alarm) = ended {
+            return Err(alarm);
+        }
         let start = state.at;
         if let End::Bound = ended {
             state.at = bound;
@@ -289,11 +296,16 @@ impl<'s> Engine<'s> {
                 cycle,
             });
         }
+        let before = state.jump.pinned;
         state.jump.pinned.0 |= located.zero.0;
         // Events closer together than their uncertainties are one instant: a rigid flank that does not give back touches.
         let touches = located.near.iter().filter(|id| core.system.restitution(*id) == Some(0.0));
         touches.for_each(|id| state.jump.pinned.insert(id));
+        // One that is known to touch carries an impulse without an impact.
+        let near = located.near.0 & !before.0;
         state.jump = core.system.jump(&state.jump, located.fired, state.at, &mut state.x).map_err(model)?;
+        core.alarm.moved(core.system, state.at, located.fired, state.jump.projected)?;
+        open.fired.0 |= near & state.jump.struck.0;
         open.projected = open.projected.max(state.jump.projected);
         open.jumps += 1;
         Ok(())
@@ -389,13 +401,15 @@ impl Core<'_> {
         observer: &mut dyn Observer,
     ) -> Option<End> {
         self.counters.steps += 1;
+        if let Err(alarm) = self.alarm.start(self.system, step) {
+            return Some(End::Alarm(alarm));
+        }
         let closes = !place.switching
             && self.system.clock().between(step.start(), place.bound) <= step.time(1.0) * (1.0 + 4.0 * f64::EPSILON);
         let (located, touch) = self.locator.first(step, closes);
         if first {
             if let Some(located) = located.filter(|l| l.theta == 0.0) {
-                self.leave(step, 0.0);
-                return Some(End::Event(located));
+                return Some(self.fire(step, place, located));
             }
             if self.is_open {
                 let flow = self.close(state, observer);
@@ -439,9 +453,20 @@ impl Core<'_> {
             self.leave(step, until);
             return Some(End::Observer);
         }
-        let located = located?;
+        let Some(located) = located else {
+            self.alarm.end(step);
+            return None;
+        };
+        Some(self.fire(step, place, located))
+    }
+
+    /// Leaves the step at an event, if its numbers agree there.
+    fn fire(&mut self, step: &dyn DenseStep, place: Place, located: Located) -> End {
         self.leave(step, located.theta);
-        Some(End::Event(located))
+        match self.alarm.event(self.system, place.mode, step, &located, (self.left_at, &self.left_x)) {
+            Ok(()) => End::Event(located),
+            Err(alarm) => End::Alarm(alarm),
+        }
     }
 
     fn leave(&mut self, step: &dyn DenseStep, theta: f64) {

@@ -1,6 +1,7 @@
 //! The engine: flow, first event, jump, again.
 
 mod advance;
+mod alarm;
 mod chatter;
 mod observer;
 mod outcome;

@@ -31,6 +31,20 @@ pub enum EngineError {
         /// Why.
         source: ModelError,
     },
+    /// Two numbers that must agree do not.
+    #[error("at t = {t} s {what}: {guard}, by {amount:e} where {limit:e} is allowed; the events up to there stand, please report the scene")]
+    Alarm {
+        /// When, s.
+        t: f64,
+        /// Which guard, in the system's words.
+        guard: String,
+        /// What is tested.
+        what: &'static str,
+        /// By how much they differ, in the guard's units.
+        amount: f64,
+        /// By how much they may.
+        limit: f64,
+    },
     /// Jumps at one instant that lead to each other without end.
     #[error("at t = {t} s the jumps do not come to rest after {rounds} rounds; they go round through: {}", cycle.join("; "))]
     Cycle {

@@ -47,15 +47,12 @@ impl<'a> Deflated<'a> {
         poly::eval(self.p, theta) * theta.powi(self.order as i32)
     }
 
-    /// A guard that is zero at the start to within rounding starts on its surface: the first non-zero
-    /// derivative decides which side it goes to.
+    /// A guard that is exactly zero at the start starts on its surface: the first non-zero derivative decides which side it
+    /// goes to. One that only cannot be told from zero is searched as it is.
     fn new(step: &'a dyn DenseStep, i: usize) -> Self {
         let p = step.guard(i);
         let (tail, rounding) = step.guard_error(i);
-        let mut order = p.iter().take_while(|c| **c == 0.0).count();
-        if order == 0 && p[0].abs() <= rounding {
-            order = 1;
-        }
+        let order = p.iter().take_while(|c| **c == 0.0).count();
         if order == 0 {
             return Self { p, order, error: tail + rounding };
         }
@@ -142,8 +139,7 @@ impl Locator {
                 true
             } else if theta == 0.0 {
                 // At the start of an arc: outside already, or on the surface and going out.
-                series.p.iter().find(|c| **c != 0.0).is_some_and(|c| *c < 0.0)
-                    && (series.order > 0 || series.p[0] < 0.0)
+                poly::first_root(series.p, 1.0, series.error).root == FirstRoot::At(0.0)
             } else {
                 let (value, slope) = poly::eval_with_slope(series.p, theta);
                 let falls = slope < 0.0 && value <= series.error + slope.abs() * width;
@@ -166,8 +162,14 @@ impl Locator {
                 residual: if slope == 0.0 { 0.0 } else { residual / slope * rate * in_time },
                 slope: in_time,
                 time: if in_time == 0.0 { width * rate } else { error / in_time.abs() },
+                estimated: step.is_estimate(),
             },
-            None => Conditioning { residual, slope: if rate > 0.0 { slope / rate } else { 0.0 }, time: width * rate },
+            None => Conditioning {
+                residual,
+                slope: if rate > 0.0 { slope / rate } else { 0.0 },
+                time: width * rate,
+                estimated: step.is_estimate(),
+            },
         };
         Located { theta, fired, zero, near, conditioning }
     }

@@ -9,6 +9,8 @@ pub struct Conditioning {
     pub slope: f64,
     /// Uncertainty of the event time, s: the error of the guard over its slope (or over its curvature at a touch).
     pub time: f64,
+    /// The uncertainty is an estimate, no proven bound.
+    pub estimated: bool,
 }
 
 /// The end of an infinite impact sequence.

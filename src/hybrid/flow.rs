@@ -39,6 +39,11 @@ pub trait JetField {
     /// guards in the step's own clock `θ`, and the largest `θ` up to which they hold to tolerance.
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet);
 
+    /// Puts the state at the end of a step back onto what `mode` holds fixed, where rounding has moved it: contacts at rest.
+    fn restore(&self, mode: Mode, at: Instant, x: &mut [f64]) {
+        let _ = (mode, at, x);
+    }
+
     /// Keeps from the end of a step what the state alone holds with less precision, such as a penetration that
     /// is a small difference of displacements. It never outlives the arc.
     fn carry(&self, mode: Mode, step: &Jet, carried: &mut Vec<f64>) {
@@ -84,10 +89,14 @@ pub struct Jet {
     pub remainder: Vec<f64>,
     /// For each guard, the rounding error of its value where it is computed from scratch.
     pub rounding: Vec<f64>,
+    /// And where nothing is carried on from the step before.
+    pub afresh: Vec<f64>,
     /// In a clock of its own: for each guard its rate in time as a series in θ, rows as in `guard_series`.
     pub guard_rates: Vec<f64>,
     /// And the error of its value in its physical units; negative where there is no such row.
     pub guard_errors: Vec<f64>,
+    /// The errors of the guards are estimates, no proven bounds.
+    pub is_estimate: bool,
     /// Working space of the field.
     pub work: Vec<f64>,
 }

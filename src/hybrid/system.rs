@@ -31,6 +31,8 @@ pub struct Jump {
     pub pinned: GuardSet,
     /// Guards whose rate is exactly zero too.
     pub still: GuardSet,
+    /// Guards at zero that took an impulse, whether or not they fired.
+    pub struck: GuardSet,
     /// Largest displacement by which the state was moved onto the guards, in units of the guards.
     pub projected: f64,
 }
@@ -87,6 +89,15 @@ pub trait HybridSystem {
     /// `mode` in words, for messages.
     fn mode_in_words(&self, mode: Mode) -> String {
         format!("mode {:#x}", mode.0)
+    }
+    /// Guard `id` in words, for messages.
+    fn guard_in_words(&self, id: GuardId) -> String {
+        format!("guard {}", id.0)
+    }
+    /// Whether guard `id` is a function of positions and time alone, so that no jump can take it past zero.
+    fn is_continuous(&self, id: GuardId) -> bool {
+        let _ = id;
+        false
     }
     /// The own rates of `mode`, if the system knows them: they tell stiff modes from others.
     fn rates(&self, mode: Mode) -> Option<Rates> {

@@ -35,8 +35,16 @@ pub trait DenseStep {
     /// Bounds on the error of guard `i`: of its polynomial on `[0, 1]`, and of rounding where a value is
     /// computed from scratch.
     fn guard_error(&self, i: usize) -> (f64, f64);
+    /// Rounding of guard `i` where its value is formed from the state alone.
+    fn guard_rounding(&self, i: usize) -> f64 {
+        self.guard_error(i).1
+    }
     /// `Some(h)` if the clock is plain time, `t = h θ`.
     fn plain_span(&self) -> Option<f64>;
+    /// Whether the errors of the guards are estimates; they are proven bounds otherwise.
+    fn is_estimate(&self) -> bool {
+        true
+    }
     /// In a clock of its own: rate of guard `i` in time at `θ`, and the error of its value, both in the guard's
     /// physical units (its polynomial may be that of a root). `None` where the polynomial says it all.
     fn guard_in_time(&self, i: usize, theta: f64) -> Option<(f64, f64)> {

@@ -61,6 +61,12 @@ impl DenseStep for Step<'_> {
             None => self.jet.guard_derivatives_in_time(i),
         }
     }
+    fn guard_rounding(&self, i: usize) -> f64 {
+        self.jet.afresh.get(i).copied().unwrap_or(self.jet.rounding[i])
+    }
+    fn is_estimate(&self) -> bool {
+        self.jet.is_estimate
+    }
     fn plain_span(&self) -> Option<f64> {
         self.jet.time.is_empty().then_some(self.jet.span * self.jet.reach)
     }
@@ -116,6 +122,7 @@ impl Integrator for Taylor {
             }
             let arrived = elapsed >= span * (1.0 - ARRIVED);
             at = if arrived { arc.bound } else { clock.advance(at, elapsed) };
+            field.restore(arc.mode, at, x);
             (pinned, still) = (GuardSet::EMPTY, GuardSet::EMPTY);
         }
     }

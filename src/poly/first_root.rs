@@ -38,7 +38,8 @@ const MAX_DEPTH: u32 = 52;
 ///
 /// `uncertainty ≥ 0` bounds the error of the values of `p` on `[0, 1]` (truncated tail and rounding). Values
 /// within it cannot be told from zero: a dip no deeper than that is a touch, not a crossing. If the first
-/// non-zero coefficient is negative the polynomial is outside from the start and the root is at 0.
+/// non-zero coefficient is negative the polynomial is outside from the start and the root is at 0, unless it comes back
+/// without a dip deeper than that; such a start is not a touch.
 ///
 /// # Panics
 /// If `p` is empty or has a degree above [`MAX_DEGREE`].
@@ -94,8 +95,13 @@ impl Search<'_> {
             return self.follow(b, lo, hi, depth);
         }
         let start = b.first_sign();
-        if start < 0.0 {
+        if start < 0.0 && b.b[0] < -self.uncertainty {
             return Some(lo);
+        }
+        if start < 0.0 {
+            // Outside from the start, but not told from zero there.
+            self.shallow = Some(lo);
+            return self.follow(b, lo, hi, depth);
         }
         let changes = b.sign_changes();
         if changes == 0 {
@@ -148,7 +154,7 @@ impl Search<'_> {
         }
         if !is_deep && (end <= 0.0 || b.sign_changes() <= 1) || depth >= MAX_DEPTH {
             if end > 0.0 {
-                self.touch = self.touch.or(self.shallow.take());
+                self.touch = self.touch.or(self.shallow.take().filter(|at| *at > 0.0));
             }
             return None;
         }

@@ -194,7 +194,7 @@ impl Structure {
             mode: from.mode,
             pinned: GuardSet(from.pinned.0 & !again),
             still: GuardSet(from.still.0 & !again),
-            projected: 0.0,
+            ..Jump::default()
         }
     }
 }
@@ -282,6 +282,20 @@ impl HybridSystem for Structure {
     fn mode_in_words(&self, mode: Mode) -> String {
         let words = |(j, c): (usize, &Contact)| format!("{} {}", c.spec.name, contact_mode(mode, j).name());
         self.contacts.iter().enumerate().map(words).collect::<Vec<_>>().join(", ")
+    }
+
+    fn guard_in_words(&self, id: GuardId) -> String {
+        let (j, watch) = guard_of(id);
+        let what = match watch {
+            Watch::DriveFlank => "the drive flank",
+            Watch::BackFlank => "the back flank",
+            Watch::Force => "the force",
+        };
+        format!("{what} of {}", self.name_of(j))
+    }
+
+    fn is_continuous(&self, id: GuardId) -> bool {
+        guard_of(id).1 != Watch::Force
     }
 
     fn rates(&self, mode: Mode) -> Option<Rates> {

@@ -25,7 +25,7 @@ use super::{
 };
 use crate::{
     gear::contact::Law,
-    hybrid::{GuardSet, Instant, Jump, ModelError},
+    hybrid::{GuardSet, Instant, Jump, Mode, ModelError},
 };
 
 /// Rounding of a sum of products, relative to the sum of their sizes: twice the contacts a train may have.
@@ -228,6 +228,7 @@ impl Structure {
         }
         let solution = complement(w, &d, &noise).ok_or_else(|| self.unsolvable(set))?;
         for (t, z) in set.iter().zip(&solution.z).filter(|(_, z)| **z > 0.0) {
+            jump.struck.insert(guard_id(t.contact, t.flank()));
             for (i, p) in &self.contacts[t.contact].push {
                 x[self.n + *i as usize] -= p * t.side * z;
             }
@@ -323,6 +324,19 @@ impl Structure {
         let off: ArrayVec<f64, MAX_CONTACTS> = off.collect();
         self.shift(contacts.map(|(j, _)| j), &off, &mut x[..self.n]);
         off.iter().fold(0.0, |m: f64, off| m.max(off.abs()))
+    }
+
+    /// Puts the contacts at rest in `mode` onto their flanks, without speed.
+    pub(super) fn rest(&self, mode: Mode, at: Instant, x: &mut [f64]) {
+        let resting = (0..self.contacts.len())
+            .filter(|j| matches!(self.contacts[*j].spec.law, Law::Rigid(_)))
+            .map(|j| (j, contact_mode(mode, j)))
+            .filter(|(_, state)| state.is_closed())
+            .map(|(j, state)| (j, state.side()));
+        if resting.clone().next().is_some() {
+            self.project(resting.clone(), at, x);
+            self.stop(resting.map(|(j, _)| j), at, x);
+        }
     }
 
     /// Takes the rates of `contacts` out of the velocities.

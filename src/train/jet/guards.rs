@@ -42,10 +42,11 @@ impl Expansion<'_> {
                 force_tails[j] = self.force_tail(j, tail, out);
             }
         }
-        let Jet { guards, guard_series, guard_rates, guard_errors, remainder, rounding, work, .. } = out;
+        let Jet { guards, guard_series, guard_rates, guard_errors, remainder, rounding, afresh, work, .. } = out;
         guards.clear();
         remainder.clear();
         rounding.clear();
+        afresh.clear();
         guard_errors.clear();
         guard_series.resize(3 * self.s.contacts.len() * ROW, 0.0);
         let mut powers = [1.0; ROW + 3];
@@ -106,6 +107,14 @@ impl Expansion<'_> {
                 }
                 remainder.push(error);
                 rounding.push(ROUNDING * size);
+                afresh.push(match (watch, c.spec.law) {
+                    (Watch::Force, Law::KelvinVoigt(..)) => {
+                        let deflection = self.s.deflection_size(c, self.request.x);
+                        ROUNDING * size.max(c.spec.stiffness.maximum() * deflection)
+                    }
+                    (Watch::Force, _) => ROUNDING * size,
+                    _ => ROUNDING * self.s.deflection_size(c, self.request.x),
+                });
                 guards.push(Guard { id });
             }
         }

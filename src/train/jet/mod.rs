@@ -26,7 +26,7 @@ use super::{
 };
 use crate::{
     gear::contact::Law,
-    hybrid::{Jet, JetField, JetRequest, Mode},
+    hybrid::{Instant, Jet, JetField, JetRequest, Mode},
 };
 
 /// Highest power of a step.
@@ -149,7 +149,12 @@ impl JetField for Structure {
                 return;
             }
         };
+        out.is_estimate = tail.is_estimate;
         e.guards(owner, &tail, out);
+    }
+
+    fn restore(&self, mode: Mode, at: Instant, x: &mut [f64]) {
+        self.rest(mode, at, x);
     }
 
     /// The stretch `δ − σ b` of closed contacts. A penetration is a small difference of displacements: taken

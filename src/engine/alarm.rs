@@ -1,0 +1,147 @@
+//! Checks of a run's numbers against each other. A run that fails one ends: a wrong answer is worse than none.
+//!
+//! The bound of a guard's row is a claim about its values. Wherever a value is known twice, the claim is tested:
+//!
+//! - between two steps of an arc: the row's value at the end of one, and the value that the next one forms from the state;
+//! - at an event: the row's value there, and the guard of the state;
+//! - at an event: how far the state is moved onto the flanks;
+//! - at the start of an arc: a guard that cannot jump is not negative.
+//!
+//! Each limit is the bound times a factor that covers the rounding of the comparison itself. Rows whose bound is an estimate make no
+//! claim and are not tested.
+
+use super::EngineError;
+use crate::{
+    event::Located,
+    hybrid::{GuardId, GuardSet, HybridSystem, Instant, Mode},
+    integrate::DenseStep,
+    poly,
+};
+
+/// Times the bound that two values of one row may differ: each is off by it once, and their rounding is no larger.
+const APART: f64 = 3.0;
+/// Rounding of a polynomial relative to the sum of its terms: twice the unit roundoff for each of 25 terms, and the conversion.
+const TERMS: f64 = 1e-14;
+/// Times the bound that a state may be moved onto a flank. The flank's distance is a difference of displacements that have gathered
+/// rounding over many arcs since they were last put on it.
+const MOVED: f64 = 10.0;
+/// Times the rounding of one value that they may have gathered.
+const GATHERED: f64 = 2.0;
+
+/// Guards a set has room for.
+const GUARDS: usize = 128;
+
+/// What is remembered from step to step.
+#[derive(Clone, Debug)]
+pub(super) struct Alarm {
+    /// Largest rounding of each guard so far, in its units.
+    rounding: Box<[f64; GUARDS]>,
+    /// Values and errors at the end of the last step of the arc.
+    ends: Vec<(GuardId, f64, f64)>,
+    /// How far the state may be moved at the event at hand, in the guards' units.
+    move_limit: f64,
+}
+
+impl Default for Alarm {
+    fn default() -> Self {
+        Self { rounding: Box::new([0.0; GUARDS]), ends: Vec::with_capacity(GUARDS), move_limit: f64::INFINITY }
+    }
+}
+
+fn raise(system: &dyn HybridSystem, at: Instant, id: GuardId, what: &'static str, amount: f64, limit: f64) -> EngineError {
+    EngineError::Alarm { t: system.clock().time(at).value(), guard: system.guard_in_words(id), what, amount, limit }
+}
+
+/// Sum of the sizes of a row's terms at `theta`.
+fn terms(row: &[f64], theta: f64) -> f64 {
+    row.iter().rev().fold(0.0, |sum, c| sum * theta + c.abs())
+}
+
+impl Alarm {
+    /// An arc starts: nothing carries over from the last step.
+    pub fn begin(&mut self) {
+        self.ends.clear();
+    }
+
+    /// Tests the start of a step against the end of the last one.
+    pub fn start(&mut self, system: &dyn HybridSystem, step: &dyn DenseStep) -> Result<(), EngineError> {
+        for (i, guard) in step.guards().iter().enumerate() {
+            let rounding = &mut self.rounding[usize::from(guard.id.0)];
+            *rounding = rounding.max(step.guard_rounding(i));
+        }
+        if step.is_estimate() {
+            self.ends.clear();
+        }
+        for (i, (id, value, error)) in self.ends.drain(..).enumerate() {
+            let (row, rounding) = (step.guard(i), self.rounding[usize::from(id.0)]);
+            let amount = (row[0] - value).abs();
+            if amount > APART * (error + rounding) {
+                let limit = APART * (error + rounding + TERMS * terms(row, 1.0));
+                if amount > limit {
+                    return Err(raise(system, step.start(), id, "the step before ends elsewhere than the next one starts", amount, limit));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Remembers the end of a step that goes on.
+    pub fn end(&mut self, step: &dyn DenseStep) {
+        if step.is_estimate() {
+            return;
+        }
+        for (i, guard) in step.guards().iter().enumerate() {
+            let (tail, _) = step.guard_error(i);
+            self.ends.push((guard.id, step.guard(i).iter().sum(), tail + self.rounding[usize::from(guard.id.0)]));
+        }
+    }
+
+    /// Tests an event against the state there: `at` and `x` as the step gives them, before the jump.
+    pub fn event(
+        &mut self,
+        system: &dyn HybridSystem,
+        mode: Mode,
+        step: &dyn DenseStep,
+        located: &Located,
+        (at, x): (Instant, &[f64]),
+    ) -> Result<(), EngineError> {
+        self.move_limit = 0.0;
+        let moved = GuardSet(located.fired.0 | located.near.0);
+        for (i, guard) in step.guards().iter().enumerate() {
+            let (id, row) = (guard.id, step.guard(i));
+            let (tail, _) = step.guard_error(i);
+            let rounding = self.rounding[usize::from(id.0)];
+            if moved.contains(id) {
+                let limit = step.guard_in_time(i, located.theta).map_or(tail, |(_, error)| error);
+                self.move_limit = self.move_limit.max(MOVED * limit + GATHERED * rounding);
+            }
+            if step.is_estimate() {
+                continue;
+            }
+            let limit = MOVED * tail + GATHERED * rounding;
+            if located.theta == 0.0 {
+                if row[0] < -limit && located.fired.contains(id) && system.is_continuous(id) {
+                    return Err(raise(system, at, id, "the arc starts beyond a guard that cannot jump", -row[0], limit));
+                }
+                continue;
+            }
+            let amount = (poly::eval(row, located.theta) - system.guard(mode, id, at, x)).abs();
+            let limit = APART * (tail + rounding + TERMS * terms(row, located.theta));
+            if amount > limit {
+                return Err(raise(system, at, id, "the series and the state differ at an event", amount, limit));
+            }
+        }
+        if step.is_estimate() {
+            self.move_limit = f64::INFINITY;
+        }
+        Ok(())
+    }
+
+    /// Tests how far a jump at `at` moved the state onto the flanks of `fired`.
+    pub fn moved(&self, system: &dyn HybridSystem, at: Instant, fired: GuardSet, amount: f64) -> Result<(), EngineError> {
+        match fired.iter().next().filter(|_| amount > self.move_limit) {
+            Some(id) => Err(raise(system, at, id, "the state is moved further than the bound allows", amount, self.move_limit)),
+            None => Ok(()),
+        }
+    }
+}
