@@ -34,12 +34,26 @@ fn curvature(p: &[f64], x: f64) -> f64 {
     p.iter().enumerate().skip(2).rev().fold(0.0, |s, (k, c)| s * x + (k * (k - 1)) as f64 * c)
 }
 
+/// The lowest point of `p` near a touch at `x`, within `[0, end]`: Newton's method for the slope.
+fn lowest(p: &[f64], x: f64, end: f64) -> f64 {
+    (0..8).fold(x, |x, _| {
+        let (slope, curvature) = (poly::eval_with_slope(p, x).1, curvature(p, x));
+        let next = x - slope / curvature;
+        if curvature > 0.0 && (0.0..=end).contains(&next) { next } else { x }
+    })
+}
+
 /// One guard's series, with exact zeros at the start divided out: `p(θ) = θ^m p̃(θ)`.
 struct Deflated<'a> {
     p: &'a [f64],
     order: usize,
+    /// Bound on the error where the step starts, and anywhere on it.
+    start: f64,
     error: f64,
 }
+
+/// Rounding of what a series adds to its start, relative to the sum of its terms: a few units for each.
+const ADDED: f64 = 8.0 * f64::EPSILON;
 
 impl<'a> Deflated<'a> {
     /// The guard's value at `theta`.
@@ -53,13 +67,17 @@ impl<'a> Deflated<'a> {
         let p = step.guard(i);
         let (tail, rounding) = step.guard_error(i);
         let order = p.iter().take_while(|c| **c == 0.0).count();
-        if order == 0 {
-            return Self { p, order, error: tail + rounding };
-        }
         // From an exact zero on, errors are relative to what the series adds.
-        let p = &p[order.min(p.len() - 1)..];
-        let added = p.iter().fold(0.0, |s, c| s + c.abs());
-        Self { p, order, error: tail + 8.0 * f64::EPSILON * added }
+        let (p, start) = if order == 0 { (p, tail + rounding) } else { (&p[order.min(p.len() - 1)..], tail) };
+        let mut series = Self { p, order, start, error: start };
+        series.error = series.error_at(1.0);
+        series
+    }
+
+    /// The error of a value between the start and `theta`: that of the start, and that of what the series adds.
+    fn error_at(&self, theta: f64) -> f64 {
+        let first = usize::from(self.order == 0);
+        self.start + ADDED * self.p[first..].iter().rev().fold(0.0, |s, c| s * theta + c.abs())
     }
 }
 
@@ -114,8 +132,8 @@ impl Locator {
             }
         }
         let end = first.map_or(1.0, |(theta, _)| theta);
-        let touch =
-            touch.filter(|(t, i)| *t < end && is_tangent(step, *i, *t, end)).map(|(t, i)| (t, step.guards()[i].id));
+        let touch = touch.filter(|(t, i)| *t < end && is_tangent(step, *i, *t, end));
+        let touch = touch.map(|(t, i)| (lowest(step.guard(i), t, end), step.guards()[i].id));
         (first.map(|(theta, lead)| self.batch(step, theta, lead)), touch)
     }
 
@@ -129,7 +147,8 @@ impl Locator {
             0.0
         } else {
             let curvature = curvature(series.p, theta).abs();
-            (series.error / deflated_slope.abs()).min((2.0 * series.error / curvature).sqrt()).min(1.0)
+            let error = series.error_at(theta);
+            (error / deflated_slope.abs()).min((2.0 * error / curvature).sqrt()).min(1.0)
         };
         let standstill = stands_still(step, theta, theta);
         let (mut fired, mut zero, mut near) = (GuardSet::EMPTY, GuardSet::EMPTY, GuardSet::EMPTY);

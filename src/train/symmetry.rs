@@ -116,9 +116,8 @@ impl Symmetry {
 }
 
 fn restore(class: &[usize], values: &mut [f64]) {
-    let mean = class.iter().map(|i| values[*i]).sum::<f64>() / class.len() as f64;
-    let size = class.iter().fold(0.0, |m: f64, i| m.max(values[*i].abs()));
-    if class.iter().all(|i| (values[*i] - mean).abs() <= ROUNDING * size) {
-        class.iter().for_each(|i| values[*i] = mean);
+    let first = values[class[0]];
+    if class.iter().all(|i| (values[*i] - first).abs() <= ROUNDING * first.abs()) {
+        class.iter().for_each(|i| values[*i] = first);
     }
 }

@@ -126,22 +126,23 @@ fn complement(w: &[Row], d: &Row, noise: &Row) -> Option<Solution> {
     None
 }
 
-/// Solves `W_AA r = r` in place by Cholesky's method; the rows of A are independent.
+/// Solves `W_AA r = r` in place by `L D Lᵀ`; the rows of A are independent.
 fn solve(w: &[Row], active: &[usize], r: &mut Row) {
     let n = active.len();
-    let mut l = [[0.0; MAX_CONTACTS]; MAX_CONTACTS];
+    let (mut l, mut pivot) = ([[0.0; MAX_CONTACTS]; MAX_CONTACTS], [0.0; MAX_CONTACTS]);
     for i in 0..n {
         for j in 0..=i {
-            let known: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
+            let known: f64 = (0..j).map(|k| l[i][k] * l[j][k] * pivot[k]).sum();
             let entry = w[active[i]][active[j]] - known;
-            l[i][j] = if i == j { entry.sqrt() } else { entry / l[j][j] };
+            if i == j { pivot[i] = entry } else { l[i][j] = entry / pivot[j] }
         }
     }
     for i in 0..n {
-        r[i] = (r[i] - (0..i).map(|k| l[i][k] * r[k]).sum::<f64>()) / l[i][i];
+        r[i] -= (0..i).map(|k| l[i][k] * r[k]).sum::<f64>();
     }
+    r.iter_mut().zip(&pivot[..n]).for_each(|(r, p)| *r /= p);
     for i in (0..n).rev() {
-        r[i] = (r[i] - (i + 1..n).map(|k| l[k][i] * r[k]).sum::<f64>()) / l[i][i];
+        r[i] -= (i + 1..n).map(|k| l[k][i] * r[k]).sum::<f64>();
     }
 }
 

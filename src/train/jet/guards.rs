@@ -66,7 +66,7 @@ impl Expansion<'_> {
                 let row = guards.len() * ROW;
                 let series = &mut guard_series[row..row + ROW];
                 let (error, size) = match watch {
-                    Watch::Force => (force_tails[j], self.force_guard(j, owner, sign, reach, work, series)),
+                    Watch::Force => (force_tails[j], self.force_guard(j, owner, sign, work, series)),
                     _ if owner.is_some_and(|o| o.contact == j && o.root > 1) => {
                         let y = self.layout.y(1);
                         series.copy_from_slice(&work[y..y + ROW]);
@@ -87,10 +87,11 @@ impl Expansion<'_> {
                             0.0 => series[0] + sign * c.gap(),
                             side => side * work[self.layout.stretches + j],
                         };
-                        (self.deflection_tail(j, tail), self.stretch_size(j, owner, reach, work))
+                        (self.deflection_tail(j, tail), self.stretch_size(j, owner, work))
                     }
                 };
                 series.iter_mut().zip(&powers).for_each(|(s, p)| *s *= p);
+                let added = series[1..].iter().fold(0.0, |sum, s| sum + s.abs());
                 self.write_zeros(j, watch, state, series);
                 if owner.is_some() {
                     guard_rates.resize(guard_series.len(), 0.0);
@@ -110,10 +111,10 @@ impl Expansion<'_> {
                 afresh.push(match (watch, c.spec.law) {
                     (Watch::Force, Law::KelvinVoigt(..)) => {
                         let deflection = self.s.deflection_size(c, self.request.x);
-                        ROUNDING * size.max(c.spec.stiffness.maximum() * deflection)
+                        ROUNDING * (size + c.spec.stiffness.maximum() * deflection)
                     }
                     (Watch::Force, _) => ROUNDING * size,
-                    _ => ROUNDING * self.s.deflection_size(c, self.request.x),
+                    _ => ROUNDING * (self.s.deflection_size(c, self.request.x) + added),
                 });
                 guards.push(Guard { id });
             }
@@ -151,7 +152,6 @@ impl Expansion<'_> {
         j: usize,
         owner: Option<Owner>,
         sign: f64,
-        reach: f64,
         work: &[f64],
         series: &mut [f64],
     ) -> f64 {
@@ -171,20 +171,20 @@ impl Expansion<'_> {
             }
             Law::Bilateral(l) | Law::KelvinVoigt(l, _) => {
                 let k = c.spec.stiffness.maximum();
-                k * self.stretch_size(j, owner, reach, work) + l.damping * self.s.rate_size(c, self.request.x)
+                k * self.stretch_size(j, owner, work) + l.damping * self.s.rate_size(c, self.request.x)
             }
         }
     }
 
     /// Size of the terms a stretch is the sum of: taken from the state those of the deflection; where it is known better,
-    /// carried on from the last step or given by an exact zero, only itself and what the step adds.
-    fn stretch_size(&self, j: usize, owner: Option<Owner>, reach: f64, work: &[f64]) -> f64 {
+    /// carried on from the last step or given by an exact zero, only itself.
+    fn stretch_size(&self, j: usize, owner: Option<Owner>, work: &[f64]) -> f64 {
         let c = &self.s.contacts[j];
         let carried = self.request.carried.get(j).is_some_and(|stretch| !stretch.is_nan());
         let given = contact_mode(self.request.mode, j).side() != 0.0
             && [Watch::DriveFlank, Watch::BackFlank, Watch::Force].iter().any(|w| self.pinned(j, *w));
         if owner.is_none() && (carried || given) {
-            work[self.layout.stretches + j].abs() + self.h * reach * self.s.rate_size(c, self.request.x)
+            work[self.layout.stretches + j].abs()
         } else {
             self.s.deflection_size(c, self.request.x)
         }
