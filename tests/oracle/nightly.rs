@@ -77,6 +77,9 @@ impl Line {
     }
 }
 
+/// Seconds of the oracle worth telling.
+const SLOW: f64 = 4.0;
+
 fn say(words: &str) {
     // A closed pipe is no failure of a scene.
     let _ = writeln!(std::io::stdout(), "{words}");
@@ -109,6 +112,9 @@ fn run(class: &Class, plan: &Plan) -> Line {
 }
 
 fn tell(class: &Class, index: usize, j: &Judged) {
+    if j.oracle_seconds > SLOW {
+        say(&format!("{} {index} takes the oracle {:.1} s\n    {}", class.letter, j.oracle_seconds, j.scene));
+    }
     let (word, why) = match &j.verdict {
         Verdict::Right => match &j.ambiguous {
             Some(why) if std::env::var_os("FLANK_ORACLE_AMBIGUOUS").is_some() => ("ambiguous", why),

@@ -36,8 +36,8 @@ pub struct Series {
     /// Oscillators.
     cos: Vec<Vec<Wide>>,
     sin: Vec<Vec<Wide>>,
-    /// Sizes of the terms of each acceleration.
-    a_size: Vec<Vec<f64>>,
+    /// Sizes of the terms of the acceleration along each contact at rest.
+    held_size: Vec<Vec<f64>>,
 }
 
 /// `K(t)` as a series.
@@ -125,7 +125,7 @@ impl<'a> Builder<'a> {
             force: vec![Vec::new(); count],
             cos: angles.iter().map(|a| vec![a.1]).collect(),
             sin: angles.iter().map(|a| vec![a.0]).collect(),
-            a_size: vec![Vec::new(); m.n],
+            held_size: vec![Vec::new(); count],
         };
         let empty = || vec![Vec::new(); count];
         let accelerations = vec![Vec::new(); m.n];
@@ -176,21 +176,28 @@ impl<'a> Builder<'a> {
         let mut sizes: Vec<f64> = (0..m.n)
             .map(|i| (0..m.n).map(|l| near(m.k[i][l] * q[l]).abs() + near(m.c[i][l] * v[l]).abs()).sum())
             .collect();
-        let mut add = |i: usize, x: Wide| {
-            a[i] = a[i] + x;
-            sizes[i] += size(x);
-        };
         if k == 0 {
-            (0..m.n).for_each(|i| add(i, m.load[i]));
+            (0..m.n).for_each(|i| {
+                a[i] = a[i] + m.load[i];
+                sizes[i] += size(m.load[i]);
+            });
         }
         for (o, cos, sin) in &m.loads {
             let (c, s) = (self.out.cos[*o][k], self.out.sin[*o][k]);
-            (0..m.n).for_each(|i| add(i, cos[i] * c + sin[i] * s));
+            let swing = size(c) + size(s);
+            (0..m.n).for_each(|i| {
+                a[i] = a[i] + cos[i] * c + sin[i] * s;
+                sizes[i] += (size(cos[i]) + size(sin[i])) * swing;
+            });
         }
         for j in 0..m.contacts.len() {
             let f = self.law_force(j, k);
             if self.s.contacts[j].mode == ContactMode::Drive || self.s.contacts[j].mode == ContactMode::Back {
-                (0..m.n).for_each(|i| add(i, -(m.contacts[j].push[i] * f)));
+                (0..m.n).for_each(|i| {
+                    let push = m.contacts[j].push[i] * f;
+                    a[i] = a[i] - push;
+                    sizes[i] += size(push);
+                });
             }
         }
         if !rest.contacts.is_empty() {
@@ -201,16 +208,18 @@ impl<'a> Builder<'a> {
                     let c = &m.contacts[held.contact];
                     let (_, dd) = self.error_rates(&c.error, k);
                     let terms: f64 = c.g.iter().zip(&sizes).map(|(g, s)| near(*g).abs() * s).sum();
-                    (dot(&c.g, &a) - dd, terms + size(dd))
+                    let shaken: f64 =
+                        c.error.iter().map(|w| near(m.omegas[w.oscillator]).powi(2) * self.out.swing(w, k)).sum();
+                    (dot(&c.g, &a) - dd, terms + shaken)
                 })
                 .collect();
+            rest.contacts.iter().zip(&needs).for_each(|(held, n)| self.out.held_size[held.contact].push(n.1));
             for (held, force) in rest.contacts.clone().iter().zip(rest.solve(m, k, &needs)) {
                 self.out.force[held.contact].push(force);
                 let f = wide(held.side) * force;
                 (0..m.n).for_each(|i| a[i] = a[i] - m.contacts[held.contact].push[i] * f);
             }
         }
-        (0..m.n).for_each(|i| self.out.a_size[i].push(sizes[i]));
         self.advance(k, &a);
     }
 
@@ -335,15 +344,16 @@ impl Series {
         if k == 0 { c.b - d } else { -d }
     }
 
+    /// Largest that a wave's order k is at any phase, about.
+    fn swing(&self, w: &super::model::Wave, k: usize) -> f64 {
+        (size(w.c) + size(w.s)) * (size(self.cos[w.oscillator][k]) + size(self.sin[w.oscillator][k]))
+    }
+
     /// Sum of the sizes of the terms of the gap at order k.
     pub fn gap_size(&self, m: &Model, j: usize, k: usize) -> f64 {
         let c = &m.contacts[j];
         let q: f64 = c.g.iter().zip(&self.q).map(|(g, q)| near(*g * q[k]).abs()).sum();
-        let e: f64 = c
-            .error
-            .iter()
-            .map(|w| near(w.c * self.cos[w.oscillator][k]).abs() + near(w.s * self.sin[w.oscillator][k]).abs())
-            .sum();
+        let e: f64 = c.error.iter().map(|w| self.swing(w, k)).sum();
         q + e + if k == 0 { near(c.b).abs() + near(c.offset).abs() } else { 0.0 }
     }
 
@@ -352,10 +362,7 @@ impl Series {
         let c = &m.contacts[j];
         let rate = || -> f64 { c.g.iter().zip(&self.v).map(|(g, v)| near(*g * v[k]).abs()).sum() };
         match c.law {
-            Law::Rigid(_) => {
-                let a: f64 = c.g.iter().zip(&self.a_size).map(|(g, a)| near(*g).abs() * a[k]).sum();
-                a / near(m.mobility[j][j])
-            }
+            Law::Rigid(_) => self.held_size[j][k] / near(m.mobility[j][j]),
             Law::KelvinVoigt(d, _) => c.spring.largest() * self.gap_size(m, j, k) + near(d) * rate(),
             _ => size(self.force[j][k]) + if k == 0 { 1.0 } else { 0.0 },
         }

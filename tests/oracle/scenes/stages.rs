@@ -27,7 +27,7 @@ fn stage(r: &mut Random, law: Value) -> Value {
     let mesh = |r: &mut Random| {
         let errors: Vec<Value> = (0..1 + r.below(2))
             .map(|i| {
-                let amplitude = round(gap * if i == 0 { r.of(0.2, 0.9) } else { r.of(0.05, 0.25) });
+                let amplitude = round(gap * if i == 0 { r.of(0.2, 0.75) } else { r.of(0.05, 0.2) });
                 json!({ "order": i + 1, "amplitude_m": amplitude, "phase_rad": r.phase() })
             })
             .collect();
