@@ -1,0 +1,63 @@
+//! An oracle of the project's own: event sequences of random scenes in 32 digits, against Flank's.
+//!
+//! It shares no code with Flank's integrators, bounds and event location: it takes the assembled numbers of a scene
+//! ([`flank::train::Spec`]) and goes its own slow way. Taylor series of order 40 (72 under power laws, in the clock of a root
+//! near a flank), first roots by halving with exclusion, complementarity by enumeration ([`rest`], [`strike`]), sums of
+//! accumulating impacts. Where doubles cannot tell what happens (a touch within 1e-14 of its terms, a sequence that a change of
+//! the inputs by 1e-15 changes) the rest of a scene is *ambiguous* and not judged.
+//!
+//! ```text
+//! cargo test --test oracle                 a sample of every class, and the oracle against closed forms
+//! .ci/nightly                              200 scenes of every class, table at the end
+//! .ci/nightly --class A,B --count 50 --seed 7
+//! FLANK_ORACLE_SCENE=scene.json cargo test --test oracle -- --ignored --nocapture replay
+//! ```
+//!
+//! A scene that fails is printed as JSON, cut where the comparison ends, with the first difference.
+
+mod flank_run;
+mod instant;
+mod judge;
+mod linear;
+mod model;
+mod nightly;
+mod powers;
+mod rest;
+mod roots;
+mod scenes;
+mod sequence;
+mod series;
+mod state;
+mod step;
+mod strike;
+mod wide;
+
+use std::time::Duration;
+
+use flank::scene::Scene;
+
+/// Events of one scene, both ways, from the file that `FLANK_ORACLE_SCENE` names.
+#[test]
+#[ignore = "a tool: needs FLANK_ORACLE_SCENE"]
+fn replay() {
+    let path = std::env::var("FLANK_ORACLE_SCENE").unwrap();
+    let value: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let built = Scene::from_value(value.clone(), "replay").unwrap().build().unwrap();
+    let truth = judge::truth(&built, 1000);
+    for (e, s) in truth.sequence.events.iter().zip(&truth.sensitivity) {
+        println!("{} {} {:?} {s:.3e}", wide::decimal(e.t), built.spec.contacts[e.contact].name, e.kind);
+    }
+    println!("# {:?}, until {:e}, {:?}", truth.sequence.ending, truth.until, truth.ambiguous);
+    let judged = judge::judge(&value, 1000, Duration::from_secs(60));
+    println!("# {:?}, {} events, worst {:.2e}", judged.verdict, judged.events, judged.worst);
+    println!("# oracle {:.2} s, Flank {:.2} s", judged.oracle_seconds, judged.flank_seconds);
+}
+
+/// All classes: what `.ci/nightly` runs.
+#[test]
+#[ignore = "takes minutes: .ci/nightly runs it"]
+fn nightly_table() {
+    let table = nightly::nightly(&nightly::Plan::from_environment());
+    let bad: usize = table.iter().map(|(_, l)| l.wrong + l.alarmed + l.refused).sum();
+    assert_eq!(bad, 0, "scenes that are wrong, alarmed or refused");
+}

@@ -1,0 +1,259 @@
+//! The assembled train in wide numbers. It takes the doubles of a [`Spec`] as exact.
+
+use flank::{
+    gear::{
+        Harmonic, Stiffness,
+        contact::{Law as SpecLaw, Release},
+    },
+    train::{Flanks, Spec},
+};
+
+use super::{
+    linear,
+    wide::{Wide, near, sin_cos, wide},
+};
+
+/// `c cos ωt + s sin ωt`.
+pub struct Wave {
+    pub oscillator: usize,
+    pub c: Wide,
+    pub s: Wide,
+}
+
+pub enum Spring {
+    Constant(Wide),
+    Waves(Wide, Vec<Wave>),
+    /// Starts, values and slopes of the pieces of one period.
+    Pieces {
+        period: Wide,
+        origin: Wide,
+        pieces: Vec<[Wide; 3]>,
+    },
+    Listed(Vec<Wide>, [Wide; 2]),
+}
+
+pub enum Law {
+    Bilateral(Wide),
+    /// Damping; whether it lets go at zero force.
+    KelvinVoigt(Wide, bool),
+    /// `K p^(p/q) (1 + D ṗ/v₀)`.
+    Power {
+        p: usize,
+        q: usize,
+        d: Wide,
+        floor: Wide,
+        initial: Wide,
+    },
+    Rigid(Wide),
+}
+
+pub struct Contact {
+    pub g: Vec<Wide>,
+    /// `M⁻¹ g`.
+    pub push: Vec<Wide>,
+    pub offset: Wide,
+    pub error: Vec<Wave>,
+    pub b: Wide,
+    pub both: bool,
+    pub spring: Spring,
+    pub law: Law,
+}
+
+pub struct Model {
+    pub n: usize,
+    /// Rows of `M⁻¹K` and `M⁻¹C`.
+    pub k: Vec<Vec<Wide>>,
+    pub c: Vec<Vec<Wide>>,
+    pub load: Vec<Wide>,
+    pub omegas: Vec<Wide>,
+    /// `M⁻¹ f` of each harmonic load: oscillator, cosine part, sine part.
+    pub loads: Vec<(usize, Vec<Wide>, Vec<Wide>)>,
+    pub contacts: Vec<Contact>,
+    /// `G M⁻¹ Gᵀ`.
+    pub mobility: Vec<Vec<Wide>>,
+    /// `√M_ii`.
+    pub weights: Vec<f64>,
+}
+
+/// Changes the numbers of a train by a relative amount, the same for equal numbers, so that symmetry stays.
+#[derive(Clone, Copy)]
+pub struct Tweak {
+    pub amount: f64,
+    pub seed: u64,
+}
+
+impl Tweak {
+    pub const NONE: Self = Self { amount: 0.0, seed: 0 };
+
+    pub fn of(self, x: f64) -> Wide {
+        if self.amount == 0.0 {
+            return wide(x);
+        }
+        let mut z = x.abs().to_bits() ^ self.seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        let sign = if (z ^ (z >> 31)) & 1 == 0 { 1.0 } else { -1.0 };
+        wide(x) * (wide(1.0) + wide(sign * self.amount))
+    }
+}
+
+impl Model {
+    pub fn new(spec: &Spec, tweak: Tweak) -> Self {
+        let n = spec.freedoms.len();
+        let t = |x: f64| tweak.of(x);
+        let matrix = |m: &dyn Fn(usize, usize) -> f64| -> Vec<Vec<Wide>> {
+            (0..n).map(|i| (0..n).map(|j| t(m(i, j))).collect()).collect()
+        };
+        let mass = matrix(&|i, j| spec.mass[(i, j)]);
+        let over_mass = |v: &[Wide]| linear::solve(&mass, v);
+        let columns = |m: Vec<Vec<Wide>>| -> Vec<Vec<Wide>> {
+            let solved: Vec<Vec<Wide>> =
+                (0..n).map(|j| over_mass(&m.iter().map(|row| row[j]).collect::<Vec<_>>())).collect();
+            (0..n).map(|i| (0..n).map(|j| solved[j][i]).collect()).collect()
+        };
+        let mut omegas: Vec<f64> = Vec::new();
+        let mut index = |omega: f64| {
+            omegas.iter().position(|w| *w == omega).unwrap_or_else(|| {
+                omegas.push(omega);
+                omegas.len() - 1
+            })
+        };
+        let wave = |h: &Harmonic, scale: Wide, index: &mut dyn FnMut(f64) -> usize| {
+            let (sin, cos) = sin_cos(t(h.phase));
+            let a = scale * t(h.amplitude);
+            Wave { oscillator: index(h.omega), c: a * cos, s: -(a * sin) }
+        };
+        let loads = spec
+            .load_harmonics
+            .iter()
+            .map(|l| {
+                let (sin, cos) = sin_cos(t(l.phase));
+                let a = over_mass(&l.vector.iter().map(|x| t(*x)).collect::<Vec<_>>());
+                let part = |f: Wide| a.iter().map(|x| *x * f).collect();
+                (index(l.omega), part(cos), part(-sin))
+            })
+            .collect();
+        let contacts: Vec<Contact> = spec
+            .contacts
+            .iter()
+            .map(|c| {
+                let g: Vec<Wide> = c.direction.iter().map(|x| t(*x)).collect();
+                Contact {
+                    push: over_mass(&g),
+                    g,
+                    offset: t(c.error_offset),
+                    error: c.error.iter().map(|h| wave(h, wide(1.0), &mut index)).collect(),
+                    b: if matches!(c.law, SpecLaw::Bilateral(_)) { wide(0.0) } else { t(c.half_backlash) },
+                    both: c.flanks == Flanks::Both,
+                    spring: match &c.stiffness {
+                        Stiffness::Constant(k) => Spring::Constant(t(*k)),
+                        Stiffness::Harmonic { mean, harmonics } => {
+                            Spring::Waves(t(*mean), harmonics.iter().map(|h| wave(h, t(*mean), &mut index)).collect())
+                        }
+                        Stiffness::Periodic { period, origin, pieces } => Spring::Pieces {
+                            period: t(*period),
+                            origin: t(*origin),
+                            pieces: pieces.iter().map(|p| [t(p.start), t(p.value), t(p.slope)]).collect(),
+                        },
+                        Stiffness::Switched { times, levels } => {
+                            Spring::Listed(times.iter().map(|x| t(*x)).collect(), levels.map(t))
+                        }
+                    },
+                    law: match c.law {
+                        SpecLaw::Bilateral(l) => Law::Bilateral(t(l.damping)),
+                        SpecLaw::KelvinVoigt(l, r) => Law::KelvinVoigt(t(l.damping), r == Release::Force),
+                        SpecLaw::Rigid(l) => Law::Rigid(t(l.restitution)),
+                        SpecLaw::Power(l) => Law::Power {
+                            p: l.exponent.p as usize,
+                            q: l.exponent.q as usize,
+                            d: t(l.hysteresis),
+                            floor: t(l.speed_floor),
+                            initial: t(l.initial_speed),
+                        },
+                    },
+                }
+            })
+            .collect();
+        let mobility = contacts.iter().map(|a| contacts.iter().map(|b| linear::dot(&a.g, &b.push)).collect()).collect();
+        // Frequencies stay: Flank's clock has their exact doubles too, and a change of them would grow with time.
+        let omegas = omegas.into_iter().map(wide).collect();
+        Self {
+            n,
+            k: columns(matrix(&|i, j| spec.stiffness[(i, j)])),
+            c: columns(matrix(&|i, j| spec.damping[(i, j)])),
+            load: over_mass(&spec.load.iter().map(|x| t(*x)).collect::<Vec<_>>()),
+            omegas,
+            loads,
+            contacts,
+            mobility,
+            weights: (0..n).map(|i| near(mass[i][i]).sqrt()).collect(),
+        }
+    }
+
+    /// Error of contact `j` and its rate at time t, and the sum of the sizes of the error's terms.
+    pub fn error(&self, j: usize, t: Wide) -> (Wide, Wide, f64) {
+        let c = &self.contacts[j];
+        let (mut e, mut rate, mut size) = (c.offset, wide(0.0), near(c.offset).abs());
+        for w in &c.error {
+            let omega = self.omegas[w.oscillator];
+            let (sin, cos) = sin_cos(omega * t);
+            e = e + w.c * cos + w.s * sin;
+            rate = rate + omega * (w.s * cos - w.c * sin);
+            size += near(w.c).abs() + near(w.s).abs();
+        }
+        (e, rate, size)
+    }
+}
+
+impl Spring {
+    /// Value and slope at time t, right after it; and the time of the last switch.
+    pub fn at(&self, t: Wide) -> (Wide, Wide) {
+        match self {
+            Self::Constant(k) | Self::Waves(k, _) => (*k, wide(0.0)),
+            Self::Listed(times, levels) => {
+                let passed = times.iter().filter(|s| **s <= t).count();
+                (levels[passed % 2], wide(0.0))
+            }
+            Self::Pieces { period, origin, pieces } => {
+                let start = |k: f64, piece: &[Wide; 3]| *origin + *period * (wide(k) + piece[0]);
+                let k = near((t - *origin) / *period).floor();
+                let mut found = (wide(0.0), wide(0.0));
+                for r in [k - 1.0, k, k + 1.0] {
+                    for piece in pieces {
+                        let s = start(r, piece);
+                        if s <= t {
+                            found = (piece[1] + piece[2] * (t - s), piece[2]);
+                        }
+                    }
+                }
+                found
+            }
+        }
+    }
+
+    /// The first switch after time t.
+    pub fn next(&self, t: Wide) -> Option<Wide> {
+        match self {
+            Self::Constant(_) | Self::Waves(..) => None,
+            Self::Listed(times, _) => times.iter().copied().find(|s| *s > t),
+            Self::Pieces { period, origin, pieces } => {
+                let k = near((t - *origin) / *period).floor();
+                [k - 1.0, k, k + 1.0, k + 2.0]
+                    .into_iter()
+                    .flat_map(|r| pieces.iter().map(move |p| *origin + *period * (wide(r) + p[0])))
+                    .find(|s| *s > t)
+            }
+        }
+    }
+
+    /// Its largest size.
+    pub fn largest(&self) -> f64 {
+        match self {
+            Self::Constant(k) => near(*k),
+            Self::Waves(k, waves) => near(*k) + waves.iter().map(|w| near(w.c).abs() + near(w.s).abs()).sum::<f64>(),
+            Self::Listed(_, levels) => near(levels[0]).max(near(levels[1])),
+            // Every value that a ramp reaches is the value at which another piece starts.
+            Self::Pieces { pieces, .. } => pieces.iter().map(|p| near(p[1])).fold(0.0, f64::max),
+        }
+    }
+}

@@ -1,0 +1,161 @@
+//! Many scenes of every class on all cores, and a table.
+
+use std::{
+    io::Write as _,
+    sync::{
+        Mutex,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::{Duration, Instant},
+};
+
+use super::{
+    judge::{Judged, Verdict, judge},
+    scenes::{CLASSES, Class},
+};
+
+/// What to run.
+pub struct Plan {
+    /// Letters of the classes; all if empty.
+    pub classes: Vec<String>,
+    pub count: usize,
+    pub seed: u64,
+    pub budget: usize,
+    pub limit: Duration,
+    /// Whether failing scenes are printed.
+    pub tell: bool,
+}
+
+impl Plan {
+    /// From `FLANK_ORACLE_CLASS`, `_COUNT`, `_SEED` and `_INDEX`.
+    pub fn from_environment() -> Self {
+        let number = |name: &str, default: u64| {
+            std::env::var(format!("FLANK_ORACLE_{name}")).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
+        };
+        let classes = std::env::var("FLANK_ORACLE_CLASS").unwrap_or_default();
+        Self {
+            classes: classes.split(',').filter(|c| !c.is_empty()).map(str::to_owned).collect(),
+            count: number("COUNT", 200) as usize,
+            seed: number("SEED", 1),
+            budget: 30,
+            limit: Duration::from_secs(60),
+            tell: true,
+        }
+    }
+}
+
+/// One line of the table.
+#[derive(Default)]
+pub struct Line {
+    pub tried: usize,
+    pub refused: usize,
+    pub wrong: usize,
+    pub alarmed: usize,
+    pub ambiguous: usize,
+    pub events: usize,
+    pub worst: f64,
+    pub seconds: f64,
+    pub oracle_seconds: f64,
+    pub slowest: f64,
+}
+
+impl Line {
+    fn add(&mut self, j: &Judged) {
+        self.tried += 1;
+        self.ambiguous += usize::from(j.ambiguous.is_some());
+        self.events += j.events;
+        self.worst = self.worst.max(j.worst);
+        self.seconds += j.flank_seconds;
+        self.oracle_seconds += j.oracle_seconds;
+        self.slowest = self.slowest.max(j.flank_seconds);
+        match j.verdict {
+            Verdict::Right => {}
+            Verdict::Refused(_) => self.refused += 1,
+            Verdict::Wrong(_) => self.wrong += 1,
+            Verdict::Alarmed(_) => self.alarmed += 1,
+        }
+    }
+}
+
+/// Seconds of the oracle worth telling.
+const SLOW: f64 = 4.0;
+
+fn say(words: &str) {
+    // A closed pipe is no failure of a scene.
+    let _ = writeln!(std::io::stdout(), "{words}");
+}
+
+/// Runs a class.
+fn run(class: &Class, plan: &Plan) -> Line {
+    let (next, line) = (AtomicUsize::new(0), Mutex::new(Line::default()));
+    let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    std::thread::scope(|scope| {
+        for _ in 0..workers {
+            scope.spawn(|| {
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    if index >= plan.count {
+                        return;
+                    }
+                    let judged = judge(&class.scene(plan.seed, index), plan.budget, plan.limit);
+                    if plan.tell {
+                        tell(class, index, &judged);
+                    }
+                    if let Ok(mut line) = line.lock() {
+                        line.add(&judged);
+                    }
+                }
+            });
+        }
+    });
+    line.into_inner().unwrap_or_default()
+}
+
+fn tell(class: &Class, index: usize, j: &Judged) {
+    if j.oracle_seconds > SLOW {
+        say(&format!("{} {index} takes the oracle {:.1} s\n    {}", class.letter, j.oracle_seconds, j.scene));
+    }
+    let (word, why) = match &j.verdict {
+        Verdict::Right => match &j.ambiguous {
+            Some(why) if std::env::var_os("FLANK_ORACLE_AMBIGUOUS").is_some() => ("ambiguous", why),
+            _ => return,
+        },
+        Verdict::Refused(why) => ("refused", why),
+        Verdict::Wrong(why) => ("wrong", why),
+        Verdict::Alarmed(why) => ("alarmed", why),
+    };
+    say(&format!("{} {index} {word}: {why}\n    {}", class.letter, j.scene));
+}
+
+/// Runs the plan and prints the table. The number of wrong scenes.
+pub fn nightly(plan: &Plan) -> Vec<(&'static str, Line)> {
+    let mut table = Vec::new();
+    for class in CLASSES.iter().filter(|c| plan.classes.is_empty() || plan.classes.iter().any(|l| l == c.letter)) {
+        let began = Instant::now();
+        let line = run(class, plan);
+        if plan.tell {
+            say(&format!("# class {} done in {:.0} s", class.letter, began.elapsed().as_secs_f64()));
+        }
+        table.push((class.letter, line));
+    }
+    if plan.tell {
+        say("class  tried refused wrong alarmed ambiguous  events  worst/allowed  seconds  slowest  oracle s  about");
+        for (letter, l) in &table {
+            let about = CLASSES.iter().find(|c| c.letter == *letter).map_or("", |c| c.about);
+            say(&format!(
+                "{letter:5} {:6} {:7} {:5} {:7} {:9} {:7} {:14.2e} {:8.1} {:8.2} {:9.1}  {about}",
+                l.tried,
+                l.refused,
+                l.wrong,
+                l.alarmed,
+                l.ambiguous,
+                l.events,
+                l.worst,
+                l.seconds,
+                l.slowest,
+                l.oracle_seconds
+            ));
+        }
+    }
+    table
+}

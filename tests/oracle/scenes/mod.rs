@@ -1,0 +1,39 @@
+//! Random scenes, one function a class. The letters are those of the project's list of what must hold.
+
+mod laws;
+mod masses;
+mod pairs;
+mod random;
+mod stages;
+
+use random::Random;
+use serde_json::Value;
+
+/// A class: its letter, what it holds, and scene number n under a seed.
+pub struct Class {
+    pub letter: &'static str,
+    pub about: &'static str,
+    make: fn(&mut Random) -> Value,
+}
+
+impl Class {
+    pub fn scene(&self, seed: u64, index: usize) -> Value {
+        (self.make)(&mut Random::new(seed, self.letter, index))
+    }
+}
+
+const fn class(letter: &'static str, about: &'static str, make: fn(&mut Random) -> Value) -> Class {
+    Class { letter, about, make }
+}
+
+/// All classes.
+pub const CLASSES: [Class; 8] = [
+    class("A", "rest and release", masses::rest_and_release),
+    class("B", "pair from rest, errors at phase 0", pairs::from_rest),
+    class("C", "pair started on a flank", pairs::on_flank),
+    class("D", "soft pairs, any phases", pairs::soft_pairs),
+    class("E", "power laws", pairs::powers),
+    class("F", "soft torsional stages", stages::soft_stages),
+    class("G", "rigid torsional stages", stages::rigid_stages),
+    class("J", "mixed laws", masses::mixed),
+];
