@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)] // helpers of tests are not recognised as tests
 
 mod crossing;
+mod decimal;
 mod endings;
 mod isolation;
 mod release;
