@@ -4,6 +4,7 @@
 mod crossing;
 mod decimal;
 mod endings;
+mod frequencies;
 mod isolation;
 mod release;
 mod rest;
