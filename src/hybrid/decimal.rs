@@ -103,20 +103,22 @@ impl Wide {
 impl Wide {
     /// The number that `text` writes in decimal: digits with or without sign, point and exponent, any number of them.
     ///
-    /// `hi` is the double nearest to it, `lo` the double nearest to what is left. `None` for any other text, and beyond
-    /// the range of a double.
+    /// `hi` is the double nearest to it, `lo` the double nearest to what is left. `None` for any other text, beyond the
+    /// range of a double, and for exponents beyond ±9999.
     #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
         // What is left is a difference of two decimals; the standard library rounds either to the nearest double.
         let numeric = text.chars().all(|c| c.is_ascii_digit() || "+-.eE".contains(c));
         let hi = text.parse::<f64>().ok().filter(|hi| numeric && hi.is_finite())?;
+        let (mantissa, exponent) = text.split_once(['e', 'E']).unwrap_or((text, "0"));
+        // The standard library cuts longer exponents.
+        let exponent = exponent.parse::<i64>().ok().filter(|exponent| exponent.abs() < 10_000)?;
         if hi == 0.0 {
             return Some(Self::default());
         }
-        let (mantissa, exponent) = text.split_once(['e', 'E']).unwrap_or((text, "0"));
         let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
         let mut given = [whole.trim_start_matches(['+', '-']), fraction].concat().into_bytes();
-        let given_decimals = fraction.len() as i64 - exponent.parse::<i64>().ok()?;
+        let given_decimals = fraction.len() as i64 - exponent;
         let near_decimals = i64::from((-parts(hi).1).max(0));
         let mut near = format!("{:.*}", near_decimals as usize, hi.abs()).replace('.', "").into_bytes();
         let decimals = near_decimals.max(given_decimals);
@@ -135,7 +137,9 @@ impl Wide {
             *digit += larger[i] + 10 * borrow - taken;
         }
         let sign = if (given < near) == (hi > 0.0) { "-" } else { "" };
-        let lo = format!("{sign}{}e-{decimals}", String::from_utf8_lossy(&left)).parse().ok()?;
+        // `near` has a digit before its decimals.
+        left.insert(length - decimals as usize, b'.');
+        let lo = format!("{sign}{}", String::from_utf8_lossy(&left)).parse().ok()?;
         Some(Self { hi, lo })
     }
 }
@@ -279,19 +283,34 @@ mod tests {
         let (low, gap) = (2f64.powi(-60), 2f64.powi(-112));
         let half = Wide { hi: low, lo: 0.5 * gap }.decimal(200);
         let (digits, exponent) = half.split_once('e').expect("a small number");
-        let shifted = |tail: &str| {
-            format!("{}{}{tail}e{exponent}", digits.replacen("8.", "1000000000000000008.", 1), "0".repeat(1_000_000))
-        };
+        // One and that.
+        let text = |tail: &str| format!("1{}{digits}{}{tail}e{exponent}", "0".repeat(18), "0".repeat(1_000_000));
         assert_eq!(exponent, "-19");
-        assert_eq!(Wide::parse(&shifted("")).map(|w| w.lo), Some(low));
-        assert_eq!(Wide::parse(&shifted("1")).map(|w| w.lo), Some(low + gap));
+        assert_eq!(Wide::parse(&text("")), Some(Wide { hi: 1.0, lo: low }));
+        assert_eq!(Wide::parse(&text("1")), Some(Wide { hi: 1.0, lo: low + gap }));
     }
 
     #[test]
     fn only_decimals_are_read() {
-        for text in
-            ["", "-", "1e", "1,5", " 1", "1 ", "inf", "-Infinity", "nan", "0x10", "1e400", "1_000", "1.2.3", "e5", "٣"]
-        {
+        for text in [
+            "",
+            "-",
+            "1e",
+            "1,5",
+            " 1",
+            "1 ",
+            "inf",
+            "-Infinity",
+            "nan",
+            "0x10",
+            "1e400",
+            "1_000",
+            "1.2.3",
+            "e5",
+            "1e10000",
+            "1e-99999999999999999999",
+            "٣",
+        ] {
             assert_eq!(Wide::parse(text), None, "{text:?}");
         }
         for (text, hi, lo) in [
