@@ -62,6 +62,7 @@
 //! | [`sweep`] | the same work at every point of a grid, kept row by row |
 //! | [`study`] | steady motions, their change with the numbers of a scene, identification of such numbers |
 //! | [`plot`] | figures as data, and their pictures |
+//! | [`output`] | folders that commands write into, and their manifests |
 //! | [`poly`], [`linalg`] | first roots of polynomials; natural modes |
 //!
 //! The features are `cli` (the `flank` program), `diffsol` (integrators for stiff modes and users' own fields) and `plot`
@@ -83,6 +84,7 @@ pub mod gear;
 pub mod hybrid;
 pub mod integrate;
 pub mod linalg;
+pub mod output;
 pub mod plot;
 pub mod poly;
 pub mod scene;

@@ -222,6 +222,7 @@ mod command {
         assert_eq!(
             first.keys().collect::<Vec<_>>(),
             [
+                "flank-manifest.json",
                 "report.html",
                 "stability-stiffness.csv",
                 "stability-stiffness.json",

@@ -26,7 +26,9 @@ impl Spring {
             Stiffness::Periodic { period, origin, pieces } => {
                 Self::Periodic { period: *period, origin: *origin, pieces: pieces.clone() }
             }
-            Stiffness::Switched { times, levels } => Self::Switched { times: times.clone(), levels: *levels },
+            Stiffness::Switched { times, levels } => {
+                Self::Switched { times: times.iter().map(|[time, _]| *time).collect(), levels: *levels }
+            }
         }
     }
 

@@ -2,22 +2,23 @@
 
 use std::{path::PathBuf, time::Instant};
 
-use flank::study::{
-    StudyError,
-    advise::{Advice, Plan, Rung, figures},
-    figures::Context,
-    steady::Rule,
+use flank::{
+    output::Request,
+    study::{
+        StudyError,
+        advise::{Advice, Plan, Rung, figures},
+        figures::Context,
+        steady::Rule,
+    },
 };
 use serde::Serialize;
 use serde_json::json;
 
 use super::{
-    CliError, Done,
-    folder::Folder,
-    print,
+    CliError, Done, print,
     progress::{catch_interrupt, counting, interrupt, interrupted},
     session::read,
-    study::write,
+    study::{REPORT, forms, write},
     table::Table,
 };
 
@@ -45,6 +46,10 @@ fn tolerance(word: &str) -> Result<f64, String> {
     word.parse().ok().filter(|share| *share > 0.0 && *share < 1.0).ok_or_else(wanted)
 }
 
+const TABLE: &str = "advise.csv";
+const ADVICE: &str = "advise.json";
+const TIMING: &str = "timing.json";
+
 /// `timing.json`: the only file that two runs may write differently.
 #[derive(Serialize)]
 struct Timing {
@@ -70,7 +75,18 @@ const STEPS: f64 = 4_000.0;
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let plan = Plan::new(&read(arguments.scene.as_deref())?)?;
     // Refused before anything is run, made when there is something to write.
-    arguments.out.as_ref().map_or(Ok(()), |out| Folder::check(out, arguments.force))?;
+    let request = arguments.out.as_deref().map(|folder| Request {
+        folder,
+        command: "advise",
+        input: arguments.scene.as_deref(),
+        force: arguments.force,
+        files: ["rungs", "freedoms"]
+            .into_iter()
+            .flat_map(forms)
+            .chain([TABLE, ADVICE, TIMING, REPORT].map(String::from))
+            .collect(),
+    });
+    request.as_ref().map(Request::check).transpose()?;
     catch_interrupt();
     let bar = counting("models", arguments.quiet);
     bar.set_length(plan.runs() as u64);
@@ -85,21 +101,20 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     };
     let Some(timing) = timing(&advice)? else { return stopped() };
 
-    if let Some(out) = &arguments.out {
-        let folder = Folder::open(out, arguments.force)?;
-        let drawn = Folder::open(&out.join("figures"), true)?;
+    if let Some(request) = &request {
+        let mut folder = request.open()?;
         for figure in [figures::rungs(&advice), figures::freedoms(&advice)].into_iter().flatten() {
-            write(&drawn, &figure)?;
+            write(&mut folder, &figure)?;
         }
-        folder.bytes("advise.csv", advice.csv().as_bytes())?;
-        folder.complete("advise.json", &json!({ "flank": env!("CARGO_PKG_VERSION"), "advice": advice }))?;
-        folder.complete("timing.json", &timing)?;
-        folder.bytes("report.html", advice.report(env!("CARGO_PKG_VERSION")).html().as_bytes())?;
+        folder.bytes(TABLE, advice.csv().as_bytes())?;
+        folder.complete(ADVICE, &json!({ "flank": env!("CARGO_PKG_VERSION"), "advice": advice }))?;
+        folder.complete(TIMING, &timing)?;
+        folder.bytes(REPORT, advice.report(env!("CARGO_PKG_VERSION")).html().as_bytes())?;
     }
     if !arguments.quiet {
         let mut text = text(&advice, &timing);
         if let Some(out) = &arguments.out {
-            text += &format!("\nreport: {}\n", out.join("report.html").display());
+            text += &format!("\nreport: {}\n", out.join(REPORT).display());
         }
         print(&text)?;
     }

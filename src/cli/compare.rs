@@ -1,19 +1,19 @@
 //! `flank compare`.
 
 use std::{
-    path::{Path, PathBuf},
+    path::PathBuf,
     time::{Duration, Instant as Stopwatch},
 };
 
 use flank::{
     accuracy::{AccuracyError, Contender, Kind, Problem, Row, Setting, Truth, score},
+    output::Request,
     scene::Duration as Length,
 };
 
 use super::{
     CliError, Done,
     comparison::{Comparison, Time},
-    folder::Folder,
     print,
     progress::{catch_interrupt, counting, interrupted},
     session::Session,
@@ -68,7 +68,14 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let session = Session::open(arguments.scene.as_deref())?;
     let problem = problem(&session, arguments.cycles);
     let contenders = contenders(arguments, &problem)?;
-    arguments.out.as_deref().map_or(Ok(()), |path| Folder::check(path, arguments.force))?;
+    let request = arguments.out.as_deref().map(|folder| Request {
+        folder,
+        command: "compare",
+        input: arguments.scene.as_deref(),
+        force: arguments.force,
+        files: Comparison::files(),
+    });
+    request.as_ref().map(Request::check).transpose()?;
     catch_interrupt();
 
     let truth = Truth::find(&problem, arguments.growth)?;
@@ -111,9 +118,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         stopped: &stopped,
     };
     let summaries = comparison.summaries(&contenders);
-    let folder = arguments.out.as_deref().map(|path| Folder::open(path, arguments.force)).transpose()?;
-    if let Some(folder) = &folder {
-        comparison.write(folder, arguments.out.as_deref().unwrap_or(Path::new(".")), &summaries)?;
+    if let Some(request) = &request {
+        comparison.write(&mut request.open()?, &summaries)?;
     }
     if !arguments.quiet {
         print(&comparison.text(&summaries, arguments.out.as_deref()))?;

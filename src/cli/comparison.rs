@@ -8,6 +8,7 @@ use flank::{
         stability::highest_frequency,
     },
     integrate::Choice,
+    output::Folder,
     plot::{Cell, Figure, Item, Report, Section, Table as ReportTable},
 };
 use serde::Serialize;
@@ -15,11 +16,14 @@ use serde_json::{Value, json};
 
 use super::{
     CliError,
-    folder::Folder,
     session::Session,
-    study::write,
+    study::{REPORT, forms, write},
     table::{Table, number},
 };
+
+const TABLE: &str = "compare.csv";
+const ERRORS: &str = "compare.json";
+const TIMING: &str = "timing.json";
 
 /// Errors at which costs are compared, periods.
 const TARGETS: [f64; 3] = [1e-3, 1e-6, 1e-9];
@@ -266,7 +270,13 @@ impl Comparison<'_> {
             .collect()
     }
 
-    pub fn write(&self, folder: &Folder, out: &Path, summaries: &[Summary]) -> Result<(), CliError> {
+    /// The files that `write` writes.
+    pub fn files() -> Vec<String> {
+        let figures = ["work-precision", "work-precision-time"].into_iter().flat_map(forms);
+        figures.chain([TABLE, ERRORS, TIMING, REPORT].map(String::from)).collect()
+    }
+
+    pub fn write(&self, folder: &mut Folder, summaries: &[Summary]) -> Result<(), CliError> {
         let name = &self.session.title();
         let timed: Vec<Timed<'_>> = self
             .rows
@@ -275,12 +285,11 @@ impl Comparison<'_> {
             .map(|(row, time)| Timed { row, seconds: time.seconds_per_cycle })
             .collect();
         let figures = [by_steps(name, self.truth, self.rows), by_time(name, self.truth, &timed)];
-        let place = Folder::open(&out.join("figures"), true)?;
         for figure in &figures {
-            write(&place, figure)?;
+            write(folder, figure)?;
         }
-        folder.bytes("compare.csv", self.csv().as_bytes())?;
-        folder.complete("compare.json", &self.json(summaries))?;
+        folder.bytes(TABLE, self.csv().as_bytes())?;
+        folder.complete(ERRORS, &self.json(summaries))?;
         let times: Vec<Value> = self
             .rows
             .iter()
@@ -296,8 +305,8 @@ impl Comparison<'_> {
                 json!({ "method": s.name, "at": at.collect::<Vec<_>>() })
             })
             .collect();
-        folder.complete("timing.json", &json!({ "rows": times, "costs": ratios }))?;
-        folder.bytes("report.html", self.report(summaries, figures).html().as_bytes())
+        folder.complete(TIMING, &json!({ "rows": times, "costs": ratios }))?;
+        Ok(folder.bytes(REPORT, self.report(summaries, figures).html().as_bytes())?)
     }
 
     /// Errors and counters: the same input gives the same file. Times are in `timing.json`.

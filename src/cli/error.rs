@@ -6,6 +6,7 @@ use flank::{
     accuracy::AccuracyError,
     engine::EngineError,
     integrate::IntegrateError,
+    output::OutputError,
     scene::SceneError,
     study::StudyError,
     study::identify::IdentifyError,
@@ -33,10 +34,10 @@ pub enum CliError {
     #[error(transparent)]
     #[diagnostic(help("set run.integrator.method to \"auto\", or use a build that has it"))]
     Integrator(IntegrateError),
-    /// The output folder is in use.
-    #[error("{0} is not empty")]
-    #[diagnostic(help("name another folder, or write --force to replace the files of an earlier run"))]
-    Occupied(String),
+    /// The output folder cannot be written into.
+    #[error("{0}")]
+    #[diagnostic(help("{1}"))]
+    Output(OutputError, &'static str),
     /// The axes of a sweep cannot be used.
     #[error(transparent)]
     Grid(#[from] GridError),
@@ -82,10 +83,24 @@ impl From<StudyError> for CliError {
     }
 }
 
+impl From<OutputError> for CliError {
+    fn from(error: OutputError) -> Self {
+        let help = match &error {
+            OutputError::Occupied(_) => "name another folder, or write --force to replace the files of an earlier run",
+            OutputError::Input(_) => "name another folder, or move the scene out of this one",
+            _ => "move it, or name another folder: --force replaces only what the manifest names",
+        };
+        match error {
+            OutputError::File { path, source } => Self::path(&path, source),
+            error => Self::Output(error, help),
+        }
+    }
+}
+
 impl From<SweepError> for CliError {
     fn from(error: SweepError) -> Self {
         let help = match &error {
-            SweepError::Occupied(path) => return Self::Occupied(path.display().to_string()),
+            SweepError::Occupied(path) => return OutputError::Occupied(path.clone()).into(),
             SweepError::Unfinished(_) => "write --resume to go on with it, or --force to begin anew",
             SweepError::InUse(_) => "wait for it, or name another folder with --out",
             SweepError::Mismatch { .. } => {
@@ -98,6 +113,7 @@ impl From<SweepError> for CliError {
         };
         match error {
             SweepError::File { path, source } => Self::path(&path, source),
+            SweepError::Output(error) => error.into(),
             error => Self::Sweep(error, help),
         }
     }

@@ -3,15 +3,14 @@
 use std::{fmt::Write, path::PathBuf, str::FromStr};
 
 use flank::{
+    output::Request,
     scene::{Fault, Scene},
     study::identify::{Identification, IdentifyError, Parameter, Side, Target, check, identify_watched},
 };
 use serde::Serialize;
 
 use super::{
-    CliError, Done,
-    folder::Folder,
-    print,
+    CliError, Done, print,
     progress::{catch_interrupt, counting, unless_interrupted},
     session,
     table::{Table, number},
@@ -40,6 +39,9 @@ pub struct Arguments {
     quiet: bool,
 }
 
+const ANSWER: &str = "identify.json";
+const SCENE: &str = "scene.json";
+
 /// `identify.json`.
 #[derive(Serialize)]
 struct File<'a> {
@@ -65,7 +67,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if !faults.is_empty() {
         return Err(IdentifyError { faults }.into());
     }
-    let folder = arguments.out.as_deref().map(|path| Folder::open(path, arguments.force)).transpose()?;
+    let request = arguments.out.as_deref().map(|folder| {
+        let (input, files) = (arguments.scene.as_deref(), [SCENE, ANSWER].map(String::from).to_vec());
+        Request { folder, command: "identify", input, force: arguments.force, files }
+    });
+    let folder = request.map(|request| request.open()).transpose()?;
     catch_interrupt();
     let bar = counting("descents", arguments.quiet);
     let found = identify_watched(&scene, &parameters, &targets, &mut |done, all| {
@@ -78,11 +84,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         eprintln!("stopped: nothing is found, nothing is written");
         return Ok(Done::Partly);
     };
-    if let Some(folder) = folder {
+    if let Some(mut folder) = folder {
         let source = Source { name: scene.name(), sha256: scene.hash() };
         let file = File { flank: env!("CARGO_PKG_VERSION"), scene: source, found: &found };
-        folder.complete("scene.json", found.apply(&scene)?.given())?;
-        folder.complete("identify.json", &file)?;
+        folder.complete(SCENE, found.apply(&scene)?.given())?;
+        folder.complete(ANSWER, &file)?;
     }
     if !arguments.quiet {
         print(&text(&scene, &found).unwrap_or_default())?;

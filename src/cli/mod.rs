@@ -5,7 +5,6 @@ mod check;
 mod compare;
 mod comparison;
 mod error;
-mod folder;
 mod geometry;
 mod identify;
 mod progress;

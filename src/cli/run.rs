@@ -1,16 +1,19 @@
 //! `flank run`.
 
-use std::{ops::ControlFlow, path::PathBuf};
+use std::{
+    io::{BufWriter, LineWriter},
+    ops::ControlFlow,
+    path::PathBuf,
+};
 
 use flank::{
     analysis::{Contacts, EventLog, Grid, Ledger, Trajectory},
     engine::Outcome,
+    output::Request,
 };
 
 use super::{
-    CliError, Done,
-    folder::Folder,
-    print,
+    CliError, Done, print,
     progress::{Progress, catch_interrupt},
     report,
     session::Session,
@@ -41,6 +44,10 @@ pub struct Arguments {
     quiet: bool,
 }
 
+const EVENTS: &str = "events.jsonl";
+const TRAJECTORY: &str = "trajectory.csv";
+const SUMMARY: &str = "summary.json";
+
 /// Runs a scene.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let session = Session::open(arguments.scene.as_deref())?;
@@ -49,11 +56,21 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let (mut engine, why) = session.engine(most)?;
     let warnings: Vec<String> = session.case.built.warnings.iter().map(ToString::to_string).collect();
 
-    let folder = arguments.out.as_deref().map(|path| Folder::open(path, arguments.force)).transpose()?;
-    let mut events = EventFile::new(folder.as_ref().map(Folder::events).transpose()?);
     let sampled = arguments.trajectory || run.samples_per_cycle > 0;
-    let file = folder.as_ref().filter(|_| sampled).map(Folder::trajectory).transpose()?;
-    let mut samples = file.map(|file| TrajectoryFile::new(&session, file));
+    let mut folder = arguments
+        .out
+        .as_deref()
+        .map(|folder| {
+            let names = [Some(EVENTS), sampled.then_some(TRAJECTORY), Some(SUMMARY)];
+            let files = names.into_iter().flatten().map(String::from).collect();
+            let input = arguments.scene.as_deref();
+            Request { folder, command: "run", input, force: arguments.force, files }.open()
+        })
+        .transpose()?;
+    // Each line reaches the file as it is written.
+    let mut events = EventFile::new(folder.as_mut().map(|f| f.create(EVENTS)).transpose()?.map(LineWriter::new));
+    let file = folder.as_mut().filter(|_| sampled).map(|folder| folder.create(TRAJECTORY)).transpose()?;
+    let mut samples = file.map(|file| TrajectoryFile::new(&session, BufWriter::new(file)));
 
     let structure = &session.case.structure;
     let [from, measured, end] = session.instants;
@@ -93,9 +110,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         warnings,
     };
     let place = |name: &'static str| move |error| CliError::file(name, error);
-    let written = events.finish().map_err(place("events.jsonl"));
-    let sampled = samples.map_or(Ok(()), TrajectoryFile::finish).map_err(place("trajectory.csv"));
-    folder.map_or(Ok(()), |folder| folder.summary(&summary))?;
+    let written = events.finish().map_err(place(EVENTS));
+    let sampled = samples.map_or(Ok(()), TrajectoryFile::finish).map_err(place(TRAJECTORY));
+    folder.map_or(Ok(()), |mut folder| folder.complete(SUMMARY, &summary))?;
     written.and(sampled)?;
     if !arguments.quiet {
         print(&report::text(&session, &summary).unwrap_or_default())?;

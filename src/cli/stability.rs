@@ -7,7 +7,8 @@ use flank::{
         Contender, Kind,
         stability::{self, Map, Outcome, Plan, Reference, Rule, Start, Subject},
     },
-    plot::{self, Item, Report, Section, Theme},
+    output::Request,
+    plot::{self, Item, Report, Section},
     scene::Scene,
     study::Case,
     sweep::{Axis, Fault, Values, number},
@@ -18,10 +19,10 @@ use serde_json::json;
 use super::{
     CliError, Done,
     advise::wrapped,
-    folder::Folder,
     print,
     progress::{catch_interrupt, counting, interrupt},
     session,
+    study::{REPORT, forms, write},
     table::{self, Table},
 };
 
@@ -71,6 +72,9 @@ enum Over {
     Backlash,
 }
 
+const TABLE: &str = "stability.csv";
+const MAP: &str = "stability.json";
+
 /// Steps that people use: a thousand a cycle, and these, s.
 const USED: [(f64, &str); 2] = [(1e-5, "1e-5 s"), (1e-6, "1e-6 s")];
 /// Methods that a map can be made of.
@@ -85,9 +89,17 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let subject = subject(&scene, &case)?;
     let plan = plan(arguments, &subject, case.built.dimensionless)?;
     // Before the work: a folder in use is told at once. It is opened after it: a map broken off leaves nothing behind.
-    if let Some(out) = &arguments.out {
-        Folder::check(out, arguments.force)?;
-    }
+    let request = arguments.out.as_deref().map(|folder| Request {
+        folder,
+        command: "stability",
+        input: arguments.scene.as_deref(),
+        force: arguments.force,
+        files: forms(&format!("stability-{}", plan.over.word()))
+            .into_iter()
+            .chain([TABLE, MAP, REPORT].map(String::from))
+            .collect(),
+    });
+    request.as_ref().map(Request::check).transpose()?;
 
     catch_interrupt();
     let bar = counting("runs", arguments.quiet);
@@ -106,19 +118,13 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let name = scene.resolved()["name"].as_str().filter(|name| !name.is_empty()).unwrap_or(scene.name());
     let figure = stability::figure(name, &map);
     let unit = if case.built.dimensionless { "" } else { "s" };
-    if let Some(out) = &arguments.out {
-        let folder = Folder::open(out, arguments.force)?;
-        folder.bytes("stability.csv", csv(&map).as_bytes())?;
-        let figures = Folder::open(&out.join("figures"), true)?;
-        let file = |kind: &str, bytes: &[u8]| figures.bytes(&format!("{}.{kind}", figure.id), bytes);
-        file("csv", figure.csv().as_bytes())?;
-        file("json", figure.json().as_bytes())?;
-        file("svg", plot::svg(&figure, Theme::Light).as_bytes())?;
-        file("png", &plot::png(&figure, 1.5))?;
-        folder.bytes("report.html", report(&scene, &map, unit, figure).html().as_bytes())?;
+    if let Some(request) = &request {
+        let mut folder = request.open()?;
+        folder.bytes(TABLE, csv(&map).as_bytes())?;
+        write(&mut folder, &figure)?;
+        folder.bytes(REPORT, report(&scene, &map, unit, figure).html().as_bytes())?;
         let scene = json!({ "name": scene.name(), "sha256": scene.hash() });
-        folder
-            .complete("stability.json", &json!({ "flank": env!("CARGO_PKG_VERSION"), "scene": scene, "map": map }))?;
+        folder.complete(MAP, &json!({ "flank": env!("CARGO_PKG_VERSION"), "scene": scene, "map": map }))?;
     }
     if !arguments.quiet {
         print(&text(&scene, &map, unit, arguments.out.as_deref()))?;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use flank::{
+    output::{Folder, Request},
     plot::{self, Theme},
     scene::Scene,
     study::{
@@ -19,9 +20,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::{
-    CliError, Done,
-    folder::Folder,
-    print,
+    CliError, Done, print,
     progress::{catch_interrupt, counting, interrupt},
 };
 
@@ -60,6 +59,15 @@ fn kind(word: &str) -> Result<Kind, String> {
     })
 }
 
+const TABLE: &str = "table.csv";
+const SUMMARY: &str = "study.json";
+pub(super) const REPORT: &str = "report.html";
+
+/// The table behind a figure.
+fn table(kind: Kind) -> String {
+    format!("figures/{}-table.csv", kind.id())
+}
+
 /// `study.json`: where everything came from, and the table.
 #[derive(Serialize)]
 struct Summary<'a> {
@@ -74,12 +82,24 @@ struct Summary<'a> {
 /// Makes a study.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let plan = plan(arguments)?;
-    let folder = Folder::open(&arguments.out, arguments.force)?;
     let asked: Vec<Kind> = Kind::ALL
         .into_iter()
         .filter(|kind| arguments.only.is_empty() || arguments.only.contains(kind))
         .filter(|kind| plan.published || !kind.is_of_reference() || arguments.only.contains(kind))
         .collect();
+
+    let mut folder = Request {
+        folder: &arguments.out,
+        command: "study",
+        input: arguments.scene.as_deref(),
+        force: arguments.force,
+        files: asked
+            .iter()
+            .flat_map(|kind| forms(kind.id()).into_iter().chain([table(*kind)]))
+            .chain([TABLE, SUMMARY, REPORT].map(String::from))
+            .collect(),
+    }
+    .open()?;
 
     catch_interrupt();
     let bar = counting("runs", arguments.quiet);
@@ -96,13 +116,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     for kind in asked {
         match pool.install(|| plan.make(kind, &context)) {
             Ok(entry) => {
-                // Opened only now: a study that cannot be made leaves nothing behind.
-                let figures = Folder::open(&arguments.out.join("figures"), true)?;
                 if let Some(figure) = &entry.figure {
-                    write(&figures, figure)?;
+                    write(&mut folder, figure)?;
                 }
                 if let Some(listing) = &entry.listing {
-                    figures.bytes(&format!("{}-table.csv", kind.id()), listing_csv(listing).as_bytes())?;
+                    folder.bytes(&table(kind), listing_csv(listing).as_bytes())?;
                 }
                 contents.entries.push((kind, entry));
             }
@@ -134,9 +152,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     }
     contents.provenance = provenance(&contents, &context.rule);
 
-    folder.bytes("table.csv", csv(&contents).as_bytes())?;
-    folder.complete("study.json", &summary(&contents, context.rule))?;
-    folder.bytes("report.html", contents.report().html().as_bytes())?;
+    folder.bytes(TABLE, csv(&contents).as_bytes())?;
+    folder.complete(SUMMARY, &summary(&contents, context.rule))?;
+    folder.bytes(REPORT, contents.report().html().as_bytes())?;
     if !arguments.quiet {
         print(&text(&contents, &arguments.out))?;
     }
@@ -174,13 +192,18 @@ fn title(plan: &Plan) -> String {
     }
 }
 
+/// The files of a figure.
+pub(super) fn forms(id: &str) -> [String; 4] {
+    ["csv", "json", "svg", "png"].map(|kind| format!("figures/{id}.{kind}"))
+}
+
 /// One figure in all its forms.
-pub(super) fn write(folder: &Folder, figure: &plot::Figure) -> Result<(), CliError> {
-    let file = |kind: &str, bytes: &[u8]| folder.bytes(&format!("{}.{kind}", figure.id), bytes);
-    file("csv", figure.csv().as_bytes())?;
-    file("json", figure.json().as_bytes())?;
-    file("svg", plot::svg(figure, Theme::Light).as_bytes())?;
-    file("png", &plot::png(figure, 1.5))
+pub(super) fn write(folder: &mut Folder, figure: &plot::Figure) -> Result<(), CliError> {
+    let [csv, json, svg, png] = forms(&figure.id);
+    folder.bytes(&csv, figure.csv().as_bytes())?;
+    folder.bytes(&json, figure.json().as_bytes())?;
+    folder.bytes(&svg, plot::svg(figure, Theme::Light).as_bytes())?;
+    Ok(folder.bytes(&png, &plot::png(figure, 1.5))?)
 }
 
 fn provenance(contents: &Contents, rule: &Rule) -> Vec<String> {

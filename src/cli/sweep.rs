@@ -8,7 +8,9 @@ use flank::{
         Case, StudyError,
         steady::{ContactSteady, Rule, Seed, Steady, steady},
     },
-    sweep::{Begin, Cell, Ending, Entry, Grid, Journal, Outcome, Plan, Seeding, SweepError, Work, number, run},
+    sweep::{
+        Begin, Cell, Ending, Entry, Grid, Journal, Outcome, Plan, Seeding, SweepError, Work, number, request, run,
+    },
 };
 use serde_json::{Value, json};
 
@@ -97,6 +99,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         (_, true) => Begin::Replace,
         _ => Begin::New,
     };
+    if begin != Begin::New {
+        request(&arguments.out, arguments.scene.as_deref(), begin).check()?;
+    }
     let out = arguments.out.display();
     let say = |text: String| if arguments.quiet { Ok(()) } else { print(&text) };
     let Some(mut journal) = Journal::<Steady, Seed>::open(&arguments.out, begin, header, plan.rows())? else {

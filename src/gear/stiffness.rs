@@ -37,8 +37,9 @@ pub enum Stiffness {
     },
     /// Starts at `levels[0]` and alternates between the two levels at the listed times.
     Switched {
-        /// Switching times, s, strictly rising.
-        times: Vec<f64>,
+        /// Switching times, s, strictly rising: each a double and the remainder to the time, at most half a unit in the
+        /// last place of it.
+        times: Vec<[f64; 2]>,
         /// The two stiffnesses.
         levels: [f64; 2],
     },

@@ -1,4 +1,4 @@
-//! Exact decimal digits of a [`Wide`]: its value is a whole number times a power of two, and is written so.
+//! Decimal digits of a [`Wide`], written exactly: its value is a whole number times a power of two. And read exactly.
 
 use super::Wide;
 
@@ -97,6 +97,50 @@ impl Wide {
             _ => format!("{}.{}e{}", &digits[..1], &digits[1..], point - 1),
         };
         format!("{sign}{body}")
+    }
+}
+
+impl Wide {
+    /// The number that `text` writes in decimal: digits with or without sign, point and exponent, any number of them.
+    ///
+    /// `hi` is the double nearest to it, `lo` the double nearest to what is left. `None` for any other text, beyond the
+    /// range of a double, and for exponents beyond ±9999.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
+        // What is left is a difference of two decimals; the standard library rounds either to the nearest double.
+        let numeric = text.chars().all(|c| c.is_ascii_digit() || "+-.eE".contains(c));
+        let hi = text.parse::<f64>().ok().filter(|hi| numeric && hi.is_finite())?;
+        let (mantissa, exponent) = text.split_once(['e', 'E']).unwrap_or((text, "0"));
+        // The standard library cuts longer exponents.
+        let exponent = exponent.parse::<i64>().ok().filter(|exponent| exponent.abs() < 10_000)?;
+        if hi == 0.0 {
+            return Some(Self::default());
+        }
+        let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
+        let mut given = [whole.trim_start_matches(['+', '-']), fraction].concat().into_bytes();
+        let given_decimals = fraction.len() as i64 - exponent;
+        let near_decimals = i64::from((-parts(hi).1).max(0));
+        let mut near = format!("{:.*}", near_decimals as usize, hi.abs()).replace('.', "").into_bytes();
+        let decimals = near_decimals.max(given_decimals);
+        for (digits, own) in [(&mut given, given_decimals), (&mut near, near_decimals)] {
+            digits.resize(digits.len() + (decimals - own) as usize, b'0');
+        }
+        let length = given.len().max(near.len());
+        for digits in [&mut given, &mut near] {
+            digits.splice(0..0, std::iter::repeat_n(b'0', length - digits.len()));
+        }
+        let (larger, smaller) = if given < near { (&near, &given) } else { (&given, &near) };
+        let (mut left, mut borrow) = (vec![b'0'; length], 0);
+        for (i, digit) in left.iter_mut().enumerate().rev() {
+            let taken = smaller[i] + borrow;
+            borrow = u8::from(larger[i] < taken);
+            *digit += larger[i] + 10 * borrow - taken;
+        }
+        let sign = if (given < near) == (hi > 0.0) { "-" } else { "" };
+        // `near` has a digit before its decimals.
+        left.insert(length - decimals as usize, b'.');
+        let lo = format!("{sign}{}", String::from_utf8_lossy(&left)).parse().ok()?;
+        Some(Self { hi, lo })
     }
 }
 
@@ -214,6 +258,75 @@ mod tests {
                     assert!(digits.starts_with(mine) && place == exponent, "{ours} {theirs}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read_back() {
+        let mut bits: u64 = 0x9e37_79b9_7f4a_7c15;
+        let mut random = || {
+            bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            bits
+        };
+        for _ in 0..2_000 {
+            let hi = f64::from_bits(random());
+            // A remainder of any size below half a unit in the last place of `hi`.
+            let share = (random() >> 12) as f64 / 2f64.powi(53 + (random() % 40) as i32);
+            let w = Wide::sum(hi, hi * f64::EPSILON * 0.49 * (share - 0.25));
+            if w.hi.is_finite() && w.hi.abs() > 1e-290 {
+                // All digits of both parts.
+                assert_eq!(Wide::parse(&w.decimal(1_500)), Some(w), "{w:?}");
+                assert_eq!(Wide::parse(&format!("{:e}", w.hi)).map(|w| w.hi), Some(w.hi));
+            }
+        }
+        // Half way between two remainders, but for a digit behind a million zeros.
+        let (low, gap) = (2f64.powi(-60), 2f64.powi(-112));
+        let half = Wide { hi: low, lo: 0.5 * gap }.decimal(200);
+        let (digits, exponent) = half.split_once('e').expect("a small number");
+        // One and that.
+        let text = |tail: &str| format!("1{}{digits}{}{tail}e{exponent}", "0".repeat(18), "0".repeat(1_000_000));
+        assert_eq!(exponent, "-19");
+        assert_eq!(Wide::parse(&text("")), Some(Wide { hi: 1.0, lo: low }));
+        assert_eq!(Wide::parse(&text("1")), Some(Wide { hi: 1.0, lo: low + gap }));
+    }
+
+    #[test]
+    fn only_decimals_are_read() {
+        for text in [
+            "",
+            "-",
+            "1e",
+            "1,5",
+            " 1",
+            "1 ",
+            "inf",
+            "-Infinity",
+            "nan",
+            "0x10",
+            "1e400",
+            "1_000",
+            "1.2.3",
+            "e5",
+            "1e10000",
+            "1e-99999999999999999999",
+            "٣",
+        ] {
+            assert_eq!(Wide::parse(text), None, "{text:?}");
+        }
+        for (text, hi, lo) in [
+            ("0", 0.0, 0.0),
+            ("-0.0e5", 0.0, 0.0),
+            ("1e-400", 0.0, 0.0),
+            ("+.5", 0.5, 0.0),
+            ("5.", 5.0, 0.0),
+            ("25e-2", 0.25, 0.0),
+            ("-1E3", -1000.0, 0.0),
+            ("1e23", 1e23, 8_388_608.0),
+            ("9007199254740993", 9_007_199_254_740_992.0, 1.0),
+            ("-0.1", -0.1, 5.551_115_123_125_783e-18),
+            ("1.00000000000000000000000000000001", 1.0, 1e-32),
+        ] {
+            assert_eq!(Wide::parse(text), Some(Wide { hi, lo }), "{text:?}");
         }
     }
 

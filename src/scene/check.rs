@@ -6,6 +6,7 @@ use super::{
     fault::{Fault, below, nearest, show},
     shape::{Field, Object, Presence, Shape, quoted},
 };
+use crate::hybrid::Wide;
 
 /// Checks `value` and returns it resolved: defaults written out, numbers in one spelling. Where it has
 /// faults the result is not to be used.
@@ -24,6 +25,13 @@ pub(super) fn check(value: &Value, shape: &Shape, pointer: &str, faults: &mut Ve
                 .push(Fault::new(pointer, show(value), shape.describe()).remedy("write a whole number in this range")),
         },
         (Shape::Flag, Value::Bool(_)) | (Shape::Text, Value::String(_)) => return value.clone(),
+        (Shape::Decimal, Value::String(text)) => {
+            if Wide::parse(text).is_some() {
+                return value.clone();
+            }
+            let remedy = "write digits, with a point or an exponent if need be, below 1.8e308";
+            faults.push(Fault::new(pointer, show(value), shape.describe()).remedy(remedy));
+        }
         (Shape::Choice(words), Value::String(word)) => {
             if words.contains(&word.as_str()) {
                 return value.clone();

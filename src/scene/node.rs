@@ -9,6 +9,7 @@ use super::{
     fault::{Fault, Warning, below, show},
     shape::Units,
 };
+use crate::hybrid::Wide;
 
 /// What reading finds out beyond the shapes: conditions across keys.
 #[derive(Debug, Default)]
@@ -62,6 +63,11 @@ impl<'a> Node<'a> {
 
     pub fn number(&self) -> f64 {
         self.value.as_f64().unwrap_or(f64::NAN)
+    }
+
+    /// A number, or one written as text with more digits than a double holds.
+    pub fn wide(&self) -> Wide {
+        Wide::parse(self.text()).unwrap_or_else(|| self.number().into())
     }
 
     pub fn whole(&self) -> u64 {

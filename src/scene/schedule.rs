@@ -27,9 +27,14 @@ pub(super) fn shape(units: Units) -> Shape {
         .needed("ramp", between(0.0, 1.0), "Width of a ramp, fraction of the period.")
         .needed(period(), positive(), "Period.")
         .with_default(units.key("origin", "s"), 0.0, number(), "Time of the centre of a rising ramp.");
+    let time = Shape::Either(vec![number(), Shape::Decimal]);
     let switched = Object::new("Two levels that alternate at listed times.")
         .needed("levels", list_of(2, 2, at_least(0.0)), "The two stiffnesses, the first one at the start.")
-        .needed(units.key("times", "s"), list_of(1, 1_000_000, number()), "Switching times, rising.");
+        .needed(
+            units.key("times", "s"),
+            list_of(1, 1_000_000, time),
+            "Switching times, rising; in quotation marks with any number of digits.",
+        );
     Shape::Either(vec![
         positive(),
         Shape::Variant {
@@ -89,7 +94,7 @@ pub(super) fn read(node: &Node) -> Stiffness {
         "trapezoidal" => trapezoidal(node, period, origin),
         "switched" => {
             let (times, levels) = (node.at_unit("times", "s"), node.at("levels").numbers());
-            let values = times.numbers();
+            let values: Vec<[f64; 2]> = times.items().iter().map(Node::wide).map(|time| [time.hi, time.lo]).collect();
             if values.windows(2).any(|pair| pair[0] >= pair[1]) {
                 times.refuse("times that rise strictly", "sort the times and write each once");
             }

@@ -22,6 +22,9 @@ pub(super) fn schema_of(shape: &Shape, partial: bool) -> Value {
         Shape::Whole { min, max } => json!({ "type": "integer", "minimum": min, "maximum": max }),
         Shape::Flag => json!({ "type": "boolean" }),
         Shape::Text => json!({ "type": "string" }),
+        Shape::Decimal => {
+            json!({ "type": "string", "pattern": r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$" })
+        }
         Shape::Choice(words) => json!({ "enum": words }),
         Shape::List { item, min, max } => {
             json!({ "type": "array", "items": schema_of(item, partial), "minItems": min, "maxItems": max })

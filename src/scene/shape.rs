@@ -73,6 +73,8 @@ pub(super) enum Shape {
     Flag,
     /// Any text.
     Text,
+    /// A decimal number as text, of any length.
+    Decimal,
     /// One of a few words.
     Choice(Vec<&'static str>),
     /// A list.
@@ -253,6 +255,7 @@ impl Shape {
             Self::Whole { min, max } => format!("a whole number from {min} to {max}"),
             Self::Flag => "true or false".to_owned(),
             Self::Text => "a text".to_owned(),
+            Self::Decimal => "a decimal number in quotation marks".to_owned(),
             Self::Choice(words) => quoted(words.iter().copied()),
             Self::List { item, min, max } => {
                 let length = match (*min, *max) {
@@ -279,7 +282,7 @@ impl Shape {
         match self {
             Self::Number(_) | Self::Whole { .. } => value.is_number(),
             Self::Flag => value.is_boolean(),
-            Self::Text | Self::Choice(_) => value.is_string(),
+            Self::Text | Self::Decimal | Self::Choice(_) => value.is_string(),
             // A list of lists is told from a list of numbers by its first item.
             Self::List { item, .. } => {
                 value.as_array().is_some_and(|items| items.first().is_none_or(|first| item.is_about(first)))

@@ -1,5 +1,7 @@
 use std::{fmt, path::PathBuf};
 
+use crate::output::OutputError;
+
 /// One thing wrong with the axes of a sweep.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
@@ -70,6 +72,9 @@ pub enum SweepError {
         /// Why.
         source: std::io::Error,
     },
+    /// The folder cannot be written into.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// The threads cannot be started.
     #[error("the threads of the sweep cannot be started: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),

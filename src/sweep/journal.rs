@@ -13,16 +13,28 @@ use super::{
     SweepError,
     files::{self, RESULTS, SEAL},
 };
+use crate::output::Request;
 
 /// The journal's name.
 pub(super) const NAME: &str = "sweep.journal";
+/// Every file of a sweep.
+const FILES: [&str; 4] = [NAME, RESULTS[0], RESULTS[1], RESULTS[2]];
+
+/// What a sweep writes into `folder`, over an earlier one if `force`; nothing of `input` is replaced.
+#[must_use]
+pub fn request<'a>(folder: &'a Path, input: Option<&'a Path>, begin: Begin) -> Request<'a> {
+    // The head of a journal says whose it is.
+    let files = if begin == Begin::Resume { &FILES[1..] } else { &FILES };
+    let files = files.iter().map(|name| (*name).to_owned()).collect();
+    Request { folder, command: "sweep", input, force: begin != Begin::New, files }
+}
 
 /// How a sweep begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Begin {
     /// In a folder that is empty, or not there.
     New,
-    /// Anew, in any folder; an earlier sweep there is removed.
+    /// Anew, in any folder; what its manifest names is removed.
     Replace,
     /// Where an earlier one was broken off; from the start if there is none.
     Resume,
@@ -85,7 +97,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         rows: usize,
     ) -> Result<Option<Self>, SweepError> {
         let path = folder.join(NAME);
-        let unfinished = path.exists();
+        let unfinished = fs::symlink_metadata(&path).is_ok();
         match begin {
             Begin::New if unfinished => return Err(SweepError::Unfinished(folder.to_owned())),
             Begin::New if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) => {
@@ -97,9 +109,16 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             }
             _ => {}
         }
+        let mut output = request(folder, None, begin).check()?;
+        if !unfinished {
+            if begin == Begin::Resume && output.command() != "sweep" {
+                return Err(SweepError::Occupied(folder.to_owned()));
+            }
+            output.list(&FILES)?;
+        }
         let fail = |source| SweepError::File { path: path.clone(), source };
-        fs::create_dir_all(folder).map_err(|source| SweepError::File { path: folder.to_owned(), source })?;
-        let file = File::options().read(true).write(true).create(true).truncate(false).open(&path).map_err(fail)?;
+        let file =
+            File::options().read(true).write(true).create(!unfinished).truncate(false).open(&path).map_err(fail)?;
         match file.try_lock() {
             Err(TryLockError::WouldBlock) => return Err(SweepError::InUse(folder.to_owned())),
             // A file system without locks: nothing better can be had there.
@@ -123,6 +142,10 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         if journal.end > 0 && begin == Begin::New {
             return Err(SweepError::Unfinished(folder.to_owned()));
         }
+        if begin == Begin::Replace {
+            output.clear("sweep", &[NAME])?;
+        }
+        output.list(&FILES)?;
         // Whatever stands behind the last complete line; everything, if the sweep begins anew.
         journal.file.set_len(journal.end).map_err(fail)?;
         if journal.end == 0 {
@@ -206,7 +229,13 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             line.clear();
             let read = reader.read_until(b'\n', &mut line);
             read.map_err(|source| SweepError::File { path: self.path.clone(), source })?;
-            let Some(text) = line.strip_suffix(b"\n") else { break };
+            let Some(text) = line.strip_suffix(b"\n") else {
+                // A torn head must be the start of ours: anything else is the user's.
+                if number == 1 && !Value::from(self.header.clone()).to_string().as_bytes().starts_with(&line) {
+                    return Err(damaged(1, "no journal of a sweep".to_owned()));
+                }
+                break;
+            };
             if number == 1 {
                 let header = serde_json::from_slice(text).map_err(|error| damaged(1, error.to_string()))?;
                 same(&self.folder, &header, &self.header)?;

@@ -42,6 +42,6 @@ mod run;
 pub use error::{Fault, GridError, SweepError};
 pub use files::{Tally, number};
 pub use grid::{Axis, Grid, Spacing, Values};
-pub use journal::{Begin, Entry, Journal, Outcome};
+pub use journal::{Begin, Entry, Journal, Outcome, request};
 pub use plan::{Cell, Direction, Plan, Seeding};
 pub use run::{Ending, Work, run};

@@ -1,5 +1,7 @@
 //! From a [`Spec`] to a [`Structure`]: everything a step needs, computed once.
 
+use std::collections::{BTreeMap, HashMap};
+
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::{
@@ -139,7 +141,7 @@ pub(super) struct FourColumns {
 }
 
 impl Columns {
-    fn new(k: &DMatrix<f64>, c: &DMatrix<f64>, contacts: &[Contact], oscillators: usize) -> Self {
+    fn new(k: &DMatrix<f64>, c: &DMatrix<f64>, contacts: &[Contact]) -> Self {
         let n = k.nrows();
         let entries = |i: usize, j: usize| (i as u32, j as u32, -k[(i, j)], -c[(i, j)]);
         Self {
@@ -149,21 +151,23 @@ impl Columns {
                 .flat_map(|i| (0..n).filter(move |j| *j != i).map(move |j| entries(i, j)))
                 .filter(|(_, _, k, c)| *k != 0.0 || *c != 0.0)
                 .collect(),
-            fours: contacts.chunks(4).map(|four| FourColumns::new(four, n, oscillators)).collect(),
+            fours: contacts.chunks(4).map(|four| FourColumns::new(four, n)).collect(),
         }
     }
 }
 
 impl FourColumns {
-    fn new(four: &[Contact], n: usize, oscillators: usize) -> Self {
+    fn new(four: &[Contact], n: usize) -> Self {
         let part = |f: &dyn Fn(&Contact) -> f64| std::array::from_fn(|l| four.get(l).map_or(0.0, f));
-        let wave = |c: &Contact, o, of: fn(&Wave) -> f64| c.error.iter().filter(|w| w.index == o).map(of).sum();
+        let mut waves: BTreeMap<usize, [[f64; 4]; 2]> = BTreeMap::new();
+        for (l, w) in four.iter().enumerate().flat_map(|(l, c)| c.error.iter().map(move |w| (l, w))) {
+            let [cosine, sine] = waves.entry(w.index).or_default();
+            cosine[l] += w.cosine;
+            sine[l] += w.sine;
+        }
         Self {
             directions: (0..n).map(|i| part(&|c| c.spec.direction[i])).collect(),
-            waves: (0..oscillators)
-                .filter(|o| four.iter().any(|c| c.error.iter().any(|w| w.index == *o)))
-                .map(|o| (o, part(&|c| wave(c, o, |w| w.cosine)), part(&|c| wave(c, o, |w| w.sine))))
-                .collect(),
+            waves: waves.into_iter().map(|(o, [cosine, sine])| (o, cosine, sine)).collect(),
             pushes: std::array::from_fn(|l| {
                 let mut push = vec![0.0; n];
                 four.get(l).iter().flat_map(|c| &c.push).for_each(|(i, p)| push[*i as usize] = *p);
@@ -206,10 +210,10 @@ impl Structure {
         spec.check()?;
         let cholesky = Cholesky::new(spec.mass.clone()).ok_or(AssembleError::Mass)?;
         let over_mass = |v: &[f64]| cholesky.solve(&DVector::from_column_slice(v)).as_slice().to_vec();
-        let (clock, oscillators) = find_oscillators(&spec);
+        let (clock, oscillators, places) = find_oscillators(&spec);
         let wave = |h: &Harmonic, scale: f64| Wave {
             // OK to index: find_oscillators collected every frequency of the spec.
-            index: oscillators.iter().position(|o| o.omega == h.omega).unwrap_or(0),
+            index: places[&h.omega.to_bits()],
             cosine: scale * h.amplitude * h.phase.cos(),
             sine: -scale * h.amplitude * h.phase.sin(),
         };
@@ -280,7 +284,7 @@ impl Structure {
         let mut structure = Self {
             load: over_mass(&spec.load),
             rows,
-            columns: Columns::new(&k, &c, &contacts, oscillators.len()),
+            columns: Columns::new(&k, &c, &contacts),
             n,
             dim,
             clock,
@@ -329,14 +333,15 @@ impl Structure {
     }
 }
 
-/// The clock and the distinct frequencies. Without a named base frequency the lowest one is the base if
+/// The clock, the distinct frequencies, and the place of each by its bits. Without a named base frequency the lowest one is the base if
 /// all others are its multiples; otherwise the first one met, and the others keep their own angles.
-fn find_oscillators(spec: &Spec) -> (Clock, Vec<Oscillator>) {
-    let mut omegas: Vec<f64> = Vec::new();
+fn find_oscillators(spec: &Spec) -> (Clock, Vec<Oscillator>, HashMap<u64, usize>) {
+    let (mut omegas, mut places) = (Vec::new(), HashMap::new());
     let mut meet = |w: f64| {
-        if !omegas.contains(&w) {
+        places.entry(w.to_bits()).or_insert_with(|| {
             omegas.push(w);
-        }
+            omegas.len() - 1
+        });
     };
     spec.load_harmonics.iter().for_each(|l| meet(l.omega));
     for c in &spec.contacts {
@@ -357,5 +362,5 @@ fn find_oscillators(spec: &Spec) -> (Clock, Vec<Oscillator>) {
     });
     let oscillators =
         omegas.iter().map(|&omega| Oscillator { omega, order: base.and_then(|b| order(omega, b)) }).collect();
-    (Clock::new(base), oscillators)
+    (Clock::new(base), oscillators, places)
 }

@@ -123,7 +123,7 @@ impl Spec {
                 require(*period > 0.0, "its stiffness needs a period > 0")?;
                 require((1..=MAX_PIECES).contains(&pieces.len()), "its stiffness needs 1 to 8 pieces")?;
             }
-            Stiffness::Switched { times, levels } => finite(&stiffness, times.iter().chain(levels))?,
+            Stiffness::Switched { times, levels } => finite(&stiffness, times.iter().flatten().chain(levels))?,
         }
         // A comparison with NaN is false: a value that is none is out of its range.
         match c.law {

@@ -121,7 +121,7 @@ mod tests {
             (Stiffness::Harmonic { mean: 6.0, harmonics }, Law::Bilateral(linear)),
             (Stiffness::Periodic { period: 1.0, origin: 0.0, pieces }, Law::Power(power)),
             (
-                Stiffness::Switched { times: vec![1.0], levels: [3.0, 2.0] },
+                Stiffness::Switched { times: vec![[1.0, 0.0]], levels: [3.0, 2.0] },
                 Law::KelvinVoigt(linear, Release::Deflection),
             ),
             (Stiffness::Constant(0.0), Law::Rigid(Rigid { restitution: 0.5 })),

@@ -65,7 +65,8 @@ impl Schedule {
                 }
             }
             Stiffness::Switched { times, levels } => {
-                Self::Listed { times: times.iter().map(|t| clock.instant(*t)).collect(), levels: *levels }
+                let instant = |[time, rest]: &[f64; 2]| clock.advance(clock.instant(*time), *rest);
+                Self::Listed { times: times.iter().map(instant).collect(), levels: *levels }
             }
             Stiffness::Constant(k) => Self::Listed { times: Vec::new(), levels: [*k; 2] },
             Stiffness::Harmonic { mean, .. } => Self::Listed { times: Vec::new(), levels: [*mean; 2] },

@@ -2,7 +2,9 @@
 #![allow(clippy::unwrap_used)] // helpers of tests are not recognised as tests
 
 mod crossing;
+mod decimal;
 mod endings;
+mod frequencies;
 mod isolation;
 mod release;
 mod rest;

@@ -18,7 +18,7 @@ use crate::support::{Log, Run, ball, engine, modes, run, run_from, state, walled
 /// `x = −1 + t` up to the flank at 0, which it meets as the stiffness steps from 1 to 4.
 fn step_at_contact() -> Structure {
     let law = Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection);
-    let k = Stiffness::Switched { times: vec![1.0], levels: [1.0, 4.0] };
+    let k = Stiffness::Switched { times: vec![[1.0, 0.0]], levels: [1.0, 4.0] };
     walled(&Walled::new(1.0, Walls::Above { position: 0.0 }, law, k))
 }
 

@@ -66,7 +66,7 @@ fn c1_an_accumulation_point_at_the_end_of_a_run_or_of_a_stiffness_piece_is_passe
         let mut spec = s.spec().clone();
         let mut watched = spec.contacts[0].clone();
         (watched.name, watched.law, watched.half_backlash) = ("watched".into(), ghost(), 1e3);
-        watched.stiffness = Stiffness::Switched { times: vec![end], levels: [1.0, 2.0] };
+        watched.stiffness = Stiffness::Switched { times: vec![[end, 0.0]], levels: [1.0, 2.0] };
         spec.contacts.push(watched);
         let s = Structure::new(spec).unwrap();
         let run = run(&s, &[0.0], &[1.0], 30.0);
@@ -202,7 +202,7 @@ fn c4_an_extremely_stiff_damped_contact_neither_dies_nor_repeats_itself() {
 #[test]
 fn c4_a_contact_released_by_a_drop_of_stiffness_does_not_pull() {
     let law = Law::KelvinVoigt(Linear { damping: 46.0 }, Release::Force);
-    let k = Stiffness::Switched { times: vec![1e-3], levels: [1.0, 0.1] };
+    let k = Stiffness::Switched { times: vec![[1e-3, 0.0]], levels: [1.0, 0.1] };
     let s = walled(&Walled { load: 0.5, ..Walled::new(1.0, Walls::Above { position: 0.0 }, law, k) });
     let (mut log, mut contacts) = (Log::default(), Contacts::new(&s, None));
     let mut engine = engine(&s, state(&s, &[50.0], &[-1.0]), Options::default());

@@ -85,7 +85,7 @@ fn closes_on_a_stage_with_errors_in_six_meshes() {
 #[test]
 fn a_switch_under_a_held_deflection_does_half_the_stiffness_step_times_its_square() {
     // x = x₀ cos t from rest at x₀; k switches from 1 to 4 at t = 0.25.
-    let stiffness = Stiffness::Switched { times: vec![0.25], levels: [1.0, 4.0] };
+    let stiffness = Stiffness::Switched { times: vec![[0.25, 0.0]], levels: [1.0, 4.0] };
     let law = Law::Bilateral(Linear { damping: 0.0 });
     let contact = ContactSpec { stiffness, law, ..trains::mesh(&[1.0]) };
     let spec = trains::single(0.0, 0.0, None, vec![contact]);

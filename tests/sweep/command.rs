@@ -22,7 +22,7 @@ const SCENE: &str = r#"{
     "run": { "cycles": 1 }
 }"#;
 const AMPLITUDE: &str = "/train/transmission_error/0/amplitude";
-const FILES: [&str; 3] = ["sweep.csv", "sweep.jsonl", "sweep.json"];
+const FILES: [&str; 4] = ["sweep.csv", "sweep.jsonl", "sweep.json", "flank-manifest.json"];
 
 fn folder() -> TempDir {
     let folder = tempfile::tempdir().unwrap();

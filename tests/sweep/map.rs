@@ -12,7 +12,7 @@ use std::{
 use flank::sweep::{Begin, Cell, Ending, Grid, Journal, Plan, Seeding, SweepError, Tally, Work, run};
 use serde_json::Value;
 
-const FILES: [&str; 3] = ["sweep.csv", "sweep.jsonl", "sweep.json"];
+const FILES: [&str; 4] = ["sweep.csv", "sweep.jsonl", "sweep.json", "flank-manifest.json"];
 const SEEDINGS: [Seeding; 4] = [Seeding::Fresh, Seeding::Up, Seeding::Down, Seeding::Both];
 
 fn plan(axes: &[&str], seeding: Seeding) -> Plan {

@@ -44,18 +44,12 @@ struct Four {
     carried: bool,
 }
 
-/// Oscillators the kernel keeps at hand.
-const MAX_OSCILLATORS: usize = 16;
-
 /// Fours of contacts a structure may have.
 const FOURS: usize = MAX_CONTACTS.div_ceil(LANES);
 
 impl Expansion<'_> {
     /// All coefficients of a linear mode; `false` if the mode is not linear or has too many freedoms.
     pub(super) fn linear(&self, out: &mut Jet) -> bool {
-        if self.s.oscillators.len() > MAX_OSCILLATORS {
-            return false;
-        }
         let mut parts =
             [LinearPart { stiffness: 0.0, damping: 0.0, carried: false, varying: false, present: false }; MAX_CONTACTS];
         let parts = &mut parts[..self.s.contacts.len()];
@@ -128,10 +122,10 @@ impl Expansion<'_> {
         let (by_q, by_v) = (column(&s.columns.by_q), column(&s.columns.by_v));
         let (mut q, mut v) = (column(&self.request.x[..N]), column(&self.request.x[N..2 * N]));
         let mut a = column(&s.load);
-        let mut waves = [(0.0, 0.0); MAX_OSCILLATORS];
-        let waves = &mut waves[..s.oscillators.len()];
+        let (work, waves) = work.split_at_mut(self.layout.waves);
+        let (waves, _) = waves.as_chunks_mut::<2>();
         for (i, w) in waves.iter_mut().enumerate() {
-            *w = (work[Layout::oscillator(i)], work[Layout::oscillator(i) + ROW]);
+            *w = [work[Layout::oscillator(i)], work[Layout::oscillator(i) + ROW]];
         }
         let still = !self.request.still.is_empty();
         let mut rows = state.chunks_exact_mut(s.dim);
@@ -154,7 +148,7 @@ impl Expansion<'_> {
                 a[i as usize] += by_q * q[j as usize] + by_v * v[j as usize];
             }
             for w in &s.load_waves {
-                let (c, s) = waves[w.index];
+                let [c, s] = waves[w.index];
                 if let (Some(cosine), Some(sine)) = (w.cosine.first_chunk::<N>(), w.sine.first_chunk::<N>()) {
                     for i in 0..N {
                         a[i] = fused(cosine[i], c, fused(sine[i], s, a[i]));
@@ -167,10 +161,10 @@ impl Expansion<'_> {
             let step = h / (k + 1) as f64;
             for (i, (w, o)) in waves.iter_mut().zip(&s.oscillators).enumerate() {
                 let f = step * o.omega;
-                *w = (-f * w.1, f * w.0);
+                *w = [-f * w[1], f * w[0]];
                 if varying {
                     let at = Layout::oscillator(i) + k + 1;
-                    (work[at], work[at + ROW]) = *w;
+                    [work[at], work[at + ROW]] = *w;
                 }
             }
             for i in 0..N {
@@ -194,7 +188,7 @@ impl Expansion<'_> {
         fours: &[Four],
         k: usize,
         still: bool,
-        waves: &[(f64, f64)],
+        waves: &[[f64; 2]],
         q: &[f64; N],
         v: &[f64; N],
         a: &mut [f64; N],
@@ -210,7 +204,7 @@ impl Expansion<'_> {
                 }
             }
             for (index, cosine, sine) in &columns.waves {
-                let (c, s) = waves[*index];
+                let [c, s] = waves[*index];
                 for l in 0..LANES {
                     d[l] -= fused(cosine[l], c, sine[l] * s);
                 }
@@ -228,7 +222,7 @@ impl Expansion<'_> {
                 }
                 for (index, cosine, sine) in &columns.waves {
                     let omega = s.oscillators[*index].omega;
-                    let (c, s) = waves[*index];
+                    let [c, s] = waves[*index];
                     for l in 0..LANES {
                         r[l] -= omega * fused(sine[l], c, -cosine[l] * s);
                     }

@@ -63,6 +63,8 @@ struct Layout {
     stretches: usize,
     /// Row sums of the flow's matrices, `2n`.
     rows: usize,
+    /// Cosine and sine of each oscillator at one order, side by side.
+    waves: usize,
     len: usize,
 }
 
@@ -75,7 +77,9 @@ impl Layout {
         let lanes = s.contacts.len().next_multiple_of(LANES);
         let stretches = deflections + ROW * lanes;
         let rows = stretches + lanes;
-        Self { contacts, deflections, clock, accelerations, stretches, rows, len: rows + 2 * s.n }
+        let waves = rows + 2 * s.n;
+        let len = waves + 2 * s.oscillators.len();
+        Self { contacts, deflections, clock, accelerations, stretches, rows, waves, len }
     }
 
     /// `cos ωt` of oscillator `i`; its sine follows, one row on.
