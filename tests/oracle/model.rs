@@ -156,7 +156,7 @@ impl Model {
                             pieces: pieces.iter().map(|p| [t(p.start), t(p.value), t(p.slope)]).collect(),
                         },
                         Stiffness::Switched { times, levels } => {
-                            Spring::Listed(times.iter().map(|x| t(*x)).collect(), levels.map(t))
+                            Spring::Listed(times.iter().map(|[high, low]| t(*high) + wide(*low)).collect(), levels.map(t))
                         }
                     },
                     law: match c.law {
