@@ -48,7 +48,14 @@ impl Default for Alarm {
     }
 }
 
-fn raise(system: &dyn HybridSystem, at: Instant, id: GuardId, what: &'static str, amount: f64, limit: f64) -> EngineError {
+fn raise(
+    system: &dyn HybridSystem,
+    at: Instant,
+    id: GuardId,
+    what: &'static str,
+    amount: f64,
+    limit: f64,
+) -> EngineError {
     EngineError::Alarm { t: system.clock().time(at).value(), guard: system.guard_in_words(id), what, amount, limit }
 }
 
@@ -78,7 +85,14 @@ impl Alarm {
             if amount > APART * (error + rounding) {
                 let limit = APART * (error + rounding + TERMS * terms(row, 1.0));
                 if amount > limit {
-                    return Err(raise(system, step.start(), id, "the step before ends elsewhere than the next one starts", amount, limit));
+                    return Err(raise(
+                        system,
+                        step.start(),
+                        id,
+                        "the step before ends elsewhere than the next one starts",
+                        amount,
+                        limit,
+                    ));
                 }
             }
         }
@@ -121,7 +135,14 @@ impl Alarm {
             let limit = MOVED * tail + GATHERED * rounding;
             if located.theta == 0.0 {
                 if row[0] < -limit && located.fired.contains(id) && system.is_continuous(id) {
-                    return Err(raise(system, at, id, "the arc starts beyond a guard that cannot jump", -row[0], limit));
+                    return Err(raise(
+                        system,
+                        at,
+                        id,
+                        "the arc starts beyond a guard that cannot jump",
+                        -row[0],
+                        limit,
+                    ));
                 }
                 continue;
             }
@@ -138,9 +159,17 @@ impl Alarm {
     }
 
     /// Tests how far a jump at `at` moved the state onto the flanks of `fired`.
-    pub fn moved(&self, system: &dyn HybridSystem, at: Instant, fired: GuardSet, amount: f64) -> Result<(), EngineError> {
+    pub fn moved(
+        &self,
+        system: &dyn HybridSystem,
+        at: Instant,
+        fired: GuardSet,
+        amount: f64,
+    ) -> Result<(), EngineError> {
         match fired.iter().next().filter(|_| amount > self.move_limit) {
-            Some(id) => Err(raise(system, at, id, "the state is moved further than the bound allows", amount, self.move_limit)),
+            Some(id) => {
+                Err(raise(system, at, id, "the state is moved further than the bound allows", amount, self.move_limit))
+            }
             None => Ok(()),
         }
     }

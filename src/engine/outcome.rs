@@ -32,7 +32,9 @@ pub enum EngineError {
         source: ModelError,
     },
     /// Two numbers that must agree do not.
-    #[error("at t = {t} s {what}: {guard}, by {amount:e} where {limit:e} is allowed; the events up to there stand, please report the scene")]
+    #[error(
+        "at t = {t} s {what}: {guard}, by {amount:e} where {limit:e} is allowed; the events up to there stand, please report the scene"
+    )]
     Alarm {
         /// When, s.
         t: f64,

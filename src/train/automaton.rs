@@ -1,5 +1,6 @@
 //! The train as a hybrid automaton: which guard leads where, and what it resets.
 
+use super::symmetry::Equal;
 use super::{
     assemble::{Contact, MAX_CONTACTS, Structure},
     contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, with_contact, with_piece},
@@ -177,12 +178,12 @@ impl Structure {
 
 impl Structure {
     /// The classes of equal displacements and of equal velocities.
-    fn equal(&self, x: &[f64]) -> [u128; 2] {
+    fn equal(&self, x: &[f64]) -> [Equal; 2] {
         [self.symmetry.equal(&x[..self.n]), self.symmetry.equal(&x[self.n..2 * self.n])]
     }
 
     /// What was equal before a jump is equal after it.
-    fn restore(&self, [displacements, velocities]: [u128; 2], x: &mut [f64]) {
+    fn restore_equal(&self, [displacements, velocities]: &[Equal; 2], x: &mut [f64]) {
         self.symmetry.restore(displacements, &mut x[..self.n]);
         self.symmetry.restore(velocities, &mut x[self.n..2 * self.n]);
     }
@@ -254,7 +255,7 @@ impl HybridSystem for Structure {
         if rigid {
             self.resolve(&mut jump, (from, fired), false, at, x)?;
         }
-        self.restore(equal, x);
+        self.restore_equal(&equal, x);
         Ok(jump)
     }
 
@@ -313,7 +314,7 @@ impl HybridSystem for Structure {
         let mut jump = Self::standing(from, fired);
         let equal = self.equal(x);
         self.resolve(&mut jump, (from, fired), true, at, x)?;
-        self.restore(equal, x);
+        self.restore_equal(&equal, x);
         Ok(jump)
     }
 }

@@ -7,10 +7,18 @@
 
 use std::collections::BTreeMap;
 
+use arrayvec::ArrayVec;
+
 use super::Spec;
 
 /// Differences below this fraction of a value are rounding of a solved system.
 const ROUNDING: f64 = 256.0 * f64::EPSILON;
+
+/// Classes that are looked at.
+const LARGEST: usize = 128;
+
+/// Numbers of classes, and the value that their members share.
+pub(super) type Equal = ArrayVec<(usize, f64), LARGEST>;
 
 /// The classes with more than one member.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -63,7 +71,8 @@ impl Symmetry {
                 [vec![own], met.concat()].concat()
             };
             let freedom = |i: usize| {
-                let others = (0..n).filter(|j| *j != i && matrices.iter().any(|m| m[(i, *j)] != 0.0 || m[(*j, i)] != 0.0));
+                let others =
+                    (0..n).filter(|j| *j != i && matrices.iter().any(|m| m[(i, *j)] != 0.0 || m[(*j, i)] != 0.0));
                 let coupled = others.map(|j| {
                     let entries = matrices.iter().flat_map(|m| [m[(i, j)].to_bits(), m[(j, i)].to_bits()]);
                     entries.chain([freedoms[j]]).collect()
@@ -86,38 +95,37 @@ impl Symmetry {
         }
     }
 
-    /// The classes of degrees of freedom whose members are equal in `values`, as a bit set.
-    pub fn equal(&self, values: &[f64]) -> u128 {
-        let is_equal = |class: &&Vec<usize>| class.iter().all(|i| values[*i] == values[class[0]]);
-        let numbered = self.freedoms.iter().take(128).enumerate();
-        numbered.filter(|(_, class)| is_equal(class)).fold(0, |set, (i, _)| set | 1 << i)
+    /// The classes of degrees of freedom whose members are equal in `values`, and their values.
+    pub fn equal(&self, values: &[f64]) -> Equal {
+        let is_equal = |class: &Vec<usize>| class.iter().all(|i| values[*i] == values[class[0]]);
+        let numbered = self.freedoms.iter().enumerate().take(LARGEST);
+        numbered.filter(|(_, class)| is_equal(class)).map(|(c, class)| (c, values[class[0]])).collect()
     }
 
     /// Makes the members of the classes in `equal` equal again, where they differ by rounding only.
-    pub fn restore(&self, equal: u128, values: &mut [f64]) {
-        for (_, class) in self.freedoms.iter().take(128).enumerate().filter(|(i, _)| equal >> i & 1 == 1) {
-            restore(class, values);
+    pub fn restore(&self, equal: &Equal, values: &mut [f64]) {
+        for (class, before) in equal {
+            restore(&self.freedoms[*class], before.abs(), values);
         }
     }
 
     /// Makes the forces of the contacts of each class equal, where all of it is in `held` and they differ by rounding only.
     pub fn restore_forces(&self, held: &[usize], forces: &mut [f64]) {
+        let size = forces[..held.len()].iter().fold(0.0, |m: f64, f| m.max(f.abs()));
         for class in &self.contacts {
-            let mut places = [0; super::MAX_CONTACTS];
-            let found = class.iter().zip(&mut places).filter_map(|(j, place)| {
-                *place = held.iter().position(|k| k == j)?;
-                Some(())
-            });
-            if found.count() == class.len() {
-                restore(&places[..class.len()], forces);
+            let places: ArrayVec<usize, { super::MAX_CONTACTS }> =
+                class.iter().filter_map(|j| held.iter().position(|k| k == j)).collect();
+            if places.len() == class.len() {
+                restore(&places, size, forces);
             }
         }
     }
 }
 
-fn restore(class: &[usize], values: &mut [f64]) {
+/// Makes `values` at the places of a class equal; `size` is that of the terms they were summed from.
+fn restore(class: &[usize], size: f64, values: &mut [f64]) {
     let first = values[class[0]];
-    if class.iter().all(|i| (values[*i] - first).abs() <= ROUNDING * first.abs()) {
+    if class.iter().all(|i| (values[*i] - first).abs() <= ROUNDING * (size + first.abs())) {
         class.iter().for_each(|i| values[*i] = first);
     }
 }

@@ -155,9 +155,10 @@ impl Model {
                             origin: t(*origin),
                             pieces: pieces.iter().map(|p| [t(p.start), t(p.value), t(p.slope)]).collect(),
                         },
-                        Stiffness::Switched { times, levels } => {
-                            Spring::Listed(times.iter().map(|[high, low]| t(*high) + wide(*low)).collect(), levels.map(t))
-                        }
+                        Stiffness::Switched { times, levels } => Spring::Listed(
+                            times.iter().map(|[high, low]| t(*high) + wide(*low)).collect(),
+                            levels.map(t),
+                        ),
                     },
                     law: match c.law {
                         SpecLaw::Bilateral(l) => Law::Bilateral(t(l.damping)),

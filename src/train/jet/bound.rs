@@ -92,7 +92,8 @@ impl Forcing {
         let fastest = oscillators.iter().fold(0.0, |m: f64, o| m.max(o.omega));
         let mut load = Amplitude::default();
         for w in &s.load_waves {
-            let size = w.cosine.iter().zip(&w.sine).zip(&s.weights).fold(0.0, |m: f64, ((c, s), w)| m.max(c.hypot(*s) * w));
+            let size =
+                w.cosine.iter().zip(&w.sine).zip(&s.weights).fold(0.0, |m: f64, ((c, s), w)| m.max(c.hypot(*s) * w));
             load.add(size, oscillators[w.index], fastest);
         }
         let mut span = f64::INFINITY;
@@ -356,4 +357,3 @@ impl Expansion<'_> {
         contacts.iter().zip(&column).map(|(k, w)| w.abs() * free(*k)).sum()
     }
 }
-

@@ -147,14 +147,7 @@ impl Expansion<'_> {
     }
 
     /// The force of a contact (of a power law: its factor `1 + χ ṗ`) as a guard, and the size of its terms.
-    fn force_guard(
-        &self,
-        j: usize,
-        owner: Option<Owner>,
-        sign: f64,
-        work: &[f64],
-        series: &mut [f64],
-    ) -> f64 {
+    fn force_guard(&self, j: usize, owner: Option<Owner>, sign: f64, work: &[f64], series: &mut [f64]) -> f64 {
         let (c, state) = (&self.s.contacts[j], contact_mode(self.request.mode, j));
         let (which, sign) =
             if matches!(c.spec.law, Law::Power(_)) { (FACTOR, sign) } else { (FORCE, sign * state.side()) };
