@@ -12,6 +12,9 @@ use crate::{
 
 use super::assemble::Spring;
 
+/// Rounding of a deflection relative to the sum of its terms.
+const ON_FLANK: f64 = 4.0 * f64::EPSILON;
+
 /// Why a run cannot start where it was told to.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -77,6 +80,8 @@ impl Structure {
             let (d, rate) = self.deflection(j, at, &x);
             let back = c.has_back();
             let depth = (d - c.gap()).max(if back { -d - c.gap() } else { f64::NEG_INFINITY });
+            // A start within rounding of a flank is meant to be on it.
+            let depth = if depth.abs() <= ON_FLANK * self.deflection_size(c, &x) { 0.0 } else { depth };
             let rigid = matches!(c.spec.law, Law::Rigid(_));
             if matches!(c.spec.law, Law::Bilateral(_)) {
                 jump.mode = with_contact(jump.mode, j, ContactMode::Drive);
