@@ -109,6 +109,22 @@ impl Jet {
         Some((rate, error))
     }
 
+    /// First three derivatives in time of guard `i` at the start, from its series of rates; `None` if it has none.
+    ///
+    /// With `t = t_m s^m + …` the rate is `r = ġ + g̈ t + g⃛ t²/2 + …`, so `r_m = g̈ t_m` and
+    /// `r_2m = g̈ t_2m + g⃛ t_m²/2`. A force that starts with the clock enters r only beyond t, as `t^(n+1)`.
+    #[must_use]
+    pub fn guard_derivatives_in_time(&self, i: usize) -> Option<[f64; 3]> {
+        self.guard_errors.get(i).filter(|e| **e >= 0.0)?;
+        let m = self.time.iter().position(|t| *t != 0.0).filter(|m| 2 * m <= self.order)?;
+        let rates = &self.guard_rates[i * (self.order + 1)..];
+        // The rows of rates are series in θ, those of the time in s = θ reach.
+        let power = self.reach.powi(m as i32);
+        let (first, second) = (self.time[m] * power, self.time[2 * m] * power * power);
+        let curvature = rates[m] / first;
+        Some([rates[0], curvature, 2.0 * (rates[2 * m] - curvature * second) / (first * first)])
+    }
+
     /// The state at `θ`, by Horner's rule, into `x` `[dim]`.
     pub fn state_at(&self, theta: f64, x: &mut [f64]) {
         let (d, s) = (self.dim, theta * self.reach);

@@ -43,6 +43,17 @@ pub trait DenseStep {
         let _ = (i, theta);
         None
     }
+    /// First three derivatives in time of guard `i` at the step's start, in the guard's physical units over s, s² and s³.
+    /// `None` where the step's series do not tell them.
+    fn guard_derivatives_in_time(&self, i: usize) -> Option<[f64; 3]> {
+        in_plain_time(self.guard(i), self.plain_span()?)
+    }
+}
+
+/// Three derivatives at the start of a series in `t/h`.
+fn in_plain_time(series: &[f64], h: f64) -> Option<[f64; 3]> {
+    let [_, first, second, third, ..] = *series else { return None };
+    Some([first / h, 2.0 * second / (h * h), 6.0 * third / (h * h * h)])
 }
 
 /// A smooth arc to integrate.

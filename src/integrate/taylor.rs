@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::{Arc, DenseStep, IntegrateError, Integrator};
+use super::{Arc, DenseStep, IntegrateError, Integrator, in_plain_time};
 use crate::hybrid::{Flow, Guard, GuardSet, HybridSystem, Instant, Jet, JetRequest};
 
 /// Taylor steps of a [`JetField`](crate::hybrid::JetField).
@@ -54,6 +54,12 @@ impl DenseStep for Step<'_> {
     }
     fn guard_in_time(&self, i: usize, theta: f64) -> Option<(f64, f64)> {
         self.jet.guard_in_time(i, theta)
+    }
+    fn guard_derivatives_in_time(&self, i: usize) -> Option<[f64; 3]> {
+        match self.plain_span() {
+            Some(h) => in_plain_time(self.guard(i), h),
+            None => self.jet.guard_derivatives_in_time(i),
+        }
     }
     fn plain_span(&self) -> Option<f64> {
         self.jet.time.is_empty().then_some(self.jet.span * self.jet.reach)
