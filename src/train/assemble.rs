@@ -180,10 +180,12 @@ pub struct Structure {
     pub(super) contacts: Vec<Contact>,
     /// `√M_ii`, the weights that make freedoms of different kinds comparable.
     pub(super) weights: Vec<f64>,
-    /// A bound on the growth rate of any mode, 1/s, in the weighted norm (see `growth_bound`).
+    /// A bound on the growth rate of any mode, 1/s, in the weighted norm (see `norms`).
     pub(super) growth: f64,
     /// The same with every contact open.
     pub(super) open_growth: f64,
+    /// `‖M⁻¹K‖`, 1/s², and `‖M⁻¹C‖`, 1/s, without contacts, for velocities weighted so.
+    pub(super) open_norms: (f64, f64),
     /// Some stiffness varies smoothly or some law is not linear: modes are analytic, not affine.
     pub(super) affine: bool,
 }
@@ -281,11 +283,14 @@ impl Structure {
             weights,
             growth: 0.0,
             open_growth: 0.0,
+            open_norms: (0.0, 0.0),
             affine,
             spec,
         };
-        structure.growth = structure.growth_bound(&structure.contacts);
-        structure.open_growth = structure.growth_bound(&[]);
+        let bound = |(k, c): (f64, f64)| k.sqrt() + c;
+        structure.growth = bound(structure.norms(&structure.contacts));
+        structure.open_norms = structure.norms(&[]);
+        structure.open_growth = bound(structure.open_norms);
         Ok(structure)
     }
 
@@ -321,9 +326,9 @@ impl Structure {
         }
     }
 
-    /// Bound on the norm of the system matrix in the weighted norm `max_i √M_ii (Ω|q_i|, |q̇_i|)`, with
-    /// `Ω² = ‖√M M⁻¹K √M⁻¹‖`: `Ω + ‖M⁻¹C‖`; the linear contacts of `closed` at their stiffest.
-    fn growth_bound(&self, closed: &[Contact]) -> f64 {
+    /// `Ω² = ‖√M M⁻¹K √M⁻¹‖` and `‖√M M⁻¹C √M⁻¹‖`, the linear contacts of `closed` at their stiffest. The system matrix is
+    /// bounded by `Ω + ‖M⁻¹C‖` in the weighted norm `max_i √M_ii (Ω|q_i|, |q̇_i|)`.
+    fn norms(&self, closed: &[Contact]) -> (f64, f64) {
         let w = &self.weights;
         let (mut k_rows, mut c_rows) = (vec![0.0; self.n], vec![0.0; self.n]);
         for i in 0..self.n {
@@ -345,7 +350,7 @@ impl Structure {
             }
         }
         let largest = |r: &[f64]| r.iter().copied().fold(0.0, f64::max);
-        largest(&k_rows).sqrt() + largest(&c_rows)
+        (largest(&k_rows), largest(&c_rows))
     }
 }
 

@@ -1,6 +1,6 @@
 //! The guards of a mode as polynomials in the step's clock.
 
-use super::{Expansion, FACTOR, FORCE, LANES, RATE, ROW, rooted::Owner};
+use super::{Expansion, FACTOR, FORCE, LANES, RATE, ROW, defect::Defect, rooted::Owner};
 use crate::{
     gear::contact::{Law, Release},
     hybrid::{Guard, Jet},
@@ -33,8 +33,9 @@ impl Structure {
 
 impl Expansion<'_> {
     /// Writes the guards of the mode and the bounds on what their series leave out.
-    pub(super) fn guards(&self, owner: Option<Owner>, out: &mut Jet) {
-        let deflect = self.tail(out);
+    pub(super) fn guards(&self, rooted: Option<(Owner, Defect)>, out: &mut Jet) {
+        let (owner, defect) = (rooted.map(|r| r.0), rooted.map(|r| r.1));
+        let plain = if rooted.is_none() { self.tail(out) } else { 0.0 };
         let reach = out.reach;
         let Jet { guards, guard_series, guard_rates, guard_errors, remainder, rounding, work, .. } = out;
         guards.clear();
@@ -58,9 +59,16 @@ impl Expansion<'_> {
                 let id = guard_id(j, watch);
                 let row = guards.len() * ROW;
                 let series = &mut guard_series[row..row + ROW];
-                let tail = work[self.layout.tails + j];
+                // What the series of the deflection, of its rate and of the force of a contact at rest leave out.
+                let tails = defect.map_or_else(
+                    || {
+                        let rate = work[self.layout.tails + j];
+                        [rate * plain, rate, rate / plain * c.effective_mass()]
+                    },
+                    |d| [d.of_deflection(c), d.of_rate(self.s, c), d.of_force(self.s, c)],
+                );
                 let (tail, size) = match watch {
-                    Watch::Force => self.force_guard(j, owner, (sign, tail, deflect, reach), work, series),
+                    Watch::Force => self.force_guard(j, owner, (sign, tails, reach), work, series),
                     _ if owner.is_some_and(|o| o.contact == j && o.root > 1) => {
                         let y = self.layout.y(1);
                         series.copy_from_slice(&work[y..y + ROW]);
@@ -71,7 +79,7 @@ impl Expansion<'_> {
                         {
                             series[0] = 0.0;
                         }
-                        (tail * self.h, 0.0)
+                        (defect.map_or(0.0, |d| d.root), 0.0)
                     }
                     _ => {
                         let along = if watch == Watch::DriveFlank { -sign } else { sign };
@@ -81,12 +89,12 @@ impl Expansion<'_> {
                             0.0 => series[0] + sign * c.gap(),
                             side => side * work[self.layout.stretches + j],
                         };
-                        (tail * deflect, self.stretch_size(j, owner, reach, work))
+                        (tails[0], self.stretch_size(j, owner, reach, work))
                     }
                 };
                 series.iter_mut().zip(&powers).for_each(|(s, p)| *s *= p);
                 self.write_zeros(j, watch, state, series);
-                if owner.is_some() {
+                if let Some(d) = defect {
                     guard_rates.resize(guard_series.len(), 0.0);
                     let sign = match (state.side(), watch) {
                         (0.0, Watch::DriveFlank) => -1.0,
@@ -96,8 +104,9 @@ impl Expansion<'_> {
                     let r = self.layout.of(j, RATE);
                     let rates = guard_rates[row..row + ROW].iter_mut().zip(work[r..r + ROW].iter().zip(&powers));
                     rates.for_each(|(g, (r, p))| *g = sign * r * p);
-                    let error =
-                        ROUNDING * self.s.deflection_size(c, self.request.x) + deflect * work[self.layout.tails + j];
+                    // What the clock leaves out moves the guard at its rate.
+                    let late = d.time * work[r..r + ROW].iter().zip(&powers).map(|(r, p)| (r * p).abs()).sum::<f64>();
+                    let error = ROUNDING * self.s.deflection_size(c, self.request.x) + tails[0] + late;
                     guard_errors.push(if watch == Watch::Force { -1.0 } else { error });
                 }
                 remainder.push(tail);
@@ -127,7 +136,7 @@ impl Expansion<'_> {
         &self,
         j: usize,
         owner: Option<Owner>,
-        (sign, tail, deflect, reach): (f64, f64, f64, f64),
+        (sign, tails, reach): (f64, [f64; 3], f64),
         work: &[f64],
         series: &mut [f64],
     ) -> (f64, f64) {
@@ -139,18 +148,18 @@ impl Expansion<'_> {
         match c.spec.law {
             Law::Power(l) => {
                 let chi = c.latch.map_or(0.0, |i| l.hysteresis / self.request.x[i]);
-                (chi * tail, 1.0 + chi * self.s.rate_size(c, self.request.x))
+                (chi * tails[1], 1.0 + chi * self.s.rate_size(c, self.request.x))
             }
             Law::Rigid(_) => {
                 let force = |k| work[self.layout.of(k, FORCE)];
                 let held = self.s.acceleration_size(j, self.request.mode, self.request.x, force);
-                (tail / deflect * c.effective_mass(), c.effective_mass() * held)
+                (tails[2], c.effective_mass() * held)
             }
             Law::Bilateral(l) | Law::KelvinVoigt(l, _) => {
                 let k = c.spec.stiffness.maximum();
                 let size =
                     k * self.stretch_size(j, owner, reach, work) + l.damping * self.s.rate_size(c, self.request.x);
-                (tail * (k * deflect + l.damping), size)
+                (k * tails[0] + l.damping * tails[1], size)
             }
         }
     }

@@ -11,6 +11,7 @@
 //! `dy/dθ = h ṗ`, and everything is a polynomial in y again. The series then runs through the start and the end of
 //! a contact, where in plain time `pⁿ` has a branch point.
 
+mod defect;
 mod guards;
 mod linear;
 mod plain;
@@ -141,9 +142,14 @@ impl JetField for Structure {
                 Some(owner) => e.rooted(owner, out),
             }
             out.span = e.h;
-            out.reach = e.reach(owner, out);
-            if out.reach.is_finite() && out.reach > 0.0 {
-                break;
+            let found = match owner {
+                None => Some((e.reach(out), None)),
+                Some(owner) => e.rooted_reach(owner, out).map(|(reach, defect)| (reach, Some(defect))),
+            };
+            if let Some((reach, defect)) = found.filter(|(reach, _)| reach.is_finite() && *reach > 0.0) {
+                out.reach = reach;
+                e.guards(owner.zip(defect), out);
+                return;
             }
             // The scale overshot so far that the last coefficients overflowed.
             e.h *= 1e-6;
@@ -152,7 +158,6 @@ impl JetField for Structure {
                 return;
             }
         }
-        e.guards(owner, out);
     }
 
     /// The stretch `δ − σ b` of closed contacts. A penetration is a small difference of displacements: taken

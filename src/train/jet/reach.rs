@@ -1,10 +1,9 @@
 //! How far a series holds, and what it leaves out.
 
-use super::{Expansion, ORDER, ROW, rooted::Owner};
+use super::{Expansion, ORDER};
 use crate::{
     gear::contact::Law,
     hybrid::Jet,
-    poly::{FirstRoot, first_root},
     train::{assemble::Contact, contact_mode::contact_mode},
 };
 
@@ -14,7 +13,7 @@ const LARGEST_RATIO: f64 = 0.75;
 /// A little less than `x^(1/k)` for `x > 0`, within 7 %: the exponent and the leading bits divided by k.
 ///
 /// The double's bits are a piecewise linear logarithm, off by at most 0.0861 in log₂, twice over in the quotient.
-fn root_below(x: f64, k: usize) -> f64 {
+pub(super) fn root_below(x: f64, k: usize) -> f64 {
     const ONE: i64 = 1023 << 52;
     let bits = (x.to_bits() as i64 - ONE) / k as i64 + ONE;
     f64::from_bits(bits as u64) * 0.94
@@ -26,7 +25,7 @@ impl Expansion<'_> {
         let s = self.s;
         let v = &out.state[k * s.dim + s.n..k * s.dim + 2 * s.n];
         let size = v.iter().zip(&s.weights).fold(0.0, |m: f64, (v, w)| m.max(v.abs() * w));
-        // (δ̇)_k = (k+1) δ_{k+1}/h in plain time; in a root clock the same up to the weight, which is of order one.
+        // (δ̇)_k = (k+1) δ_{k+1}/h.
         let k = k.min(ORDER - 1) + 1;
         let per_time = k as f64 / self.h;
         s.contacts
@@ -35,56 +34,29 @@ impl Expansion<'_> {
             .fold(size, |m, (j, c)| m.max((out.work[self.layout.deflection(j, k)] * per_time).abs() * c.weight))
     }
 
-    /// Largest `θ ≤ 1` at which the series holds; not finite if the coefficients overflowed.
-    ///
-    /// In plain time the last two terms must be below `tolerance` times the largest of the first ones. In a
-    /// root clock only every (p+q)-th term may be there, and the radius of convergence is finite: the root test over
-    /// the last p+q terms gives the radius R, and `(reach/R)^N` is brought below the tolerance.
-    pub(super) fn reach(&self, owner: Option<Owner>, out: &Jet) -> f64 {
+    /// Largest `θ ≤ 1` at which the series holds in plain time: the last two terms are below `tolerance` times the largest of
+    /// the first ones. Not finite if the coefficients overflowed.
+    pub(super) fn reach(&self, out: &Jet) -> f64 {
         let tolerance = self.request.tolerance;
         let first = [0, 1, 2].map(|k| self.size(k, out));
-        let window = owner.map_or(2, |o| (o.law.exponent.p + o.root) as usize).min(ORDER);
-        let (shrink, tolerance) =
-            if owner.is_some() { (tolerance.powf(1.0 / ORDER as f64), 1.0) } else { (1.0, tolerance) };
-        let mut last = [0.0; ORDER];
-        for (a, k) in last[..window].iter_mut().zip(ORDER + 1 - window..) {
-            *a = self.size(k, out);
-        }
+        let last = [ORDER - 1, ORDER].map(|k| self.size(k, out));
         if !first.iter().chain(&last).all(|v| v.is_finite()) {
             return f64::NAN;
         }
         let mut reach: f64 = 1.0;
         for _ in 0..4 {
             let allowed = tolerance * first[0].max(first[1] * reach).max(first[2] * reach * reach);
-            let mut next: f64 = 1.0;
-            for (a, k) in last[..window].iter().zip(ORDER + 1 - window..) {
-                if shrink < 1.0 && *a > 0.0 || *a > allowed {
-                    next = next.min(shrink * root_below(allowed / a, k));
-                }
-            }
+            let terms = last.iter().zip([ORDER - 1, ORDER]).filter(|(a, _)| **a > allowed);
+            let next = terms.fold(1.0, |m: f64, (a, k)| m.min(root_below(allowed / a, k)));
             let settled = (next - reach).abs() <= 0.1 * next;
             reach = next;
             if settled {
                 break;
             }
         }
-        if owner.is_some() {
-            return self.within_bound(reach, out);
-        }
         // The tail is proven only where it falls like a geometric series.
         let proven = LARGEST_RATIO * ORDER as f64 / (self.h * self.growth());
         if self.s.affine { reach.min(proven) } else { reach }
-    }
-
-    /// In a root clock, not beyond the bound in time.
-    fn within_bound(&self, reach: f64, out: &Jet) -> f64 {
-        let mut left = [0.0; ROW];
-        left.iter_mut().zip(&out.time).for_each(|(l, t)| *l = -t);
-        left[0] += self.request.span;
-        match first_root(&left, reach, 0.0).root {
-            FirstRoot::At(theta) => theta,
-            FirstRoot::None => reach,
-        }
     }
 
     /// Bound on the growth rate of the mode, 1/s; with every contact open, that of the structure alone.

@@ -219,17 +219,14 @@ impl Expansion<'_> {
             return;
         }
         // Another contact's clock, or plain time. If this contact starts here, p = θ^m β with m exact zeros in front
-        // (the owner's q; 2 from rest), and pⁿ = θ^(mn) βⁿ; βⁿ by the recurrence of a power of a series.
+        // (the owner's q; twice as many from rest), and pⁿ = θ^(mn) βⁿ; βⁿ by the recurrence of a power of a series. Where mn
+        // is not whole there is no power series: the force is left out, and the step so short that it changes nothing.
         let n = exponent.value();
-        let Some(m) = work[p..=p + k].iter().position(|c| *c != 0.0) else {
+        let m = work[p..=p + k].iter().position(|c| *c != 0.0);
+        let Some(m) = m.filter(|m| (m * exponent.p as usize).is_multiple_of(exponent.q as usize)) else {
             work[u + k] = 0.0;
             return;
         };
-        if !(m * exponent.p as usize).is_multiple_of(exponent.q as usize) {
-            // No power series in this clock: better no number than a wrong one.
-            work[u + k] = f64::NAN;
-            return;
-        }
         let shift = m * exponent.p as usize / exponent.q as usize;
         if k < shift {
             work[u + k] = 0.0;
