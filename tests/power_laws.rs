@@ -1,0 +1,316 @@
+//! Power laws: every exponent, mixed and weak touches, the bound on a step's error, derivatives in time.
+
+#![allow(clippy::unwrap_used)] // helpers of tests are tests too
+
+use std::ops::ControlFlow;
+
+use flank::{
+    engine::{Engine, Observer, Options, State},
+    event::EventRecord,
+    gear::{
+        Harmonic, Stiffness,
+        contact::{Law, Linear, PowerLaw, Ratio, Release},
+    },
+    hybrid::{GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode},
+    integrate::{Arc, Integrator, Taylor},
+    train::{ContactMode, ContactSpec, Flanks, LoadHarmonic, Spec, Structure, Watch, guard_id, with_contact},
+};
+use nalgebra::DMatrix;
+
+/// Numbers without rhyme, the same in every run.
+struct Random(u64);
+
+impl Random {
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn between(&mut self, a: f64, b: f64) -> f64 {
+        a + (b - a) * self.unit()
+    }
+
+    fn decades(&mut self, a: f64, b: f64) -> f64 {
+        10f64.powf(self.between(a, b))
+    }
+}
+
+const EXPONENTS: [(u32, u32); 11] =
+    [(3, 2), (4, 3), (10, 9), (6, 5), (17, 16), (16, 15), (9, 7), (5, 2), (2, 1), (5, 1), (79, 16)];
+
+fn power((p, q): (u32, u32), hysteresis: f64) -> Law {
+    Law::Power(PowerLaw { exponent: Ratio { p, q }, hysteresis, speed_floor: 1e-300, initial_speed: 1.0 })
+}
+
+fn contact(name: &str, direction: Vec<f64>, stiffness: f64, law: Law) -> ContactSpec {
+    ContactSpec {
+        name: name.to_owned(),
+        direction,
+        error: vec![],
+        error_offset: 0.0,
+        half_backlash: 0.0,
+        flanks: Flanks::Drive,
+        stiffness: Stiffness::Constant(stiffness),
+        law,
+    }
+}
+
+fn bodies(masses: &[f64], contacts: Vec<ContactSpec>) -> Spec {
+    let n = masses.len();
+    Spec {
+        freedoms: (0..n).map(|i| format!("x{i}")).collect(),
+        mass: DMatrix::from_diagonal(&masses.to_vec().into()),
+        damping: DMatrix::zeros(n, n),
+        stiffness: DMatrix::zeros(n, n),
+        load: vec![0.0; n],
+        load_harmonics: vec![],
+        contacts,
+        omega: None,
+    }
+}
+
+#[derive(Default)]
+struct Log(Vec<EventRecord>);
+
+impl Observer for Log {
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        self.0.push(record.clone());
+        ControlFlow::Continue(())
+    }
+}
+
+/// The records, without the start's, and the state at the end.
+fn run(structure: &Structure, q: &[f64], v: &[f64], end: f64) -> (Vec<EventRecord>, Vec<f64>) {
+    let start = structure.start(Instant::default(), q, v).unwrap();
+    let state = State { at: Instant::default(), x: start.x, jump: start.jump };
+    let mut engine = Engine::new(structure, Box::new(Taylor::default()), Options::default(), state);
+    let mut log = Log::default();
+    engine.run(structure.clock().instant(end), &mut log).unwrap();
+    log.0.retain(|r| !r.start);
+    (log.0, engine.state().x.clone())
+}
+
+/// Lanczos (g = 7).
+fn gamma(x: f64) -> f64 {
+    const C: [f64; 9] = [
+        0.999_999_999_999_809_9,
+        676.520_368_121_885_1,
+        -1_259.139_216_722_402_8,
+        771.323_428_777_653_1,
+        -176.615_029_162_140_6,
+        12.507_343_278_686_905,
+        -0.138_571_095_265_720_12,
+        9.984_369_578_019_572e-6,
+        1.505_632_735_149_311_6e-7,
+    ];
+    let (x, t) = (x - 1.0, x + 6.5);
+    let sum = (1..9).fold(C[0], |s, i| s + C[i] / (x + i as f64));
+    std::f64::consts::TAU.sqrt() * t.powf(x + 0.5) * (-t).exp() * sum
+}
+
+/// A ball strikes a power law: it leaves with the speed it came with, after the time the energy integral gives.
+#[test]
+fn touches_of_any_strength() {
+    for (p, q) in EXPONENTS {
+        let n = f64::from(p) / f64::from(q);
+        for speed in [1.0, 1e-3, 1e-6, 1e-12, 1e-18] {
+            let (m, k) = (0.7, 3.0e4);
+            let s = Structure::new(bodies(&[m], vec![contact("wall", vec![1.0], k, power((p, q), 0.0))])).unwrap();
+            let depth = ((n + 1.0) * m * speed * speed / (2.0 * k)).powf(1.0 / (n + 1.0));
+            let e = 1.0 / (n + 1.0);
+            let wanted = 2.0 * depth / speed * std::f64::consts::PI.sqrt() * gamma(1.0 + e) / gamma(0.5 + e);
+            let (events, x) = run(&s, &[0.0], &[speed], 1.5 * wanted);
+            assert_eq!(events.len(), 1, "{p}/{q} at {speed:e}");
+            let t = s.clock().time(events[0].at).value();
+            assert!((t / wanted - 1.0).abs() < 1e-13, "{p}/{q} at {speed:e}: {t:e} for {wanted:e}");
+            assert!((x[1] / speed + 1.0).abs() < 1e-14, "{p}/{q} at {speed:e}: {:e}", x[1] / speed + 1.0);
+        }
+    }
+}
+
+/// Hysteresis: the exact restitution, `D (1 + e) = ln((1 + D)/(1 − e D))`, at any speed.
+#[test]
+fn hysteresis_of_any_strength() {
+    for (i, (p, q)) in EXPONENTS.into_iter().enumerate() {
+        let d = 0.1 + 0.1 * i as f64;
+        let s = Structure::new(bodies(&[0.7], vec![contact("wall", vec![1.0], 3.0e4, power((p, q), d))])).unwrap();
+        for speed in [1.0, 1e-12] {
+            // The contact starts after a flight: the approach speed is latched there.
+            let (_, x) = run(&s, &[-speed], &[speed], 1e10);
+            let e = -x[1] / speed;
+            let off = d * (1.0 + e) - ((1.0 + d) / (1.0 - e * d)).ln();
+            assert!(off.abs() < 1e-13, "{p}/{q} at {speed:e}: e = {e}, off by {off:e}");
+        }
+    }
+}
+
+/// Two contacts of different roots that start at one instant, each on a body of its own: as if alone. Both on one body:
+/// energy is kept.
+#[test]
+fn roots_mixed_at_one_instant() {
+    for (a, b) in [((3, 2), (4, 3)), ((16, 15), (17, 16)), ((6, 5), (5, 1)), ((10, 9), (3, 2)), ((2, 1), (79, 16))] {
+        let speed = 0.3;
+        let alone = |law, k: f64| {
+            let s = Structure::new(bodies(&[0.7], vec![contact("wall", vec![1.0], k, power(law, 0.2))])).unwrap();
+            let (events, x) = run(&s, &[0.0], &[speed], 10.0);
+            (s.clock().time(events[0].at).value(), x[1])
+        };
+        let contacts =
+            vec![contact("a", vec![1.0, 0.0], 3e4, power(a, 0.2)), contact("b", vec![0.0, 1.0], 1e3, power(b, 0.2))];
+        let s = Structure::new(bodies(&[0.7, 0.7], contacts)).unwrap();
+        let (events, x) = run(&s, &[0.0, 0.0], &[speed, speed], 10.0);
+        let mut wanted = [alone(a, 3e4), alone(b, 1e3)];
+        for (x, (_, v)) in x[2..4].iter().zip(&wanted) {
+            assert!((x / v - 1.0).abs() < 1e-13, "{a:?} {b:?}: {x} for {v}");
+        }
+        wanted.sort_by(|a, b| a.0.total_cmp(&b.0));
+        assert_eq!(events.len(), 2);
+        for (event, (t, _)) in events.iter().zip(wanted) {
+            assert!((s.clock().time(event.at).value() / t - 1.0).abs() < 1e-13, "{a:?} {b:?}");
+        }
+        let both = vec![contact("a", vec![1.0], 3e4, power(a, 0.0)), contact("b", vec![1.0], 1e3, power(b, 0.0))];
+        let (events, x) = run(&Structure::new(bodies(&[0.7], both)).unwrap(), &[0.0], &[speed], 10.0);
+        assert_eq!(events.len(), 1, "both let go at one instant");
+        assert!((x[1] / speed + 1.0).abs() < 1e-14, "{a:?} {b:?}: {:e}", x[1] / speed + 1.0);
+    }
+}
+
+/// Neither penetration nor speed, and a load that presses: energy is kept from the first instant on.
+#[test]
+fn starts_from_rest_on_the_flank() {
+    for (p, q) in EXPONENTS {
+        let n = f64::from(p) / f64::from(q);
+        let (m, k, f) = (0.7, 3e4, 20.0);
+        let mut spec = bodies(&[m], vec![contact("wall", vec![1.0], k, power((p, q), 0.0))]);
+        spec.load = vec![f];
+        let s = Structure::new(spec).unwrap();
+        let deepest = (f * (n + 1.0) / k).powf(1.0 / n);
+        let (events, x) = run(&s, &[0.0], &[0.0], 0.3 * (2.0 * m * deepest / f).sqrt());
+        assert_eq!(events.len(), 0, "{p}/{q}");
+        let balance = 0.5 * m * x[1] * x[1] + k * x[0].powf(n + 1.0) / (n + 1.0) - f * x[0];
+        assert!(x[0] > 0.0 && balance.abs() < 1e-14 * f * x[0], "{p}/{q}: {balance:e}");
+    }
+}
+
+/// A train with power laws, a linear contact, loads and errors, in a mode with all of them closed.
+fn random_train(random: &mut Random) -> (Structure, Mode, Vec<f64>) {
+    let n = 1 + (random.unit() * 3.0) as usize;
+    let masses: Vec<f64> = (0..n).map(|_| random.decades(-1.0, 1.0)).collect();
+    let mut contacts = Vec::new();
+    let mut mode = Mode::default();
+    let count = 1 + (random.unit() * 3.0) as usize;
+    for j in 0..count {
+        let direction: Vec<f64> = (0..n).map(|_| random.between(-1.0, 1.0)).collect();
+        let exponent = EXPONENTS[(random.unit() * EXPONENTS.len() as f64) as usize];
+        let law = if j > 0 && random.unit() < 0.3 {
+            Law::KelvinVoigt(Linear { damping: random.between(0.0, 0.5) }, Release::Force)
+        } else {
+            power(exponent, if random.unit() < 0.5 { 0.0 } else { random.between(0.1, 1.0) })
+        };
+        let mut c = contact(&format!("c{j}"), direction, random.decades(-1.0, 1.0), law);
+        c.error = vec![Harmonic { omega: 1.3, amplitude: random.between(0.0, 0.1), phase: random.between(0.0, 6.0) }];
+        contacts.push(c);
+        mode = with_contact(mode, j, ContactMode::Drive);
+    }
+    let mut spec = bodies(&masses, contacts);
+    spec.load_harmonics =
+        vec![LoadHarmonic { vector: (0..n).map(|_| random.between(-1.0, 1.0)).collect(), omega: 1.3, phase: 0.4 }];
+    for i in 0..n {
+        spec.stiffness[(i, i)] = random.between(0.0, 2.0);
+        spec.damping[(i, i)] = random.between(0.0, 0.2);
+    }
+    spec.omega = Some(1.3);
+    let s = Structure::new(spec).unwrap();
+    let mut x: Vec<f64> = (0..2 * n).map(|_| random.between(-1.0, 1.0)).collect();
+    x.resize(HybridSystem::dim(&s), 0.7);
+    (s, mode, x)
+}
+
+/// The error of a step, made large by a loose tolerance and seen against many short steps, and what the step says of it:
+/// deflection and rate of every contact at the step's end.
+#[test]
+fn the_defect_bounds_the_error() {
+    let mut random = Random(3);
+    let mut ratios = Vec::new();
+    for _ in 0..3000 {
+        let (s, mode, mut x) = random_train(&mut random);
+        let at = s.clock().instant(random.between(0.0, 4.0));
+        // One contact starts here or is so deep, the others are pressed.
+        let n = s.freedoms();
+        let (d, _) = s.deflection(0, at, &x);
+        let g = s.contacts()[0].spec.direction.clone();
+        let depth = if random.unit() < 0.3 { 0.0 } else { random.decades(-6.0, 0.0) };
+        let square: f64 = g.iter().map(|g| g * g).sum();
+        x.iter_mut().zip(&g).for_each(|(x, g)| *x += g * (depth - d) / square);
+        let rate = s.deflection(0, at, &x).1;
+        if depth == 0.0 && rate < 0.0 {
+            x[n..2 * n].iter_mut().for_each(|v| *v = -*v);
+        }
+        if s.deflection(0, at, &x).1 < 0.0 && depth == 0.0
+            || (1..s.contacts().len()).any(|j| s.deflection(j, at, &x).0 <= 0.02)
+        {
+            continue;
+        }
+        let mut pinned = GuardSet::EMPTY;
+        if depth == 0.0 {
+            pinned.insert(guard_id(0, Watch::DriveFlank));
+        }
+        let tolerance = random.decades(-9.0, -4.0);
+        let request = JetRequest {
+            mode,
+            at,
+            x: &x,
+            pinned,
+            still: GuardSet::EMPTY,
+            carried: &[],
+            span: random.decades(-2.0, 1.0),
+            tolerance,
+        };
+        let mut jet = Jet::default();
+        s.jet(&request, &mut jet);
+        assert!(jet.reach > 0.0);
+        let elapsed = jet.time_at(1.0);
+        // Not beyond the end of the contact.
+        if !(elapsed > 0.0) || (0..=64).any(|i| jet.rate_at(f64::from(i) / 64.0) < 0.0) {
+            continue;
+        }
+        let mut y = vec![0.0; x.len()];
+        jet.state_at(1.0, &mut y);
+        let mut truth = vec![0.0; x.len()];
+        let end = s.clock().advance(at, elapsed);
+        let arc = Arc { mode, at, x: &x, pinned, still: GuardSet::EMPTY, bound: end };
+
+        let outcome = Taylor::default().integrate_arc(&s, &arc, &mut truth, &mut |step| {
+            let leaves = (0..step.guards().len()).any(|i| step.guard(i).iter().sum::<f64>() <= 0.0);
+            if leaves { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        outcome.unwrap();
+        if truth.iter().all(|x| *x == 0.0) {
+            continue; // Some contact ends: nothing is claimed beyond.
+        }
+        for (i, guard) in jet.guards.iter().enumerate() {
+            let j = usize::from(guard.id.0) / 3;
+            let Some((_, bound)) = jet.guard_in_time(i, 1.0) else { continue };
+            let error = (s.deflection(j, end, &y).0 - s.deflection(j, end, &truth).0).abs();
+            assert!(
+                error <= bound,
+                "{:?}: {error:e} above {bound:e}, tolerance {tolerance:e}",
+                s.contacts()[j].spec.law
+            );
+            if error > 1e-13 {
+                ratios.push(bound / error);
+            }
+        }
+    }
+    assert!(ratios.len() > 500, "{}", ratios.len());
+    ratios.sort_by(f64::total_cmp);
+    let at = |p: f64| ratios[(p * (ratios.len() - 1) as f64) as usize];
+    eprintln!(
+        "bound over error: least {:.2e}, median {:.2e}, 99 % {:.2e}, most {:.2e}",
+        at(0.0),
+        at(0.5),
+        at(0.99),
+        at(1.0)
+    );
+    assert!(at(0.5) < 1e3);
+}
