@@ -337,6 +337,10 @@ impl HybridSystem for Structure {
         self.contacts.iter().enumerate().map(words).collect::<Vec<_>>().join(", ")
     }
 
+    fn sizes(&self, mode: Mode, at: Instant, x: &[f64], sizes: &mut [f64]) -> Option<f64> {
+        self.pressed_sizes(mode, at, x, sizes)
+    }
+
     fn rates(&self, mode: Mode) -> Option<Rates> {
         Some(self.own_rates(mode))
     }
