@@ -13,7 +13,9 @@ use flank::{
     },
     hybrid::{GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode},
     integrate::{Arc, Choice, Integrator, Tableau, Taylor, build},
-    train::{ContactMode, ContactSpec, Flanks, LoadHarmonic, Spec, Structure, Watch, guard_id, with_contact},
+    train::{
+        ContactMode, ContactSpec, Flanks, LoadHarmonic, Spec, Structure, Watch, equilibrium, guard_id, with_contact,
+    },
 };
 use nalgebra::DMatrix;
 
@@ -395,6 +397,68 @@ fn stiff_power_laws_are_relieved() {
                 auto.3,
                 taylor.3
             );
+        }
+    }
+}
+
+/// "Static" means the same for every law: with no load a contact lies on its flank, under a load it carries it.
+#[test]
+fn static_on_the_flank() {
+    for law in [Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Force), power((3, 2), 0.0), power((5, 1), 0.3)] {
+        for load in [0.0, 20.0, -20.0] {
+            let mut c = contact("mesh", vec![1.0], 3e4, law);
+            (c.half_backlash, c.flanks, c.error_offset) = (2e-5, Flanks::Both, 1e-6);
+            let mut spec = bodies(&[0.7], vec![c]);
+            spec.load = vec![load];
+            let rest = equilibrium(&spec).unwrap();
+            assert!((rest.forces[0] - load).abs() <= 1e-12 * load.abs() + 1e-15, "{law:?}: {:?}", rest.forces);
+            let n = if let Law::Power(l) = law { l.exponent.value() } else { 1.0 };
+            let wanted = 2.1e-5 + load.signum() * if load == 0.0 { 0.0 } else { (20.0f64 / 3e4).powf(1.0 / n) };
+            assert!((rest.position[0] - wanted).abs() < 1e-14 * (1.0 + wanted.abs()), "{law:?} under {load}");
+        }
+    }
+}
+
+/// In any clock a step tells rate, acceleration and jerk in time: those of differences of the accelerations.
+#[test]
+fn guards_have_derivatives_in_time() {
+    // A ball beside a power law that owns the clock; its gap has the derivatives of a harmonic load.
+    for (p, q) in EXPONENTS.into_iter().filter(|(_, q)| *q <= 12) {
+        for depth in [0.0, 1e-3] {
+            let contacts = vec![
+                contact("soft", vec![1.0, 0.0], 3e4, power((p, q), 0.2)),
+                contact("ball", vec![0.0, 1.0], 3e4, Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Force)),
+            ];
+            let mut spec = bodies(&[0.7, 0.5], contacts);
+            (spec.load, spec.omega) = (vec![0.0, -2.0], Some(2.0));
+            spec.load_harmonics = vec![LoadHarmonic { vector: vec![0.0, 1.0], omega: 2.0, phase: -1.0 }];
+            let s = Structure::new(spec).unwrap();
+            let mode = with_contact(Mode::default(), 0, ContactMode::Drive);
+            let mut pinned = GuardSet::EMPTY;
+            if depth == 0.0 {
+                pinned.insert(guard_id(0, Watch::DriveFlank));
+            }
+            let x = [depth, -0.1, 0.3, 0.7, 0.4];
+            let arc = Arc {
+                mode,
+                at: Instant::default(),
+                x: &x,
+                pinned,
+                still: GuardSet::EMPTY,
+                bound: s.clock().instant(1e-2),
+            };
+            let mut found = None;
+            let mut visit = |step: &dyn flank::integrate::DenseStep| {
+                let ball = step.guards().iter().position(|g| g.id == guard_id(1, Watch::DriveFlank)).unwrap();
+                assert!(step.plain_span().is_none() || q == 1);
+                found = step.guard_derivatives_in_time(ball);
+                ControlFlow::Break(())
+            };
+            Taylor::default().integrate_arc(&s, &arc, &mut [0.0; 5], &mut visit).unwrap();
+            let wanted = [-0.7, -(-2.0 + (-1.0f64).cos()) / 0.5, 2.0 * (-1.0f64).sin() / 0.5];
+            for (found, wanted) in found.unwrap().iter().zip(wanted) {
+                assert!((found - wanted).abs() < 1e-11, "{p}/{q} at {depth}: {found} for {wanted}");
+            }
         }
     }
 }
