@@ -99,6 +99,13 @@ pub trait HybridSystem {
         let _ = id;
         false
     }
+    /// The fastest rate of the smooth nonlinear elements of `mode` at `x`, 1/s, and into `sizes` `[dim]` the size of each
+    /// component's motion that they take part in, in its units and > 0, against which the accuracy of steps longer than
+    /// that rate allows is judged. `None` if there are no such elements, or one of them is about to change.
+    fn sizes(&self, mode: Mode, at: Instant, x: &[f64], sizes: &mut [f64]) -> Option<f64> {
+        let _ = (mode, at, x, sizes);
+        None
+    }
     /// The own rates of `mode`, if the system knows them: they tell stiff modes from others.
     fn rates(&self, mode: Mode) -> Option<Rates> {
         let _ = mode;

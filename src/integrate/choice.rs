@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, fmt, ops::ControlFlow};
 
-use super::{Arc, DenseStep, IntegrateError, Integrator, Taylor};
+use super::{Arc, DenseStep, IntegrateError, Integrator, Relay, Taylor};
 #[cfg(feature = "diffsol")]
 use super::{Diffsol, Method};
 use crate::hybrid::{Flow, HybridSystem, Mode};
@@ -83,7 +83,7 @@ fn solver(choice: Choice, _rtol: f64) -> Result<Box<dyn Integrator>, IntegrateEr
 
 fn auto(rtol: f64, series: bool) -> Result<(Box<dyn Integrator>, String), IntegrateError> {
     let plain = if series { Choice::Taylor } else { Choice::Explicit };
-    let usual: Box<dyn Integrator> = if series { Box::new(Taylor::default()) } else { solver(Choice::Explicit, rtol)? };
+    let usual: Box<dyn Integrator> = if series { Box::new(Relay::default()) } else { solver(Choice::Explicit, rtol)? };
     let why = if series { "the flow knows its Taylor series" } else { "the flow can only be evaluated" };
     Ok(match solver(Choice::Bdf, rtol) {
         Ok(stiff) => {
@@ -151,7 +151,9 @@ impl Integrator for PerMode {
     }
 
     fn chosen(&self) -> Vec<(Mode, &'static str)> {
-        let name = |stiff: bool| if stiff { self.stiff.name() } else { self.usual.name() };
-        self.picks.iter().map(|(mode, stiff)| (*mode, name(*stiff))).collect()
+        let relieved = self.usual.chosen();
+        let usual = |mode: Mode| relieved.iter().find(|r| r.0 == mode).map_or(self.usual.name(), |r| r.1);
+        let name = |mode: Mode, stiff: bool| if stiff { self.stiff.name() } else { usual(mode) };
+        self.picks.iter().map(|(mode, stiff)| (*mode, name(*mode, *stiff))).collect()
     }
 }

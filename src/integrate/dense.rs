@@ -5,7 +5,7 @@
 //! two more samples tell how well. Where it is not resolved, the step is handed out in several pieces.
 
 use crate::{
-    hybrid::{Guard, HybridSystem, Instant},
+    hybrid::{Guard, GuardId, HybridSystem, Instant, Mode},
     integrate::{Arc, DenseStep},
 };
 
@@ -16,6 +16,7 @@ const FIRST: usize = 8;
 /// Room for one guard's polynomial.
 const ROW: usize = DEGREE + 1;
 /// Highest degree of an interpolant of the state.
+#[cfg(feature = "diffsol")]
 pub(super) const STATE_DEGREE: usize = 5;
 /// A step is halved at most this often: what is not resolved on 1/64 of a solver's step is not smooth.
 const HALVINGS: i32 = 6;
@@ -75,12 +76,14 @@ impl Chebyshev {
 }
 
 /// The points at which an interpolant of the given degree is to be sampled, ends included.
+#[cfg(feature = "diffsol")]
 pub(super) fn state_points(degree: usize) -> impl Iterator<Item = f64> {
     (0..=degree).map(move |i| i as f64 / degree as f64)
 }
 
 /// Coefficients of powers from `samples` at the [`state_points`], by divided differences, component by
 /// component in place. The rows of `samples` are states, `[(degree + 1) · dim]`.
+#[cfg(feature = "diffsol")]
 pub(super) fn to_powers(samples: &mut [f64], dim: usize) {
     let degree = samples.len() / dim - 1;
     let point = |i: usize| i as f64 / degree as f64;
@@ -160,6 +163,23 @@ fn horner(rows: &[f64], dim: usize, theta: f64, x: &mut [f64]) {
     }
 }
 
+/// The sum of what the uncertainty of each component does to guard `id`, to first order.
+fn blur(system: &dyn HybridSystem, mode: Mode, id: GuardId, at: Instant, x: &[f64], unsure: &[f64]) -> f64 {
+    /// An uncertainty near rounding shows when it is enlarged.
+    const LARGER: f64 = 1e6;
+    if unsure.is_empty() {
+        return 0.0;
+    }
+    let (mut y, g) = (x.to_vec(), system.guard(mode, id, at, x));
+    let part = |(i, u): (usize, &f64)| {
+        y[i] = x[i] + LARGER * u;
+        let moved = (system.guard(mode, id, at, &y) - g).abs();
+        y[i] = x[i];
+        moved / LARGER
+    };
+    unsure.iter().enumerate().map(part).sum()
+}
+
 /// What a piece needs to know about its place.
 #[derive(Clone, Copy)]
 pub(super) struct Place<'a> {
@@ -171,6 +191,8 @@ pub(super) struct Place<'a> {
     pub from: f64,
     /// Its end; `None` if it is the arc's own.
     pub to: Option<f64>,
+    /// Uncertainty of each component that no polynomial shows; empty for none.
+    pub unsure: &'a [f64],
 }
 
 impl Pieces {
@@ -188,6 +210,23 @@ impl Pieces {
             samples: Vec::new(),
             scratch: Vec::new(),
         }
+    }
+
+    /// Row k: `T_k(2θ − 1)` in powers of θ.
+    pub fn powers(&self) -> [[f64; ROW]; ROW] {
+        self.chebyshev.powers
+    }
+
+    /// What the uncertainties `unsure` of the state do to each guard.
+    pub fn blurs(
+        &self,
+        system: &dyn HybridSystem,
+        mode: Mode,
+        at: Instant,
+        x: &[f64],
+        unsure: &[f64],
+    ) -> Vec<(GuardId, f64)> {
+        self.guards.iter().map(|g| (g.id, blur(system, mode, g.id, at, x, unsure))).collect()
     }
 
     /// Prepares for an arc.
@@ -322,7 +361,8 @@ impl Pieces {
             (before, now) = (now, 6.0 * now - before);
         }
         let cancelled = f64::EPSILON * cancelled;
-        self.error[i] = (tail + cancelled, rounding);
+        let blur = blur(place.system, place.arc.mode, id, self.start, &self.samples[..self.dim], place.unsure);
+        self.error[i] = (tail + cancelled + blur, rounding);
         if pinned {
             self.pin(i, first && place.arc.still.contains(id), place.rtol * sensitivity);
         }

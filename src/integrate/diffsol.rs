@@ -272,7 +272,14 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn place(&self) -> Place<'a> {
-        Place { system: self.system, arc: self.arc, rtol: self.rtol, from: self.from * self.unit, to: None }
+        Place {
+            system: self.system,
+            arc: self.arc,
+            rtol: self.rtol,
+            from: self.from * self.unit,
+            to: None,
+            unsure: &[],
+        }
     }
 
     fn begin(&mut self, end: &mut [f64]) {

@@ -3,10 +3,11 @@
 //! One arc is one call. Nothing of a solver can survive a jump, because the call does not.
 
 mod choice;
-#[cfg(feature = "diffsol")]
 mod dense;
 #[cfg(feature = "diffsol")]
 mod diffsol;
+mod radau;
+mod relay;
 mod taylor;
 
 use std::ops::ControlFlow;
@@ -16,6 +17,8 @@ use crate::hybrid::{Guard, GuardSet, HybridSystem, Instant, Mode};
 #[cfg(feature = "diffsol")]
 pub use self::diffsol::{Diffsol, Method};
 pub use choice::{Choice, PerMode, STIFF_STEPS, build};
+pub use radau::Tableau;
+pub use relay::Relay;
 pub use taylor::Taylor;
 
 /// One accepted step with its dense output, in the step's own clock `θ ∈ [0, 1]`.

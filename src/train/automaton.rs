@@ -27,18 +27,6 @@ pub enum StartError {
         /// How deep, m.
         depth: f64,
     },
-    /// A power law starts from rest on its flank, and its motion is no power series there.
-    #[error(
-        "{contact} starts at rest exactly on its flank; with exponent {p}/{q} the motion has no power series there: give it a speed, a gap or an exponent with 2n whole"
-    )]
-    AtRest {
-        /// Which contact.
-        contact: String,
-        /// Numerator of the exponent.
-        p: u32,
-        /// Denominator of the exponent.
-        q: u32,
-    },
     /// The initial state has the wrong length or is not finite.
     #[error("the initial state needs {expected} finite displacements and {expected} finite velocities")]
     State {
@@ -90,13 +78,6 @@ impl Structure {
             } else if depth > 0.0 {
                 jump.mode = with_contact(jump.mode, j, Self::resting(d));
             } else if depth == 0.0 {
-                if let Law::Power(l) = c.spec.law
-                    && rate == 0.0
-                    && !(2 * l.exponent.p).is_multiple_of(l.exponent.q)
-                {
-                    let (p, q) = (l.exponent.p, l.exponent.q);
-                    return Err(StartError::AtRest { contact: c.spec.name.clone(), p, q });
-                }
                 let id = guard_id(j, if d >= c.gap() { Watch::DriveFlank } else { Watch::BackFlank });
                 jump.pinned.insert(id);
                 if rate == 0.0 {
@@ -302,6 +283,10 @@ impl HybridSystem for Structure {
 
     fn is_continuous(&self, id: GuardId) -> bool {
         guard_of(id).1 != Watch::Force
+    }
+
+    fn sizes(&self, mode: Mode, at: Instant, x: &[f64], sizes: &mut [f64]) -> Option<f64> {
+        self.pressed_sizes(mode, at, x, sizes)
     }
 
     fn rates(&self, mode: Mode) -> Option<Rates> {

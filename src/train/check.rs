@@ -137,12 +137,6 @@ impl Spec {
                     n.q > 0 && n.q <= Ratio::MAX_DENOMINATOR && n.p >= n.q && n.p <= 5 * n.q,
                     "a power law needs an exponent p/q from 1 to 5 with q from 1 to 16",
                 )?;
-                // A contact that starts together with another one is expanded in the other's root clock.
-                let shares = |o: &Law| !matches!(o, Law::Power(o) if o.exponent.q * n.p % n.q != 0);
-                require(
-                    self.contacts.iter().all(|o| shares(&o.law)),
-                    "its power law's exponent and another contact's have no common root clock",
-                )?;
                 require(matches!(c.stiffness, Stiffness::Constant(_)), "a power law needs a constant stiffness")?;
                 require((0.0..f64::INFINITY).contains(&l.hysteresis), "its hysteresis must be finite and >= 0")?;
                 require(l.speed_floor > 0.0 && l.initial_speed > 0.0, "its latched speeds must be > 0")?;

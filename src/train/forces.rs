@@ -178,6 +178,45 @@ impl Structure {
         rates
     }
 
+    /// The fastest rate of the closed power laws, `max(√(μ dF/dp), μ χ K pⁿ)` with `μ = gᵀM⁻¹g`, and the sizes of the state:
+    /// the displacement `M⁻¹g p/μ` that takes the penetration away, of the least such contact, but at least a twentieth of
+    /// the displacement itself, whose rounding counts; for velocities the rate times that.
+    pub(super) fn pressed_sizes(&self, mode: Mode, at: Instant, x: &[f64], sizes: &mut [f64]) -> Option<f64> {
+        let (n, mut fastest) = (self.n, 0.0);
+        sizes.fill(f64::INFINITY);
+        for (j, c) in self.contacts.iter().enumerate() {
+            let (Law::Power(l), state) = (c.spec.law, contact_mode(mode, j)) else { continue };
+            if !state.is_closed() {
+                continue;
+            }
+            let (d, rate) = self.deflection(j, at, x);
+            let p = state.side() * d - c.gap();
+            if p <= 0.0 {
+                return None;
+            }
+            let force = c.spec.stiffness.mean() * p.powf(l.exponent.value());
+            let tangent = l.exponent.value() * force / p * self.factor(c, state.side() * rate, x).max(0.0);
+            let damped = c.latch.map_or(0.0, |i| l.hysteresis / x[i]) * force * c.mobility;
+            fastest = (tangent * c.mobility).sqrt().max(damped).max(fastest);
+            c.push.iter().for_each(|(i, push)| {
+                let size = &mut sizes[*i as usize];
+                *size = size.min((p * push / c.mobility).abs());
+            });
+        }
+        if fastest == 0.0 {
+            return None;
+        }
+        let largest = x[..n].iter().fold(f64::MIN_POSITIVE, |m: f64, q| m.max(q.abs()));
+        for i in 0..n {
+            let pressed = if sizes[i].is_finite() { sizes[i] } else { largest };
+            sizes[i] = pressed.max(0.05 * x[i].abs());
+            sizes[n + i] = fastest * sizes[i];
+        }
+        // Latched speeds do not change.
+        sizes[2 * n..].iter_mut().zip(&x[2 * n..]).for_each(|(s, x)| *s = *x);
+        Some(fastest)
+    }
+
     /// `g_iᵀ M⁻¹ g_j`, 1/kg.
     pub(super) fn coupling(&self, i: usize, j: usize) -> f64 {
         self.contacts[i]

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::error::TrainError;
 use super::spec::{ContactSpec, Spec};
-use crate::gear::contact::Law;
+use crate::gear::contact::{Law, PowerLaw};
 use crate::linalg::{EigenError, Modes, natural_modes};
 
 /// `K + Σ k̄_j g_j g_jᵀ`, N/m, `[n × n]`: supports and every mesh at its mean stiffness, or at the stiffnesses
@@ -39,13 +39,14 @@ pub struct Equilibrium {
 }
 
 /// Solves `K q + Σ g F(gᵀq − e₀ − b) = f₀` for contacts on their drive flanks at mean stiffness: `F = k̄ p` for linear
-/// laws, `F = K pⁿ` for power laws (Newton's method).
+/// laws, `F = K |p|ⁿ sign p` for power laws (Newton's method). Every law is continued to p < 0 as if it could pull, so
+/// that "closed" means the same for all: what no load acts on lies on its flank.
 ///
 /// Free motions (eigenvalues below `16 n ε ‖·‖`) carry no load in an equilibrium.
 ///
 /// # Errors
-/// [`TrainError::Unbalanced`] if more than 1e-9 of the largest load (and rounding) is left over (a load on a free motion, a power-law
-/// contact the load does not press on); [`TrainError::Value`] for a rigid contact, whose force has no stiffness.
+/// [`TrainError::Unbalanced`] if more than 1e-9 of the largest load (and rounding) is left over (a load on a free
+/// motion); [`TrainError::Value`] for a rigid contact, whose force has no stiffness.
 pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, TrainError> {
     let load = DVector::from_column_slice(&spec.load);
     let scale = load.amax();
@@ -57,7 +58,7 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, TrainError> {
                 let name = format!("{}: contact stiffness", contact.name);
                 return Err(TrainError::Value { name, value: f64::INFINITY, wanted: "finite for an equilibrium" });
             }
-            Law::Power(law) => (scale / contact.stiffness.mean()).powf(law.exponent.value().recip()),
+            Law::Power(law) => loaded(contact, law, scale),
             Law::Bilateral(_) | Law::KelvinVoigt(..) => 0.0,
         });
     }
@@ -69,7 +70,7 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, TrainError> {
     let allowed = f64::max(1.0e-9 * scale, 64.0 * f64::EPSILON * flanks.fold(0.0, f64::max));
     let mut best: Option<(f64, DVector<f64>)> = None;
     loop {
-        let forces: Vec<[f64; 2]> = spec.contacts.iter().zip(&penetrations).map(|(c, &p)| force(c, p)).collect();
+        let forces: Vec<[f64; 2]> = spec.contacts.iter().zip(&penetrations).map(|(c, &p)| force(c, p, scale)).collect();
         let tangents: Vec<f64> = forces.iter().map(|f| f[1]).collect();
         let mut push = load.clone();
         for ((contact, g), ([f, k], p)) in spec.contacts.iter().zip(&directions).zip(forces.iter().zip(&penetrations)) {
@@ -79,7 +80,7 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, TrainError> {
         let mut rest = &load - &spec.stiffness * &position;
         for ((contact, g), p) in spec.contacts.iter().zip(&directions).zip(&mut penetrations) {
             *p = g.dot(&position) - contact.error_offset - contact.half_backlash;
-            rest -= force(contact, *p)[0] * g;
+            rest -= force(contact, *p, scale)[0] * g;
         }
         let residual = rest.amax();
         // Down to where round-off stops the descent.
@@ -92,7 +93,7 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, TrainError> {
                     .contacts
                     .iter()
                     .zip(&directions)
-                    .map(|(c, g)| force(c, g.dot(position) - c.error_offset - c.half_backlash)[0])
+                    .map(|(c, g)| force(c, g.dot(position) - c.error_offset - c.half_backlash, scale)[0])
                     .collect();
                 return Ok(Equilibrium { position: position.iter().copied().collect(), forces });
             }
@@ -109,21 +110,28 @@ pub fn tangent_stiffness(spec: &Spec, at: &Equilibrium) -> Vec<f64> {
     let tangent = |(contact, force): (&ContactSpec, &f64)| match contact.law {
         Law::Power(law) => {
             let n = law.exponent.value();
-            n * contact.stiffness.mean().powf(n.recip()) * force.powf(1.0 - n.recip())
+            n * contact.stiffness.mean().powf(n.recip()) * force.abs().powf(1.0 - n.recip())
         }
         _ => contact.stiffness.mean(),
     };
     spec.contacts.iter().zip(&at.forces).map(tangent).collect()
 }
 
-/// Force and its slope at penetration p on the drive flank, at mean stiffness.
-fn force(contact: &ContactSpec, p: f64) -> [f64; 2] {
+/// Penetration of a power law under the whole load.
+fn loaded(contact: &ContactSpec, law: PowerLaw, load: f64) -> f64 {
+    (load / contact.stiffness.mean()).powf(law.exponent.value().recip())
+}
+
+/// Force and its slope at penetration p on the drive flank, at mean stiffness. Near p = 0, where a power law has no slope,
+/// its chord stands for it: below a millionth of the penetration under the whole load, or everywhere without load.
+fn force(contact: &ContactSpec, p: f64, load: f64) -> [f64; 2] {
     let k = contact.stiffness.mean();
     match contact.law {
-        Law::Power(law) => {
+        Law::Power(law) if load > 0.0 => {
             let n = law.exponent.value();
-            let p = p.max(0.0);
-            [k * p.powf(n), n * k * p.powf(n - 1.0)]
+            let least = 1.0e-6 * loaded(contact, law, load);
+            let chord = k * p.abs().max(least).powf(n - 1.0);
+            [chord * p, if p.abs() < least { chord } else { n * chord }]
         }
         _ => [k * p, k],
     }

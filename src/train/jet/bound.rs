@@ -11,7 +11,7 @@
 //! F is the forcing by harmonics, k the part of the stiffnesses that varies, p the penetrations. This is a proof: `docs/EVENTS.md`
 //! has the derivation.
 
-use super::{Expansion, ORDER, ROW};
+use super::{Expansion, ORDER, ROW, defect::Defect};
 use crate::{
     gear::contact::Law,
     hybrid::Jet,
@@ -123,6 +123,11 @@ impl Forcing {
         }
         Self { fastest, load, errors, span, rows }
     }
+
+    /// `‖M⁻¹K‖`, 1/s², and `‖M⁻¹C‖`, 1/s, without contacts.
+    pub fn norms(&self) -> [f64; 2] {
+        [0, 1].map(|i| self.rows[i].iter().copied().fold(0.0, f64::max))
+    }
 }
 
 /// Range of a stiffness that follows oscillators: sum of its amplitudes, and its fastest frequency.
@@ -133,7 +138,7 @@ pub(in crate::train) fn swing(waves: &[Wave], oscillators: &[Oscillator]) -> (f6
 }
 
 /// What the truncated terms add at most, anywhere on the step.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Tail {
     /// To the weighted velocities, `√M_ii |v_i|`.
     pub velocity: f64,
@@ -143,8 +148,8 @@ pub(super) struct Tail {
     pub waves: [f64; 2],
     /// `‖A_q‖`, `‖A_v‖` and the forcing's top amplitude, without the contacts at rest.
     pub free: [f64; 3],
-    /// The bound is an estimate.
-    pub is_estimate: bool,
+    /// In a root clock the bounds of its own.
+    pub rooted: Option<Defect>,
 }
 
 /// The smooth flow of a mode in numbers.
@@ -297,7 +302,7 @@ impl Expansion<'_> {
         let defect = growth * last + flow.forcing.top * exponential_tail(z, ORDER, wave) + varying;
         let velocity = defect * h / steps / (1.0 - growth * h / steps);
         let displacement = h / steps * (self.velocity_size(ORDER, out) * reach.powi(ORDER as i32) + velocity);
-        Tail { velocity, displacement, waves: [wave, wave * z / steps], free: flow.free, is_estimate: false }
+        Tail { velocity, displacement, waves: [wave, wave * z / steps], free: flow.free, rooted: None }
     }
 
     /// Bound on the terms of order `from` and more of `k(t) p` of contact `j` that come from the varying part of k.
@@ -327,11 +332,17 @@ impl Expansion<'_> {
 
     /// What the tail adds to the deflection of contact `j`, m.
     pub(super) fn deflection_tail(&self, j: usize, tail: &Tail) -> f64 {
+        if let Some(defect) = &tail.rooted {
+            return defect.of_deflection(&self.s.contacts[j]);
+        }
         self.s.contacts[j].across * tail.displacement + self.s.forcing.errors[j][0].top * tail.waves[1]
     }
 
     /// What it adds to the rate of contact `j`, of which order N is missing too, m/s.
     pub(super) fn rate_tail(&self, j: usize, tail: &Tail, out: &Jet) -> f64 {
+        if let Some(defect) = &tail.rooted {
+            return defect.of_rate(self.s, &self.s.contacts[j]);
+        }
         let last = self.velocity_size(ORDER, out) * out.reach.powi(ORDER as i32);
         self.s.contacts[j].across * (last + tail.velocity) + self.s.forcing.errors[j][1].top * tail.waves[0]
     }
@@ -345,6 +356,9 @@ impl Expansion<'_> {
 
     /// What it adds to the force that holds contact `j` at rest, N: `|W⁻¹|` times the tails of the free accelerations.
     pub(super) fn held_force_tail(&self, j: usize, tail: &Tail) -> f64 {
+        if let Some(defect) = &tail.rooted {
+            return defect.of_force(self.s, &self.s.contacts[j]);
+        }
         let Some(held) = Sticking::new(self.s, self.request.mode) else { return 0.0 };
         let forcing = &self.s.forcing;
         let free = |k: usize| {

@@ -77,7 +77,7 @@ impl Expansion<'_> {
                         {
                             series[0] = 0.0;
                         }
-                        (c.across * tail.velocity * self.h, 0.0)
+                        (tail.rooted.map_or(0.0, |d| d.root), 0.0)
                     }
                     _ => {
                         let along = if watch == Watch::DriveFlank { -sign } else { sign };
@@ -93,7 +93,7 @@ impl Expansion<'_> {
                 series.iter_mut().zip(&powers).for_each(|(s, p)| *s *= p);
                 let added = series[1..].iter().fold(0.0, |sum, s| sum + s.abs());
                 self.write_zeros(j, watch, state, series);
-                if owner.is_some() {
+                if let Some(d) = tail.rooted {
                     guard_rates.resize(guard_series.len(), 0.0);
                     let sign = match (state.side(), watch) {
                         (0.0, Watch::DriveFlank) => -1.0,
@@ -103,7 +103,10 @@ impl Expansion<'_> {
                     let r = self.layout.of(j, RATE);
                     let rates = guard_rates[row..row + ROW].iter_mut().zip(work[r..r + ROW].iter().zip(&powers));
                     rates.for_each(|(g, (r, p))| *g = sign * r * p);
-                    let error = ROUNDING * self.s.deflection_size(c, self.request.x) + self.deflection_tail(j, tail);
+                    // What the clock leaves out moves the guard at its rate.
+                    let late = d.time * work[r..r + ROW].iter().zip(&powers).map(|(r, p)| (r * p).abs()).sum::<f64>();
+                    let error =
+                        ROUNDING * self.s.deflection_size(c, self.request.x) + self.deflection_tail(j, tail) + late;
                     guard_errors.push(if watch == Watch::Force { -1.0 } else { error });
                 }
                 remainder.push(error);

@@ -12,12 +12,13 @@
 //! a contact, where in plain time `pⁿ` has a branch point.
 
 mod bound;
+mod defect;
 mod guards;
 mod linear;
 mod plain;
-mod reach;
 mod rooted;
 
+use bound::Tail;
 pub(super) use bound::{Forcing, swing};
 
 use super::{
@@ -49,7 +50,7 @@ const LANES: usize = 4;
 /// Room for the clock: w, then y, y², … y^(q−1), then p², p³, p⁴.
 const CLOCK_ROWS: usize = 1 + 16 + 4;
 
-/// A stretch below this fraction of the gap loses four bits or more when it is formed as a difference.
+/// A stretch below this fraction of the terms it is a difference of loses four bits or more when it is formed.
 const SMALL_STRETCH: f64 = 1.0 / 16.0;
 
 /// Where the series lie in the working space.
@@ -140,7 +141,10 @@ impl JetField for Structure {
             out.span = e.h;
             let reach = match owner {
                 None => e.plain_reach(out),
-                Some(owner) => e.rooted_reach(owner, out),
+                Some(owner) => {
+                    let rooted = e.rooted_reach(owner, out);
+                    rooted.map(|(reach, defect)| (reach, Tail { rooted: Some(defect), ..Tail::default() }))
+                }
             };
             if let Some((reach, tail)) = reach.filter(|(reach, _)| *reach > 0.0) {
                 out.reach = reach;
@@ -153,7 +157,7 @@ impl JetField for Structure {
                 return;
             }
         };
-        out.is_estimate = tail.is_estimate;
+        out.is_estimate = owner.is_some();
         e.guards(owner, &tail, out);
     }
 
@@ -170,8 +174,9 @@ impl JetField for Structure {
         carried.extend((0..self.contacts.len()).map(|j| {
             let grown = (1..=ORDER).rev().fold(0.0, |sum, k| (sum + step.work[layout.deflection(j, k)]) * step.reach);
             let stretch = step.work[layout.stretches + j] + grown;
-            let small =
-                contact_mode(mode, j).side() != 0.0 && stretch.abs() < SMALL_STRETCH * self.contacts[j].offset();
+            let c = &self.contacts[j];
+            let has_flank = contact_mode(mode, j).side() != 0.0 && !matches!(c.spec.law, Law::Bilateral(_));
+            let small = has_flank && stretch.abs() < SMALL_STRETCH * self.deflection_size(c, &step.state);
             if small { stretch } else { f64::NAN }
         }));
     }

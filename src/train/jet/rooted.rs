@@ -11,6 +11,9 @@ use crate::{
     },
 };
 
+/// A change this much smaller than what it changes is far below rounding.
+const UNFELT: f64 = f64::EPSILON / 64.0;
+
 /// The contact that owns the clock.
 #[derive(Clone, Copy)]
 pub(super) struct Owner {
@@ -49,10 +52,10 @@ impl Structure {
     fn penetration(&self, j: usize, state: ContactMode, request: &JetRequest<'_>) -> (f64, f64) {
         let (deflection, rate) = self.deflection(j, request.at, request.x);
         let flank = if state.side() > 0.0 { Watch::DriveFlank } else { Watch::BackFlank };
-        let p = if request.pinned.contains(guard_id(j, flank)) {
-            0.0
-        } else {
-            (state.side() * deflection - self.contacts[j].gap()).max(0.0)
+        let p = match request.carried.get(j) {
+            _ if request.pinned.contains(guard_id(j, flank)) => 0.0,
+            Some(stretch) if !stretch.is_nan() => (state.side() * stretch).max(0.0),
+            _ => (state.side() * deflection - self.contacts[j].gap()).max(0.0),
         };
         (p, state.side() * rate)
     }
@@ -197,6 +200,16 @@ impl Expansion<'_> {
         product(work, s, p, k)
     }
 
+    /// Whether contact `j` is leaving and so near its end that the rest of its force changes neither its rate nor, in
+    /// proportion, its penetration: with `p/|ṗ|` left, by `K p^(n+1)/(m ṗ²)`. Where it leaves together with the clock's
+    /// owner its branch point would hold up every step.
+    fn leaves_unfelt(&self, j: usize, n: f64, work: &[f64]) -> bool {
+        let c = &self.s.contacts[j];
+        let p = work[self.layout.of(j, PENETRATION)];
+        let rate = contact_mode(self.request.mode, j).side() * work[self.layout.of(j, RATE)];
+        rate < 0.0 && p > 0.0 && c.spec.stiffness.mean() * c.mobility * p.powf(n + 1.0) <= UNFELT * rate * rate
+    }
+
     /// `pⁿ` at order `k`.
     fn power(&self, owner: Owner, j: usize, law: PowerLaw, k: usize, work: &mut [f64]) {
         let layout = &self.layout;
@@ -219,17 +232,18 @@ impl Expansion<'_> {
             return;
         }
         // Another contact's clock, or plain time. If this contact starts here, p = θ^m β with m exact zeros in front
-        // (the owner's q; 2 from rest), and pⁿ = θ^(mn) βⁿ; βⁿ by the recurrence of a power of a series.
+        // (the owner's q; twice as many from rest), and pⁿ = θ^(mn) βⁿ; βⁿ by the recurrence of a power of a series. Where mn
+        // is not whole there is no power series: the force is left out, and the step so short that it changes nothing.
         let n = exponent.value();
-        let Some(m) = work[p..=p + k].iter().position(|c| *c != 0.0) else {
+        if k > 0 && work[u] == 0.0 && work[p] > 0.0 || k == 0 && self.leaves_unfelt(j, n, work) {
+            work[u + k] = 0.0;
+            return;
+        }
+        let m = work[p..=p + k].iter().position(|c| *c != 0.0);
+        let Some(m) = m.filter(|m| (m * exponent.p as usize).is_multiple_of(exponent.q as usize)) else {
             work[u + k] = 0.0;
             return;
         };
-        if !(m * exponent.p as usize).is_multiple_of(exponent.q as usize) {
-            // No power series in this clock: better no number than a wrong one.
-            work[u + k] = f64::NAN;
-            return;
-        }
         let shift = m * exponent.p as usize / exponent.q as usize;
         if k < shift {
             work[u + k] = 0.0;
