@@ -146,9 +146,9 @@ pub fn judge(value: &Value, budget: usize, limit: Duration) -> Judged {
     let truth = truth(&built, budget);
     out.oracle_seconds = began.elapsed().as_secs_f64();
     out.ambiguous.clone_from(&truth.ambiguous);
-    // Flank need not run beyond what is compared.
+    // Flank need not run beyond what is compared; an ambiguous scene must run to its end all the same.
     let until = truth.until + 1e-6 * truth.period;
-    if until < built.run.end() && until > 0.0 {
+    if until < built.run.end() && until > 0.0 && truth.ambiguous.is_none() {
         let key = if built.dimensionless { "t_end" } else { "t_end_s" };
         out.scene["run"] = serde_json::json!({ key: until });
     }
