@@ -97,7 +97,7 @@ fn run(class: &Class, plan: &Plan) -> Line {
                     if index >= plan.count {
                         return;
                     }
-                    let judged = judge(&class.scene(plan.seed, index), plan.budget, plan.limit);
+                    let judged = judge(&class.scene(plan.seed, index), plan.budget, class.limit(plan.limit));
                     if plan.tell {
                         tell(class, index, &judged);
                     }
