@@ -15,6 +15,7 @@
 //!
 //! A scene that fails is printed as JSON, cut where the comparison ends, with the first difference.
 
+mod arcs;
 mod closed_forms;
 mod flank_run;
 mod instant;
@@ -61,6 +62,19 @@ fn nightly_table() {
     let table = nightly::nightly(&nightly::Plan::from_environment());
     let bad: usize = table.iter().map(|(_, l)| l.wrong + l.alarmed + l.refused).sum();
     assert_eq!(bad, 0, "scenes that are wrong, alarmed or refused");
+}
+
+/// Errors of event times over one arc, from Flank's own states, against the uncertainties stated for them.
+#[test]
+#[ignore = "takes minutes: .ci/nightly runs it"]
+fn nightly_arcs() {
+    let table = nightly::arcs(&nightly::Plan::from_environment());
+    let bad: Vec<String> = table
+        .iter()
+        .filter(|a| a.beyond + a.other > 0)
+        .map(|a| format!("{}: {} of {} arcs, median {:.1e}", a.letter, a.beyond + a.other, a.count, a.median))
+        .collect();
+    assert!(bad.is_empty(), "arcs beyond their uncertainty: {}", bad.join("; "));
 }
 
 /// A few scenes of every class. The oracle tells what is right; what Flank gets wrong is counted by `.ci/nightly`.

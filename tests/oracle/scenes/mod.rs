@@ -36,7 +36,7 @@ const fn class(letter: &'static str, about: &'static str, make: fn(&mut Random) 
 }
 
 /// All classes.
-pub const CLASSES: [Class; 15] = [
+pub static CLASSES: [Class; 15] = [
     class("A", "rest and release", masses::rest_and_release),
     class("B", "pair from rest, errors at phase 0", pairs::from_rest),
     class("C", "pair started on a flank", pairs::on_flank),
