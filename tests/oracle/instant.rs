@@ -9,7 +9,7 @@ use super::{
     state::{State, Status},
     step::{clock, guards, is_rigid, rate},
     strike::{Bounce, strike},
-    wide::{near, size},
+    wide::{near, size, wide},
 };
 
 /// A guard that fell through zero, or lies beyond it (`zero` false).
@@ -29,7 +29,7 @@ const ORDERS: usize = 10;
 pub fn resolve(m: &Model, s: &mut State, mut fired: Vec<Fired>) -> Result<(Vec<Bounce>, Vec<bool>), String> {
     let mut bounces = Vec::new();
     let mut struck = vec![false; m.contacts.len()];
-    for _ in 0..ROUNDS {
+    for round in 0..ROUNDS {
         let mut strikers = Vec::new();
         for f in &fired {
             let (j, side) = (f.contact, f.watch.side());
@@ -51,6 +51,10 @@ pub fn resolve(m: &Model, s: &mut State, mut fired: Vec<Fired>) -> Result<(Vec<B
             }
         }
         if !strikers.is_empty() {
+            if round > 0 && bounces.iter().any(|b: &Bounce| b.restitution == wide(0.0)) {
+                // Of blows without restitution that pass to and fro at one instant the law leaves several outcomes.
+                return Err("blows at restitution 0 alternate at one instant".into());
+            }
             bounces.extend(strike(m, s, &strikers)?);
         }
         settle(m, s)?;

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use flank::{
+    analysis::EventRow,
     scene::{Built, Scene},
     train::bonded_modes,
 };
@@ -146,9 +147,9 @@ pub fn judge(value: &Value, budget: usize, limit: Duration) -> Judged {
     let truth = truth(&built, budget);
     out.oracle_seconds = began.elapsed().as_secs_f64();
     out.ambiguous.clone_from(&truth.ambiguous);
-    // Flank need not run beyond what is compared.
+    // Flank need not run beyond what is compared; an ambiguous scene must run to its end all the same.
     let until = truth.until + 1e-6 * truth.period;
-    if until < built.run.end() && until > 0.0 {
+    if until < built.run.end() && until > 0.0 && truth.ambiguous.is_none() {
         let key = if built.dimensionless { "t_end" } else { "t_end_s" };
         out.scene["run"] = serde_json::json!({ key: until });
     }
@@ -159,7 +160,7 @@ pub fn judge(value: &Value, budget: usize, limit: Duration) -> Judged {
         Some(Failure::Refused(why)) => Verdict::Refused(why),
         Some(Failure::Slow) => Verdict::Wrong("takes too long".into()),
         failure => {
-            let difference = compare(&truth, &run.events, &mut out);
+            let difference = at_start(&truth, &run.zero).or_else(|| compare(&truth, &run.events, &mut out));
             let alarm = if let Some(Failure::Alarmed(why)) = failure { Some(why) } else { None };
             match (difference, alarm) {
                 (_, Some(why)) => Verdict::Alarmed(why),
@@ -169,6 +170,20 @@ pub fn judge(value: &Value, budget: usize, limit: Duration) -> Judged {
         }
     };
     out
+}
+
+/// What the records at t = 0 say wrongly: there is one at most, a start, and it tells the modes that the motion has.
+fn at_start(truth: &Truth, zero: &[EventRow]) -> Option<String> {
+    let first = &truth.sequence.first;
+    if zero.len() > 1 {
+        return Some(format!("{} records at t = 0", zero.len()));
+    }
+    let row = zero.first().filter(|_| !first.is_empty())?;
+    if !row.start {
+        return Some("a record at t = 0 that is no start".into());
+    }
+    let other = row.contacts.iter().find(|c| c.to != first[c.mesh].name())?;
+    Some(format!("{} starts as {}, expected {}", other.name, other.to, first[other.mesh].name()))
 }
 
 /// The first difference.

@@ -9,6 +9,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use serde_json::Value;
+
 use super::{
     judge::{Judged, Verdict, judge},
     scenes::{CLASSES, Class},
@@ -85,9 +87,9 @@ fn say(words: &str) {
     let _ = writeln!(std::io::stdout(), "{words}");
 }
 
-/// Runs a class.
-fn run(class: &Class, plan: &Plan) -> Line {
-    let (next, line) = (AtomicUsize::new(0), Mutex::new(Line::default()));
+/// Does something with every scene of a class, on all cores.
+fn each(class: &Class, plan: &Plan, work: impl Fn(usize, Value) + Sync) {
+    let next = AtomicUsize::new(0);
     let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     std::thread::scope(|scope| {
         for _ in 0..workers {
@@ -97,18 +99,70 @@ fn run(class: &Class, plan: &Plan) -> Line {
                     if index >= plan.count {
                         return;
                     }
-                    let judged = judge(&class.scene(plan.seed, index), plan.budget, plan.limit);
-                    if plan.tell {
-                        tell(class, index, &judged);
-                    }
-                    if let Ok(mut line) = line.lock() {
-                        line.add(&judged);
-                    }
+                    work(index, class.scene(plan.seed, index));
                 }
             });
         }
     });
+}
+
+/// Runs a class.
+fn run(class: &Class, plan: &Plan) -> Line {
+    let line = Mutex::new(Line::default());
+    each(class, plan, |index, scene| {
+        let judged = judge(&scene, plan.budget, class.limit(plan.limit));
+        if plan.tell {
+            tell(class, index, &judged);
+        }
+        if let Ok(mut line) = line.lock() {
+            line.add(&judged);
+        }
+    });
     line.into_inner().unwrap_or_default()
+}
+
+/// Arcs of a class: how many, how many beyond their uncertainty, how many to another event, and the median of error over it.
+pub struct Arcs {
+    pub letter: &'static str,
+    pub count: usize,
+    pub beyond: usize,
+    pub other: usize,
+    pub median: f64,
+}
+
+/// Compares arc by arc.
+pub fn arcs(plan: &Plan) -> Vec<Arcs> {
+    let mut table = Vec::new();
+    say("class   arcs  beyond  other  median  worst  of error over stated uncertainty");
+    for class in chosen(plan) {
+        let all = Mutex::new(Vec::new());
+        each(class, plan, |index, scene| {
+            let found = super::arcs::arcs(&scene, plan.budget);
+            if let Some(bad) = found.iter().find(|a| !a.is_held()).filter(|_| plan.tell) {
+                let words =
+                    format!("off by {:.2e}, stated {:.2e}, rounding {:.2e}", bad.error, bad.stated, bad.rounding);
+                say(&format!("{} {index} {}\n    {scene}", class.letter, bad.other.as_ref().unwrap_or(&words)));
+            }
+            if let Ok(mut all) = all.lock() {
+                all.extend(found);
+            }
+        });
+        let all = all.into_inner().unwrap_or_default();
+        let mut ratios: Vec<f64> =
+            all.iter().filter(|a| a.other.is_none() && a.stated > 0.0).map(|a| a.error / a.stated).collect();
+        ratios.sort_by(f64::total_cmp);
+        let other = all.iter().filter(|a| a.other.is_some()).count();
+        let beyond = all.iter().filter(|a| a.other.is_none() && !a.is_held()).count();
+        let median = ratios.get(ratios.len() / 2).copied().unwrap_or(0.0);
+        let worst = ratios.last().copied().unwrap_or(0.0);
+        say(&format!("{:5} {:6} {beyond:7} {other:6} {median:8.1e} {worst:8.1e}", class.letter, all.len()));
+        table.push(Arcs { letter: class.letter, count: all.len(), beyond, other, median });
+    }
+    table
+}
+
+fn chosen(plan: &Plan) -> impl Iterator<Item = &'static Class> {
+    CLASSES.iter().filter(|c| plan.classes.is_empty() || plan.classes.iter().any(|l| l == c.letter))
 }
 
 fn tell(class: &Class, index: usize, j: &Judged) {
@@ -130,7 +184,7 @@ fn tell(class: &Class, index: usize, j: &Judged) {
 /// Runs the plan and prints the table. The number of wrong scenes.
 pub fn nightly(plan: &Plan) -> Vec<(&'static str, Line)> {
     let mut table = Vec::new();
-    for class in CLASSES.iter().filter(|c| plan.classes.is_empty() || plan.classes.iter().any(|l| l == c.letter)) {
+    for class in chosen(plan) {
         let began = Instant::now();
         let line = run(class, plan);
         if plan.tell {

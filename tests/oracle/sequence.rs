@@ -8,7 +8,7 @@ use super::{
     rest::NOTHING,
     roots::{self, First},
     series::expand,
-    state::{State, Status},
+    state::State,
     step::{Guard, clock, guards, is_rigid, rate, resting, step},
     strike::{Bounce, stop},
     wide::{Wide, near, size, wide},
@@ -51,7 +51,6 @@ pub struct Sequence {
     pub ending: Ending,
     /// Up to where it holds.
     pub until: Wide,
-    pub state: State,
 }
 
 /// Bounces of one contact that get smaller.
@@ -94,7 +93,7 @@ pub fn sequence(m: &Model, start: State, end: Wide, budget: usize) -> Sequence {
         }
     };
     let until = if ending == Ending::Reached { end } else { run.state.t };
-    Sequence { events: run.events, tails: run.tails, first, ending, until, state: run.state }
+    Sequence { events: run.events, tails: run.tails, first, ending, until }
 }
 
 impl<'a> Runner<'a> {
@@ -287,9 +286,4 @@ fn kinds(rigid: bool, was: ContactMode, is: ContactMode, struck: bool) -> [Optio
         _ => None,
     };
     [kind, None]
-}
-
-/// A contact that is at rest or carries force, for starts in the middle of a motion.
-pub fn known(mode: ContactMode, side: f64, zeros: usize, force_zero: bool) -> Status {
-    Status { mode, side, zeros, force_zero, opens: false }
 }

@@ -4,7 +4,11 @@ mod laws;
 mod masses;
 mod pairs;
 mod random;
+mod schedules;
+mod special;
 mod stages;
+
+use std::time::Duration;
 
 use random::Random;
 use serde_json::Value;
@@ -17,6 +21,11 @@ pub struct Class {
 }
 
 impl Class {
+    /// Time that Flank may take: five seconds where the cost is what counts.
+    pub fn limit(&self, usual: Duration) -> Duration {
+        if self.letter == "I" { usual.min(Duration::from_secs(5)) } else { usual }
+    }
+
     pub fn scene(&self, seed: u64, index: usize) -> Value {
         (self.make)(&mut Random::new(seed, self.letter, index))
     }
@@ -27,7 +36,7 @@ const fn class(letter: &'static str, about: &'static str, make: fn(&mut Random) 
 }
 
 /// All classes.
-pub const CLASSES: [Class; 8] = [
+pub static CLASSES: [Class; 15] = [
     class("A", "rest and release", masses::rest_and_release),
     class("B", "pair from rest, errors at phase 0", pairs::from_rest),
     class("C", "pair started on a flank", pairs::on_flank),
@@ -35,5 +44,12 @@ pub const CLASSES: [Class; 8] = [
     class("E", "power laws", pairs::powers),
     class("F", "soft torsional stages", stages::soft_stages),
     class("G", "rigid torsional stages", stages::rigid_stages),
+    class("I", "cost: near-singular mass, stiff power law", special::cost),
     class("J", "mixed laws", masses::mixed),
+    class("K", "kinds of stiffness", schedules::kinds),
+    class("L", "two exponents in one train", special::two_exponents),
+    class("N", "starts: inside, pulling, on a switch", special::starts),
+    class("P", "scan of phases", special::phases),
+    class("Q", "detached modes", special::detached),
+    class("S", "symmetric soft stages, simultaneous events", stages::symmetric),
 ];

@@ -19,6 +19,15 @@ pub fn soft_stages(r: &mut Random) -> Value {
     stage(r, law)
 }
 
+/// Soft meshes, all planets in phase: events come together.
+pub fn symmetric(r: &mut Random) -> Value {
+    let law = soft_mesh(r);
+    let mut scene = stage(r, law);
+    scene["train"]["phases"] = json!("in-phase");
+    scene["initial"] = json!("rest");
+    scene
+}
+
 fn stage(r: &mut Random, law: Value) -> Value {
     let is_rigid = law["kind"] == "rigid";
     let planets = 3 + r.below(2);

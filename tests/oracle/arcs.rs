@@ -1,0 +1,159 @@
+//! Arc by arc: from Flank's own state after an instant, the oracle's next event against Flank's, and the difference against
+//! the uncertainty that Flank states for it.
+
+use std::{
+    ops::ControlFlow,
+    time::{Duration, Instant},
+};
+
+use flank::{
+    engine::{Observer, State as FlankState},
+    event::EventRecord,
+    hybrid::{ContactMode, Mode, Watch},
+    integrate::DenseStep,
+    scene::Scene,
+    study::Case,
+    train::{Structure, contact_mode, guard_id},
+};
+use serde_json::Value;
+
+use super::{
+    model::{Law, Model, Tweak},
+    sequence::Runner,
+    state::{State, Status},
+    step::is_rigid,
+    wide::{Wide, near, size, wide},
+};
+
+/// One event over one arc.
+pub struct Arc {
+    /// Error of its time, and the uncertainty stated.
+    pub error: f64,
+    pub stated: f64,
+    /// Rounding of the time itself: a double's share of the arc.
+    pub rounding: f64,
+    /// Another contact, or no event at all.
+    pub other: Option<String>,
+}
+
+impl Arc {
+    pub fn is_held(&self) -> bool {
+        self.other.is_none() && self.error <= self.stated + self.rounding
+    }
+}
+
+/// Stops at each instant.
+struct Each {
+    record: Option<EventRecord>,
+    deadline: Instant,
+}
+
+impl Observer for Each {
+    fn step(&mut self, _: Mode, _: &dyn DenseStep, _: f64) -> ControlFlow<()> {
+        if Instant::now() > self.deadline { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        self.record = Some(record.clone());
+        ControlFlow::Break(())
+    }
+}
+
+/// Time of an instant in 32 digits.
+fn time(structure: &Structure, at: flank::hybrid::Instant) -> Wide {
+    let t = structure.clock().time(at);
+    wide(t.hi) + wide(t.lo)
+}
+
+/// Flank's state with what it knows to be zero.
+fn taken(m: &Model, structure: &Structure, from: &FlankState) -> State {
+    let known = |set: flank::hybrid::GuardSet, j: usize, watch: Watch| set.contains(guard_id(j, watch));
+    let contacts = (0..m.contacts.len()).map(|j| {
+        let mode = contact_mode(from.jump.mode, j);
+        let back = known(from.jump.pinned, j, Watch::BackFlank);
+        let side = if mode == ContactMode::Separated { if back { -1.0 } else { 1.0 } } else { mode.side() };
+        let flank = if side > 0.0 { Watch::DriveFlank } else { Watch::BackFlank };
+        let pinned = known(from.jump.pinned, j, flank);
+        let still = pinned && known(from.jump.still, j, flank);
+        let force = known(from.jump.pinned, j, Watch::Force);
+        let zeros = match (is_rigid(m, j), mode.is_closed()) {
+            (true, true) => 0,
+            (rigid, _) => usize::from(pinned) + usize::from(still) + usize::from(rigid && still && force),
+        };
+        Status { mode, side, zeros, force_zero: force && !is_rigid(m, j), opens: false }
+    });
+    let n = m.n;
+    let numbers = |x: &[f64]| x.iter().map(|x| wide(*x)).collect();
+    let latches = (0..m.contacts.len()).map(|j| match (structure.contacts()[j].latch(), &m.contacts[j].law) {
+        (Some(i), _) => wide(from.x[i]),
+        (None, Law::Power { initial, .. }) => *initial,
+        _ => wide(0.0),
+    });
+    let mut s = State {
+        t: time(structure, from.at),
+        q: numbers(&from.x[..n]),
+        v: numbers(&from.x[n..2 * n]),
+        latches: latches.collect(),
+        contacts: contacts.collect(),
+    };
+    for j in 0..m.contacts.len() {
+        if s.contacts[j].zeros > 0 {
+            let side = s.contacts[j].side;
+            s.put_on_flank(m, j, side);
+        }
+    }
+    s
+}
+
+/// All arcs of a scene, at most `most`.
+pub fn arcs(value: &Value, most: usize) -> Vec<Arc> {
+    let mut out = Vec::new();
+    let Ok(scene) = Scene::from_value(value.clone(), "random") else { return out };
+    let Ok(case) = Case::new(&scene) else { return out };
+    let (Ok(start), m) = (case.start(), Model::new(&case.built.spec, Tweak::NONE)) else { return out };
+    let end = case.built.run.instants(case.clock())[2];
+    let Ok(mut engine) = case.engine(start) else { return out };
+    let deadline = Instant::now() + Duration::from_secs(20);
+    let mut fresh = false;
+    while out.len() < most {
+        let from = engine.state().clone();
+        let mut each = Each { record: None, deadline };
+        let ended = engine.run(end, &mut each);
+        let Some(record) = each.record.filter(|_| ended.is_ok()) else { return out };
+        // The first decides the start; sums and touches are no arcs to an event.
+        let is_arc = fresh && !record.start && !record.graze && record.accumulation.is_none();
+        if is_arc {
+            out.push(arc(&m, &case.structure, &from, &record));
+        }
+        fresh = record.accumulation.is_none();
+    }
+    out
+}
+
+fn arc(m: &Model, structure: &Structure, from: &FlankState, record: &EventRecord) -> Arc {
+    let told = time(structure, record.at);
+    let state = taken(m, structure, from);
+    let span = told - state.t;
+    let stated = record.conditioning.time;
+    let mut arc = Arc { error: 0.0, stated, rounding: f64::EPSILON * near(span), other: None };
+    let mut run = Runner::new(m, state);
+    let limit = told + span * wide(0.01) + wide(2.0 * stated);
+    while run.events.is_empty() {
+        match run.advance(limit) {
+            Ok(false) => {}
+            // What cannot be told is not held against a run.
+            Err(_) => return arc,
+            Ok(true) => {
+                arc.other = Some(format!("no event near {:e}", near(told)));
+                return arc;
+            }
+        }
+    }
+    let first = run.events[0];
+    let fires = record.fired.iter().any(|id| flank::train::guard_of(id).0 == first.contact);
+    if !fires {
+        arc.other = Some(format!("contact {} at {:e}, not at {:e}", first.contact, near(first.t), near(told)));
+    }
+    arc.error = size(first.t - told);
+    arc
+}
