@@ -78,7 +78,7 @@ impl Structure {
             } else if depth > 0.0 {
                 jump.mode = with_contact(jump.mode, j, Self::resting(d));
             } else if depth == 0.0 {
-                let id = guard_id(j, if d >= c.gap() { Watch::DriveFlank } else { Watch::BackFlank });
+                let id = guard_id(j, if d > 0.0 || !back { Watch::DriveFlank } else { Watch::BackFlank });
                 jump.pinned.insert(id);
                 if rate == 0.0 {
                     jump.still.insert(id);

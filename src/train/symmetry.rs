@@ -109,6 +109,11 @@ impl Symmetry {
         }
     }
 
+    /// Whether contacts `i` and `j` are equal by the numbers of the train.
+    pub fn are_equal(&self, i: usize, j: usize) -> bool {
+        self.contacts.iter().any(|class| class.contains(&i) && class.contains(&j))
+    }
+
     /// Makes the forces of the contacts of each class equal, where all of it is in `held` and they differ by rounding only.
     pub fn restore_forces(&self, held: &[usize], forces: &mut [f64]) {
         let size = forces[..held.len()].iter().fold(0.0, |m: f64, f| m.max(f.abs()));

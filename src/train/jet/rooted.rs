@@ -5,7 +5,7 @@ use crate::{
     gear::contact::{Law, PowerLaw},
     hybrid::{Jet, JetRequest},
     train::{
-        assemble::{Spring, Structure},
+        assemble::{MAX_CONTACTS, Spring, Structure},
         contact_mode::{ContactMode, Watch, contact_mode, guard_id, piece},
         sticking::Sticking,
     },
@@ -84,6 +84,7 @@ impl Expansion<'_> {
         let p = (mode.side() * work[layout.stretches + owner.contact]).max(0.0);
         work[layout.y(1)] = p.powf(1.0 / f64::from(owner.root));
         let held = Sticking::new(s, self.request.mode);
+        let twins: [bool; MAX_CONTACTS] = std::array::from_fn(|j| self.is_twin(owner, j, work));
         for k in 0..=ORDER {
             let (low, high) = state.split_at_mut((k + 1) * dim);
             let (q, v) = low[k * dim..k * dim + 2 * n].split_at(n);
@@ -96,7 +97,14 @@ impl Expansion<'_> {
             }
             self.clock_series(owner, k, work);
             for j in 0..s.contacts.len() {
-                self.force(owner, j, k, work);
+                if twins[j] {
+                    // The owner's force, as its own clock gives it: what is equal stays equal to the last bit.
+                    for which in [PENETRATION, FACTOR, POWER, FORCE, CARRIED] {
+                        work[layout.of(j, which) + k] = work[layout.of(owner.contact, which) + k];
+                    }
+                } else {
+                    self.force(owner, j, k, work);
+                }
             }
             self.accelerations(k, q, v, work);
             let a = |k: usize| layout.accelerations + k * n..layout.accelerations + (k + 1) * n;
@@ -127,6 +135,19 @@ impl Expansion<'_> {
                 (work[c + k + 1], work[c + ROW + k + 1]) = (-step * o.omega * ds, step * o.omega * dc);
             }
         }
+    }
+
+    /// Whether contact `j` is equal to the owner, in its numbers and in its motion. The owner is the first of equals.
+    fn is_twin(&self, owner: Owner, j: usize, work: &[f64]) -> bool {
+        let (s, x, i) = (self.s, self.request.x, owner.contact);
+        let latched = |j: usize| s.contacts[j].latch.map(|latch| x[latch]);
+        j > i
+            && j < s.contacts.len()
+            && s.symmetry.are_equal(i, j)
+            && contact_mode(self.request.mode, i) == contact_mode(self.request.mode, j)
+            && latched(i) == latched(j)
+            && work[self.layout.stretches + i] == work[self.layout.stretches + j]
+            && self.rate(i, 0, &x[s.n..], work) == self.rate(j, 0, &x[s.n..], work)
     }
 
     /// `y`, its powers and `w = q y^(q−1)` at order `k`.
