@@ -72,6 +72,13 @@ struct Solution {
 fn complement(w: &[Row], d: &Row, noise: &Row) -> Option<Solution> {
     let n = w.len();
     let mut s = Solution { z: [0.0; MAX_CONTACTS], rest: *d, slack: *noise };
+    if n == 1 {
+        s.slack[0] += ROUNDING * d[0].abs();
+        if d[0] > s.slack[0] {
+            (s.z[0], s.rest[0]) = (d[0] / w[0][0], 0.0);
+        }
+        return Some(s);
+    }
     let mut active: ArrayVec<usize, MAX_CONTACTS> = ArrayVec::new();
     // Each contact enters at most once for each of those that may leave.
     for _ in 0..4 * n * n + 4 {
@@ -266,6 +273,9 @@ impl Structure {
         for t in &slow {
             jump.still.insert(guard_id(t.contact, t.flank()));
         }
+        if slow.is_empty() {
+            return Ok(());
+        }
         let pressed: Set = slow.iter().filter(|t| !t.releases).copied().collect();
         let (mut forces, mut a) = ([0.0; MAX_CONTACTS], vec![0.0; self.n]);
         self.dynamics(jump.mode, at, x, &mut forces, &mut a);
@@ -352,6 +362,11 @@ impl Structure {
             return;
         }
         let (mut set, mut y) = ([0; MAX_CONTACTS], [0.0; MAX_CONTACTS]);
+        if let ([by], Some(j)) = (by, contacts.clone().next()) {
+            let c = &self.contacts[j];
+            c.push.iter().for_each(|(i, p)| values[*i as usize] += p / c.mobility * by);
+            return;
+        }
         set.iter_mut().zip(contacts.clone()).for_each(|(s, j)| *s = j);
         y[..by.len()].copy_from_slice(by);
         Sticking::of(self, set, by.len()).solve(&mut y);
