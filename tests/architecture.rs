@@ -60,6 +60,7 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
             ("train", All),
         ],
     ),
+    ("verify", &[("engine", All), ("event", All), ("hybrid", All), ("integrate", All)]),
     ("plot", &[]),
     (
         "study",
@@ -74,6 +75,7 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
             ("plot", All),
             ("scene", All),
             ("train", All),
+            ("verify", All),
         ],
     ),
 ];
