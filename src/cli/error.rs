@@ -123,7 +123,11 @@ impl CliError {
     /// Writes the error to standard error and gives the exit code.
     pub fn report(self) -> ExitCode {
         let code = match self {
-            Self::Run(_) | Self::Verify(_) | Self::Overflow(_) | Self::File(..) | Self::Accuracy(AccuracyError::Engine(_)) => 1,
+            Self::Run(_)
+            | Self::Verify(_)
+            | Self::Overflow(_)
+            | Self::File(..)
+            | Self::Accuracy(AccuracyError::Engine(_)) => 1,
             Self::Study(StudyError::Budget { .. } | StudyError::Overflow(_)) => 1,
             _ => 2,
         };

@@ -134,7 +134,11 @@ pub(super) fn shape(units: Units) -> Shape {
             positive(),
             "Impacts slower than this may be summed as one chatter.",
         )
-        .free("verify", Shape::Flag, "Whether the run is checked arc by arc, by two other ways to its events; false if left out.")
+        .free(
+            "verify",
+            Shape::Flag,
+            "Whether the run is checked arc by arc, by two other ways to its events; false if left out.",
+        )
         .with_default("output", json!({}), Shape::Object(output), "Output.")
         .mistake("duration", "write cycles, or t_end_s (t_end in a dimensionless scene)")
         .mistake("dt", "events are located exactly: there is no step to choose; see integrator.tolerance")

@@ -1,10 +1,10 @@
 use super::StudyError;
 use crate::{
     engine::{Engine, Options, State},
+    gear::contact::Law,
     hybrid::{Clock, ContactView, Instant, Wide},
     integrate::build,
     scene::{Built, Scene},
-    gear::contact::Law,
     train::{Structure, bonded_modes},
     verify::Verifier,
 };

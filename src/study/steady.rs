@@ -102,11 +102,10 @@ pub fn steady(scene: &Scene, seed: Option<&Seed>, rule: &Rule, interrupted: &Ato
     let case = Case::new(scene)?;
     let start = start(&case, seed)?;
     let mut check = case.built.run.verify.then(|| case.verifier(&start.0));
-    let outcome = transient(&case, start, rule, &mut check, interrupted)
-        .and_then(|(mut engine, settled, seeded)| {
-            let steady = measure(&case, &mut engine, settled, seeded, rule, &mut check, interrupted);
-            steady.map(|steady| (steady, engine.state().at))
-        });
+    let outcome = transient(&case, start, rule, &mut check, interrupted).and_then(|(mut engine, settled, seeded)| {
+        let steady = measure(&case, &mut engine, settled, seeded, rule, &mut check, interrupted);
+        steady.map(|steady| (steady, engine.state().at))
+    });
     // A difference breaks the run off: it is the reason for what else went wrong.
     match (&mut check, outcome) {
         (Some(check), Ok((steady, end))) => check.finish(end).map(|()| steady).map_err(StudyError::from),

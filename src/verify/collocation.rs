@@ -3,6 +3,7 @@
 //! On a step, `x(θ) = x₀ + h ∫ f` is asked for at the nodes, with the polynomial through the values of f in place of f
 //! (Clenshaw and Norton 1963). The values are found one node after the other, round by round, until nothing changes.
 
+use super::sizes::Norm;
 use crate::hybrid::{Instant, Mode, VectorField};
 
 /// Degree of the polynomial of f: 17 nodes, the ends among them.
@@ -40,9 +41,8 @@ impl Collocation {
         let n = DEGREE as f64;
         let nodes: [f64; NODES] = std::array::from_fn(|j| (0.5 * std::f64::consts::PI * j as f64 / n).sin().powi(2));
         let end = |j: usize| if j == 0 || j == DEGREE { 0.5 } else { 1.0 };
-        let to_series: Square = std::array::from_fn(|k| {
-            std::array::from_fn(|j| 2.0 / n * end(k) * end(j) * chebyshev(k, nodes[j]))
-        });
+        let to_series: Square =
+            std::array::from_fn(|k| std::array::from_fn(|j| 2.0 / n * end(k) * end(j) * chebyshev(k, nodes[j])));
         // With s = 2θ − 1, ∫T_k ds = T_{k+1}/(2(k+1)) − T_{k−1}/(2(k−1)) from k = 2 on; dθ = ds/2.
         let antiderivative = |k: usize, theta: f64| match k {
             0 => theta,
@@ -78,61 +78,46 @@ impl Collocation {
     }
 
     /// One step of length `h` from `x` at `t`, s after `base`. Returns its error over the tolerance, infinite if the rounds do
-    /// not end. `jacobian` holds `|∂f_i/∂x_k|`, for the sizes of the terms of f.
+    /// not end, and the sizes of the guards' terms with it.
     pub fn step(
         &mut self,
         field: &dyn VectorField,
         mode: Mode,
         (base, t, h): (Instant, f64, f64),
         x: &[f64],
-        jacobian: &[f64],
-    ) -> f64 {
-        let Self { nodes, integral, dim, states, rates, scratch, .. } = self;
-        let dim = *dim;
-        field.eval(mode, base, t, x, &mut rates[..dim]);
-        let (first, others) = rates.split_at_mut(dim);
-        others.chunks_exact_mut(dim).for_each(|rate| rate.copy_from_slice(first));
-        let size = |i: usize| {
-            let terms: f64 = jacobian[i * dim..(i + 1) * dim].iter().zip(x).map(|(j, x)| j * x.abs()).sum();
-            x[i].abs() + h * (terms + first[i].abs())
-        };
-        let sizes: Vec<f64> = (0..dim).map(size).collect();
-        states[..dim].copy_from_slice(x);
-        let mut ended = false;
+        norm: &mut Norm<'_>,
+    ) -> (f64, Vec<f64>) {
+        let dim = self.dim;
+        let mut sizes = Vec::new();
+        field.eval(mode, base, t, x, &mut self.rates[..dim]);
+        for j in 1..NODES {
+            self.rates.copy_within(..dim, j * dim);
+        }
+        self.states[..dim].copy_from_slice(x);
         for round in 0..ROUNDS {
             let mut change: f64 = 0.0;
             for j in 1..NODES {
-                scratch.fill(0.0);
-                for (weight, rate) in integral[j].iter().zip(rates.chunks_exact(dim)) {
-                    scratch.iter_mut().zip(rate).for_each(|(sum, f)| *sum += weight * f);
+                self.scratch.fill(0.0);
+                for (weight, rate) in self.integral[j].iter().zip(self.rates.chunks_exact(dim)) {
+                    self.scratch.iter_mut().zip(rate).for_each(|(sum, f)| *sum += weight * f);
                 }
-                let state = &mut states[j * dim..(j + 1) * dim];
-                for (i, (state, sum)) in state.iter_mut().zip(&*scratch).enumerate() {
-                    let next = x[i] + h * sum;
-                    if round == 0 {
-                        change = f64::INFINITY;
-                    } else if sizes[i] > 0.0 {
-                        change = change.max((next - *state).abs() / sizes[i]);
-                    }
-                    *state = next;
-                }
-                field.eval(mode, base, t + h * nodes[j], state, &mut rates[j * dim..(j + 1) * dim]);
+                let (state, scratch) = (&mut self.states[j * dim..(j + 1) * dim], &mut self.scratch);
+                scratch.iter_mut().zip(x).for_each(|(sum, x)| *sum = x + h * *sum);
+                change = change.max(norm.of(|i| scratch[i] - state[i]));
+                state.copy_from_slice(scratch);
+                field.eval(mode, base, t + h * self.nodes[j], state, &mut self.rates[j * dim..(j + 1) * dim]);
             }
-            if change.is_nan() {
-                return f64::INFINITY;
-            }
-            if change <= 0.1 * RTOL {
-                ended = true;
-                break;
+            if round == 0 {
+                sizes = norm.with_step([(x, self.rate(0)), (self.state(DEGREE), self.rate(DEGREE))], h);
+            } else if change <= 0.1 * RTOL {
+                let last = |i: usize| {
+                    let series = self.series(|j| self.rates[j * dim + i]);
+                    h * (series[DEGREE].abs() + series[DEGREE - 1].abs())
+                };
+                return (norm.of(last) / RTOL, sizes);
             }
         }
-        if !ended {
-            return f64::INFINITY;
-        }
-        (0..dim).filter(|i| sizes[*i] > 0.0).fold(0.0, |error: f64, i| {
-            let series = self.series(|j| self.rates[j * dim + i]);
-            error.max(h * (series[DEGREE].abs() + series[DEGREE - 1].abs()) / (RTOL * sizes[i]))
-        })
+        (f64::INFINITY, sizes)
     }
 }
 

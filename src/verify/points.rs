@@ -3,7 +3,7 @@
 use super::{
     Seen, Verdict,
     collocation::{Collocation, DEGREE, RTOL, value},
-    sizes::{Sizes, Terms, field},
+    sizes::{Norm, Sizes, Terms, field},
 };
 use crate::{
     engine::State,
@@ -32,31 +32,20 @@ pub(super) struct Points {
 
 /// A walk along an arc: where it is, and what it met.
 struct Walk<'a> {
-    terms: &'a Terms,
+    norm: Norm<'a>,
     from: &'a State,
     t: f64,
     x: Vec<f64>,
     h: f64,
     /// Error of each guard so far.
     errors: Vec<f64>,
-    /// Largest terms of each guard so far.
-    sizes: Vec<f64>,
     steps: u64,
 }
 
 impl<'a> Walk<'a> {
     fn new(from: &'a State, terms: &'a Terms, h: f64) -> Self {
-        let count = terms.guards.len();
-        Self {
-            terms,
-            from,
-            t: 0.0,
-            x: from.x.clone(),
-            h,
-            errors: vec![0.0; count],
-            sizes: vec![0.0; count],
-            steps: 0,
-        }
+        let errors = vec![0.0; terms.guards.len()];
+        Self { norm: Norm::new(terms, from.x.len()), from, t: 0.0, x: from.x.clone(), h, errors, steps: 0 }
     }
 }
 
@@ -109,9 +98,8 @@ impl Points {
             Ok(()) => {}
         }
         let Some(first) = pending.first() else { return Verdict::Same };
-        let guard = |id: GuardId, t: f64, x: &[f64]| {
-            system.guard(from.jump.mode, id, system.clock().advance(from.at, t), x)
-        };
+        let guard =
+            |id: GuardId, t: f64, x: &[f64]| system.guard(from.jump.mode, id, system.clock().advance(from.at, t), x);
         let before: Vec<f64> = terms.guards.iter().map(|g| guard(g.id, walk.t, &walk.x)).collect();
         walk.h = end + tolerance - walk.t;
         if self.walk(system, &mut walk, end + tolerance, false).is_err() {
@@ -161,18 +149,17 @@ impl Points {
                 return Err(Stop::Long);
             }
             let place = (walk.from.at, walk.t, h);
-            let mut error = self.collocation.step(field(system), mode, place, &walk.x, &walk.terms.jacobian);
-            let mut series = Vec::with_capacity(walk.terms.guards.len());
+            let (mut error, sizes) = self.collocation.step(field(system), mode, place, &walk.x, &mut walk.norm);
+            let guards = &walk.norm.terms.guards;
+            let mut series = Vec::with_capacity(guards.len());
             if error <= 1.0 {
                 let c = &self.collocation;
-                for (g, guard) in walk.terms.guards.iter().enumerate() {
+                for (g, guard) in guards.iter().enumerate() {
                     let at = |j: usize| system.clock().advance(walk.from.at, walk.t + h * c.nodes[j]);
                     let values: [f64; DEGREE + 1] =
                         std::array::from_fn(|j| system.guard(mode, guard.id, at(j), c.state(j)));
-                    let terms = walk.terms.size(g, &walk.x, c.rate(0), h);
-                    let largest = values.iter().fold(terms, |m: f64, v| m.max(v.abs()));
-                    walk.sizes[g] = walk.sizes[g].max(largest);
-                    walk.errors[g] = RTOL * (walk.steps + 3) as f64 * walk.sizes[g];
+                    walk.norm.sizes[g] = values.iter().fold(sizes[g], |m: f64, v| m.max(v.abs()));
+                    walk.errors[g] = RTOL * (walk.steps + 3) as f64 * walk.norm.sizes[g];
                     let p = c.series(|j| values[j]);
                     if walk.errors[g] > 0.0 {
                         error = error.max((p[DEGREE].abs() + p[DEGREE - 1].abs()) / walk.errors[g]);
@@ -181,7 +168,8 @@ impl Points {
                 }
             }
             if !(error <= 1.0) {
-                walk.h = h * error.powf(-1.0 / 3.0).clamp(0.1, 0.5);
+                // Also where it is not a number.
+                walk.h = h * error.min(f64::MAX).powf(-1.0 / 3.0).clamp(0.1, 0.5);
                 if walk.t + walk.h <= walk.t {
                     return Err(Stop::Long);
                 }

@@ -14,7 +14,7 @@ pub(super) struct Terms {
     /// `|∂g/∂x_i|` of each guard, `[guards · dim]`.
     gradients: Vec<f64>,
     /// `|∂f_i/∂x_k|`, `[dim · dim]`.
-    pub jacobian: Vec<f64>,
+    jacobian: Vec<f64>,
 }
 
 impl Terms {
@@ -22,6 +22,56 @@ impl Terms {
     pub fn size(&self, g: usize, x: &[f64], f: &[f64], h: f64) -> f64 {
         let gradient = &self.gradients[g * x.len()..(g + 1) * x.len()];
         gradient.iter().zip(x.iter().zip(f)).map(|(d, (x, f))| d * (x.abs() + h * f.abs())).sum()
+    }
+
+    /// What an error of each coordinate does to the guards within a time `h`, relative to their `sizes`:
+    /// `Σ_g |∂g/∂x| exp(h|J|)/size`, by the first terms of the exponential.
+    fn weigh(&self, sizes: &[f64], h: f64, weights: &mut [f64]) {
+        let dim = weights.len();
+        let mut term = vec![0.0; dim];
+        for (gradient, size) in self.gradients.chunks_exact(dim).zip(sizes).filter(|(_, size)| **size > 0.0) {
+            term.iter_mut().zip(gradient).for_each(|(t, d)| *t += d / size);
+        }
+        weights.copy_from_slice(&term);
+        for k in 1..=COUPLINGS {
+            let mut next = vec![0.0; dim];
+            for (row, t) in self.jacobian.chunks_exact(dim).zip(&term) {
+                next.iter_mut().zip(row).for_each(|(n, j)| *n += t * j * h / k as f64);
+            }
+            weights.iter_mut().zip(&next).for_each(|(w, n)| *w += n);
+            term = next;
+        }
+    }
+}
+
+/// Terms of the exponential: couplings from a coordinate to a guard that are seen.
+const COUPLINGS: usize = 6;
+
+/// Sizes of errors of the state, by what they do to the guards: a coordinate that is zero by symmetry has no size of its own.
+#[derive(Debug)]
+pub(super) struct Norm<'a> {
+    pub terms: &'a Terms,
+    /// Largest terms of each guard so far.
+    pub sizes: Vec<f64>,
+    weights: Vec<f64>,
+}
+
+impl<'a> Norm<'a> {
+    pub fn new(terms: &'a Terms, dim: usize) -> Self {
+        Self { terms, sizes: vec![0.0; terms.guards.len()], weights: vec![0.0; dim] }
+    }
+
+    /// Sizes with a step of length `h` between two states and their rates; sets the weights for it.
+    pub fn with_step(&mut self, ends: [(&[f64], &[f64]); 2], h: f64) -> Vec<f64> {
+        let size = |(g, size): (usize, &f64)| ends.iter().fold(*size, |m, (x, f)| m.max(self.terms.size(g, x, f, h)));
+        let sizes: Vec<f64> = self.sizes.iter().enumerate().map(size).collect();
+        self.terms.weigh(&sizes, h, &mut self.weights);
+        sizes
+    }
+
+    /// The size of error `e_i`, relative to the guards.
+    pub fn of(&self, error: impl Fn(usize) -> f64) -> f64 {
+        self.weights.iter().enumerate().map(|(i, w)| w * error(i).abs()).sum()
     }
 }
 
