@@ -2,7 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use super::{Seen, Verdict, sizes::Sizes};
+use super::{
+    Seen, Verdict,
+    sizes::{Sizes, field},
+};
 use crate::{
     engine::{Engine, Observer, Options, State},
     event::EventRecord,
@@ -39,6 +42,32 @@ impl Observer for Found {
     }
 }
 
+/// Rounding of a guard in units of its terms, in ε: a value below it counts as zero. Each step before adds two.
+const ROUNDING: f64 = 32.0;
+
+/// How well the time of `record` is known, s, at the end of an arc from `from` of `steps` steps.
+///
+/// The error of its own step is on record. The steps before it leave the rounding of the state, the terms of the guard and
+/// what their rates make of it until the end of the arc, over the slope of the guard; where that vanishes, half the
+/// curvature times unit² stands for the size of the terms.
+pub(super) fn uncertainty(
+    system: &dyn HybridSystem,
+    sizes: &mut Sizes,
+    from: &State,
+    record: &EventRecord,
+    (end, unit): (f64, f64),
+    steps: u64,
+) -> f64 {
+    let mut rate = vec![0.0; from.x.len()];
+    field(system).eval(from.jump.mode, record.at, 0.0, &record.x_minus, &mut rate);
+    let terms = sizes.of(system, from, unit);
+    let fired = terms.guards.iter().enumerate().filter(|(_, guard)| record.fired.contains(guard.id));
+    let size = fired.fold(0.0, |m: f64, (g, _)| m.max(terms.size(g, &record.x_minus, &rate, end)));
+    let relative = (ROUNDING + 2.0 * steps as f64) * f64::EPSILON;
+    let by_slope = if size > 0.0 { relative * size / record.conditioning.slope.abs() } else { 0.0 };
+    record.conditioning.time + by_slope.min(2.0 * relative.sqrt() * unit) + 2.0 * f64::EPSILON * end
+}
+
 /// The check by series.
 #[derive(Default)]
 pub(super) struct Series {
@@ -66,38 +95,26 @@ impl Series {
         if found.steps > STEPS || result.is_err() && found.records.is_empty() {
             return Verdict::NotJudged;
         }
-        // The run's last step and the replay's have errors of their own; the steps before left the rounding of the state.
         let first = found.records.first();
-        let terms = sizes.of(system, from, unit);
-        let mut rate = vec![0.0; from.x.len()];
-        let mut allowed = |record: &EventRecord| {
-            super::sizes::field(system).eval(from.jump.mode, record.at, 0.0, &record.x_minus, &mut rate);
-            let ids = terms.guards.iter().enumerate().filter(|(_, guard)| record.fired.contains(guard.id));
-            let size = ids.fold(0.0, |m: f64, (g, _)| m.max(terms.size(g, &record.x_minus, &rate, end)));
-            let moved = 2.0 * f64::EPSILON * found.steps as f64;
-            // Where the guard is tangent, half its curvature times unit² is of the size of its terms.
-            let by_slope = if size > 0.0 { moved * size / record.conditioning.slope.abs() } else { 0.0 };
-            let rounding = if by_slope.is_nan() { 0.0 } else { by_slope.min(2.0 * moved.sqrt() * unit) };
-            record.conditioning.time + rounding + 2.0 * f64::EPSILON * end
-        };
-        let margin = pending.first().map_or(0.0, &mut allowed) + first.map_or(0.0, &mut allowed);
+        let mut certain = |record| uncertainty(system, sizes, from, record, (end, unit), found.steps);
+        let margin = pending.first().map_or(0.0, &mut certain) + first.map_or(0.0, &mut certain);
         let upto = found.records.iter().take_while(|record| clock.between(last, record.at) <= margin);
         let upto: Vec<&EventRecord> = upto.collect();
-        let all = |records: &mut dyn Iterator<Item = &EventRecord>| records.fold(0, |set, record| set | record.fired.0);
-        let sets = [all(&mut pending.iter()), all(&mut upto.iter().copied())];
+        let set = pending.iter().fold(0, |set, record| set | record.fired.0);
         let (ours, theirs) = (pending.first().map(|r| r.at), first.map(|r| r.at));
         let apart = theirs.map(|at| clock.between(at, ours.unwrap_or(last)));
-        let same = match (pending.last(), upto.last()) {
-            (None, _) => apart.is_none_or(|apart| apart <= margin),
-            (Some(a), Some(b)) => {
-                sets[0] == sets[1] && a.to == b.to && apart.is_some_and(|apart| apart.abs() <= margin)
-            }
-            (Some(_), None) => false,
-        };
-        if same {
+        let in_time = apart.is_some_and(|apart| apart.abs() <= margin);
+        // Where one instant ends and the next begins, within the margin, is not for the replay to say.
+        let (mut same, mut met, mut guards) = (false, 0, false);
+        for record in &upto {
+            met |= record.fired.0;
+            guards |= met == set;
+            same |= met == set && pending.last().is_some_and(|ours| ours.to == record.to);
+        }
+        if pending.is_empty() && apart.is_none_or(|apart| apart <= margin) || same && in_time {
             return Verdict::Same;
         }
-        let fired = if sets[0] == sets[1] { sets[0] } else { sets[0] ^ sets[1] };
+        let fired = if guards { set } else { set ^ met };
         let near = |at: Instant| {
             [ours, theirs].into_iter().flatten().any(|other| clock.between(at, other).abs() <= TOUCH * unit)
         };
@@ -106,6 +123,6 @@ impl Series {
             return Verdict::NotJudged;
         }
         let seen = first.into_iter().flat_map(|r| r.fired.iter().map(|id| Seen { mode: r.from, id }));
-        Verdict::Differs(seen.collect(), apart)
+        Verdict::Differs(seen.collect(), apart.filter(|_| !(guards && in_time)))
     }
 }
