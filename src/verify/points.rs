@@ -19,14 +19,14 @@ const START: u64 = 64;
 const POINTS: usize = 64;
 /// Halvings of an interval: down to rounding.
 const HALVINGS: usize = 60;
-/// Longest step as a part of the time unit, and of the first step.
+/// The first step as a part of the period.
 const FIRST: f64 = 1.0 / 64.0;
 
 /// The check by values.
 pub(super) struct Points {
     collocation: Collocation,
     pub steps: u64,
-    /// Steps are made shorter by this factor.
+    /// What is taken of the step that the error allows.
     caution: f64,
 }
 
@@ -124,7 +124,7 @@ impl Points {
         let all = pending.len() == 1 && first.jumps == 1 && !first.switched;
         match missing {
             Some(g) if all || same + unclear == 0 && !first.switched => {
-                walk.h = self.caution * FIRST * unit;
+                walk.h = FIRST * unit;
                 let late = match self.walk(system, &mut walk, end + unit, true) {
                     Err(Stop::Fell(other, t)) if other == g => Some(t - end),
                     _ => None,
@@ -141,7 +141,7 @@ impl Points {
     fn walk(&mut self, system: &dyn HybridSystem, walk: &mut Walk<'_>, end: f64, watch: bool) -> Result<(), Stop> {
         let mode = walk.from.jump.mode;
         while walk.t < end {
-            let h = walk.h.min(end - walk.t);
+            let h = (walk.h * self.caution).min(end - walk.t);
             self.steps += 1;
             walk.steps += 1;
             let wanted = if walk.steps > START { (end - walk.t) / h } else { 0.0 };
@@ -185,10 +185,7 @@ impl Points {
             walk.t = if h >= end - walk.t { end } else { walk.t + h };
             walk.x.copy_from_slice(self.collocation.state(DEGREE));
             let growth = (0.5 / error.max(1e-20)).powf(1.0 / DEGREE as f64).clamp(0.2, 2.5);
-            walk.h = h * growth * self.caution;
-            if self.caution < 1.0 {
-                walk.h = walk.h.max(0.5 * h);
-            }
+            walk.h = h * growth;
         }
         Ok(())
     }
