@@ -26,8 +26,10 @@ const FIRST: f64 = 1.0 / 64.0;
 pub(super) struct Points {
     collocation: Collocation,
     pub steps: u64,
-    /// What is taken of the step that the error allows.
-    caution: f64,
+    /// No step may be longer, s.
+    most: f64,
+    /// The longest step taken since this was zero, s.
+    longest: f64,
 }
 
 /// A walk along an arc: where it is, and what it met.
@@ -59,7 +61,7 @@ enum Stop {
 
 impl Points {
     pub fn new(dim: usize) -> Self {
-        Self { collocation: Collocation::new(dim), steps: 0, caution: 1.0 }
+        Self { collocation: Collocation::new(dim), steps: 0, most: f64::INFINITY, longest: 0.0 }
     }
 
     /// Compares the arc from `from` with what the run says of its end: the records of `pending`, or nothing until `pending`
@@ -73,12 +75,13 @@ impl Points {
         (end, unit): (f64, f64),
     ) -> Verdict {
         let terms = sizes.of(system, from, unit);
+        self.longest = 0.0;
         let verdict = self.once(system, terms, from, pending, (end, unit));
         let Verdict::Differs(..) = verdict else { return verdict };
-        // A difference has to stand when the steps are halved: the method may have erred itself.
-        self.caution = 0.5;
+        // A difference has to stand with steps of half the length: the method may have erred itself.
+        self.most = 0.5 * self.longest;
         let again = self.once(system, terms, from, pending, (end, unit));
-        self.caution = 1.0;
+        self.most = f64::INFINITY;
         if matches!(again, Verdict::Differs(..)) { again } else { Verdict::NotJudged }
     }
 
@@ -126,7 +129,7 @@ impl Points {
             Some(g) if all || same + unclear == 0 && !first.switched => {
                 walk.h = FIRST * unit;
                 let late = match self.walk(system, &mut walk, end + unit, true) {
-                    Err(Stop::Fell(other, t)) if other == g => Some(t - end),
+                    Err(Stop::Fell(other, t)) if other == g => Some(end - t),
                     _ => None,
                 };
                 let found = late.map_or_else(Vec::new, |_| vec![Seen::new(from, terms.guards[g].id)]);
@@ -141,7 +144,7 @@ impl Points {
     fn walk(&mut self, system: &dyn HybridSystem, walk: &mut Walk<'_>, end: f64, watch: bool) -> Result<(), Stop> {
         let mode = walk.from.jump.mode;
         while walk.t < end {
-            let h = (walk.h * self.caution).min(end - walk.t);
+            let h = walk.h.min(self.most).min(end - walk.t);
             self.steps += 1;
             walk.steps += 1;
             let wanted = if walk.steps > START { (end - walk.t) / h } else { 0.0 };
@@ -183,6 +186,7 @@ impl Points {
                 }
             }
             walk.t = if h >= end - walk.t { end } else { walk.t + h };
+            self.longest = self.longest.max(h);
             walk.x.copy_from_slice(self.collocation.state(DEGREE));
             let growth = (0.5 / error.max(1e-20)).powf(1.0 / DEGREE as f64).clamp(0.2, 2.5);
             walk.h = h * growth;
