@@ -70,6 +70,11 @@ pub struct Verification {
     pub difference: Option<String>,
 }
 
+/// Rounding of the two instants that an arc lies between, s.
+fn resolution(system: &dyn HybridSystem, at: Instant) -> f64 {
+    8.0 * f64::EPSILON * f64::EPSILON * system.clock().time(at).hi.abs()
+}
+
 /// A guard that fires in a mode.
 #[derive(Clone, Copy, Debug)]
 struct Seen {

@@ -93,7 +93,7 @@ impl Points {
         pending: &[EventRecord],
         (end, unit): (f64, f64),
     ) -> Verdict {
-        let tolerance = super::TOLERANCE * unit;
+        let tolerance = super::TOLERANCE * unit + super::resolution(system, from.at);
         let mut walk = Walk::new(from, terms, (FIRST * unit).min(end));
         match self.walk(system, &mut walk, end - tolerance, true) {
             Err(Stop::Long) => return Verdict::NotJudged,
@@ -170,7 +170,7 @@ impl Points {
                     series.push(p);
                 }
             }
-            if !(error <= 1.0) {
+            if error.is_nan() || error > 1.0 {
                 // Also where it is not a number.
                 walk.h = h * error.min(f64::MAX).powf(-1.0 / 3.0).clamp(0.1, 0.5);
                 if walk.t + walk.h <= walk.t {

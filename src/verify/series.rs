@@ -65,7 +65,10 @@ pub(super) fn uncertainty(
     let size = fired.fold(0.0, |m: f64, (g, _)| m.max(terms.size(g, &record.x_minus, &rate, end)));
     let relative = (ROUNDING + 2.0 * steps as f64) * f64::EPSILON;
     let by_slope = if size > 0.0 { relative * size / record.conditioning.slope.abs() } else { 0.0 };
-    record.conditioning.time + by_slope.min(2.0 * relative.sqrt() * unit) + 2.0 * f64::EPSILON * end
+    record.conditioning.time
+        + by_slope.min(2.0 * relative.sqrt() * unit)
+        + 2.0 * f64::EPSILON * end
+        + super::resolution(system, from.at)
 }
 
 /// The check by series.
