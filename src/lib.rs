@@ -59,6 +59,7 @@
 //! | [`analysis`] | measures taken during a run: contacts, energy, event rows, trajectories |
 //! | [`accuracy`] | the engine and the baselines on one problem: errors against a truth that states its own, charts |
 //! | [`baseline`] | fixed-step penalty codes, which know no events: what the engine is measured against |
+//! | [`verify`] | a run checked arc by arc, by two other ways to the next event |
 //! | [`sweep`] | the same work at every point of a grid, kept row by row |
 //! | [`study`] | steady motions, their change with the numbers of a scene, identification of such numbers |
 //! | [`plot`] | figures as data, and their pictures |
@@ -91,6 +92,7 @@ pub mod scene;
 pub mod study;
 pub mod sweep;
 pub mod train;
+pub mod verify;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -61,6 +61,7 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
             ("train", All),
         ],
     ),
+    ("verify", &[("engine", All), ("event", All), ("hybrid", All), ("integrate", All)]),
     ("plot", &[]),
     (
         "study",
@@ -75,6 +76,7 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
             ("plot", All),
             ("scene", All),
             ("train", All),
+            ("verify", All),
         ],
     ),
 ];

@@ -12,6 +12,7 @@ use flank::{
     study::identify::IdentifyError,
     sweep::{Fault, GridError, SweepError},
     train::{AssembleError, StartError},
+    verify::Difference,
 };
 use miette::Diagnostic;
 
@@ -60,6 +61,10 @@ pub enum CliError {
     /// The run failed.
     #[error("the run failed {0}")]
     Run(EngineError),
+    /// The run does not agree with its check.
+    #[error("the run is wrong or not certain: {0}")]
+    #[diagnostic(help("please report the scene; events.jsonl holds the run up to there"))]
+    Verify(Difference),
     /// A measure of the run is not a number.
     #[error("{0} is beyond the range of double precision")]
     #[diagnostic(help("loads, speeds or masses of the scene are too large: state them in other units"))]
@@ -78,6 +83,7 @@ impl From<StudyError> for CliError {
             StudyError::Start(error) => Self::Start(error),
             StudyError::Integrator(error) => Self::Integrator(error),
             StudyError::Run(error) => Self::Run(error),
+            StudyError::Verify(difference) => Self::Verify(difference),
             error => Self::Study(error),
         }
     }
@@ -133,7 +139,11 @@ impl CliError {
     /// Writes the error to standard error and gives the exit code.
     pub fn report(self) -> ExitCode {
         let code = match self {
-            Self::Run(_) | Self::Overflow(_) | Self::File(..) | Self::Accuracy(AccuracyError::Engine(_)) => 1,
+            Self::Run(_)
+            | Self::Verify(_)
+            | Self::Overflow(_)
+            | Self::File(..)
+            | Self::Accuracy(AccuracyError::Engine(_)) => 1,
             Self::Study(StudyError::Budget { .. } | StudyError::Overflow(_)) => 1,
             _ => 2,
         };

@@ -36,6 +36,9 @@ pub struct Arguments {
     /// Stop after this many events
     #[arg(long, value_name = "N")]
     events: Option<u64>,
+    /// Check every event, and that there are no others, by two other ways; exit code 1 if one does not agree
+    #[arg(long)]
+    verify: bool,
     /// Write into a folder that is not empty
     #[arg(long, requires = "out")]
     force: bool,
@@ -84,14 +87,16 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         None => ControlFlow::Continue(()),
     });
     let mut progress = Progress::new(*structure.clock(), session.instants, run.period, arguments.quiet);
+    let mut check = (arguments.verify || run.verify).then(|| session.case.verifier(&session.start));
     catch_interrupt();
-    let result = engine.run(end, &mut ((&mut log, &mut ledger), (&mut trajectory, &mut progress)));
+    let result = engine.run(end, &mut (((&mut log, &mut check), &mut ledger), (&mut trajectory, &mut progress)));
     progress.finish();
     let state = engine.state();
     if let Ok(Outcome::ReachedEnd) = result {
         // A break here is a file that cannot be written: it is reported with the file.
         let _ = trajectory.finish(state);
     }
+    let verified = check.as_mut().map_or(Ok(()), |check| check.finish(state.at));
     let summary = Summary {
         flank: env!("CARGO_PKG_VERSION"),
         scene: Provenance::of(&session),
@@ -107,6 +112,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         contacts: (0..structure.contacts().len()).map(|j| log.contacts().report(j)).collect(),
         energy: ledger.balance(),
         work: engine.counters().into(),
+        verification: check.as_ref().map(flank::verify::Verifier::verification),
         warnings,
     };
     let place = |name: &'static str| move |error| CliError::file(name, error);
@@ -117,6 +123,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if !arguments.quiet {
         print(&report::text(&session, &summary).unwrap_or_default())?;
     }
+    // A difference comes before what follows from it.
+    verified.map_err(CliError::Verify)?;
     // A run that failed says so itself.
     if let Some(measure) = summary.overflow().filter(|_| result.is_ok()) {
         return Err(CliError::Overflow(measure));

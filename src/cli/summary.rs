@@ -4,6 +4,7 @@ use flank::{
     analysis::{Balance, ContactReport},
     engine::{Counters, EngineError, Outcome, State},
     scene::Duration,
+    verify::Verification,
 };
 use serde::Serialize;
 
@@ -22,6 +23,8 @@ pub struct Summary {
     pub contacts: Vec<ContactReport>,
     pub energy: Balance,
     pub work: Work,
+    /// What was verified, where it was asked for.
+    pub verification: Option<Verification>,
     pub warnings: Vec<String>,
 }
 

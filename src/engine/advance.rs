@@ -382,6 +382,7 @@ impl Core<'_> {
         }
         self.uncounted = open.fired;
         open.to = state.jump.mode;
+        open.jump = state.jump;
         open.x_plus.clear();
         open.x_plus.extend_from_slice(&state.x);
         if !open.fired.is_empty() && !open.start {

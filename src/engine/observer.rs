@@ -35,6 +35,17 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
     }
 }
 
+/// Watches, or not.
+impl<T: Observer> Observer for Option<T> {
+    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        self.as_mut().map_or(ControlFlow::Continue(()), |observer| observer.step(mode, step, until))
+    }
+
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        self.as_mut().map_or(ControlFlow::Continue(()), |observer| observer.event(record))
+    }
+}
+
 impl<T: Observer + ?Sized> Observer for &mut T {
     fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         (**self).step(mode, step, until)

@@ -1,4 +1,4 @@
-use crate::hybrid::{GuardSet, Instant, Mode, Transition};
+use crate::hybrid::{GuardSet, Instant, Jump, Mode, Transition};
 
 /// How well an event time is determined.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,6 +35,8 @@ pub struct EventRecord {
     pub from: Mode,
     /// Mode after.
     pub to: Mode,
+    /// The mode after with its exact zeros: with `x_plus`, all that the motion goes on from.
+    pub jump: Jump,
     /// State before, `[dim]`.
     pub x_minus: Vec<f64>,
     /// State after, `[dim]`.

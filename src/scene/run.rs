@@ -58,6 +58,8 @@ pub struct Run {
     pub tolerance: f64,
     /// Approach speed below which a chatter sequence may be summed, m/s; `None` leaves it to the engine.
     pub chatter_speed: Option<f64>,
+    /// Whether the run is checked arc by arc, see [`verify`](crate::verify).
+    pub verify: bool,
     /// Trajectory samples per cycle; 0 writes no trajectory.
     pub samples_per_cycle: u64,
     /// Frame of the trajectory.
@@ -132,6 +134,11 @@ pub(super) fn shape(units: Units) -> Shape {
             positive(),
             "Impacts slower than this may be summed as one chatter.",
         )
+        .free(
+            "verify",
+            Shape::Flag,
+            "Whether the run is checked arc by arc, by two other ways to its events; false if left out.",
+        )
         .with_default("output", json!({}), Shape::Object(output), "Output.")
         .mistake("duration", "write cycles, or t_end_s (t_end in a dimensionless scene)")
         .mistake("dt", "events are located exactly: there is no step to choose; see integrator.tolerance")
@@ -181,6 +188,7 @@ pub(super) fn read(node: &Node, spec: &Spec) -> Run {
         method: method.map_or(Choice::Auto, |(_, method)| *method),
         tolerance: integrator.at("tolerance").number(),
         chatter_speed: node.at_unit("chatter_speed", "m_per_s").written().map(|speed| speed.number()),
+        verify: node.at("verify").flag(),
         samples_per_cycle: output.at("samples_per_cycle").whole(),
         frame: if output.at("frame").text() == "fixed" { Frame::Fixed } else { Frame::Rotating },
     }

@@ -1,10 +1,12 @@
 use super::StudyError;
 use crate::{
     engine::{Engine, Options, State},
+    gear::contact::Law,
     hybrid::{Clock, ContactView, Instant, Wide},
     integrate::build,
     scene::{Built, Scene},
-    train::Structure,
+    train::{Structure, bonded_modes},
+    verify::Verifier,
 };
 
 /// A scene ready to run.
@@ -87,6 +89,25 @@ impl Case {
         let (integrator, why) = build(run.method, run.tolerance, &self.structure)?;
         let options = Options { max_events, chatter_speed: run.chatter_speed.unwrap_or(0.0), ..Options::default() };
         Ok((Engine::new(&self.structure, integrator, options, state), why))
+    }
+
+    /// What checks a run of the scene from `state`.
+    #[must_use]
+    pub fn verifier(&self, state: &State) -> Verifier<'_, Structure> {
+        Verifier::new(&self.structure, state, self.unit(), self.built.run.method)
+    }
+
+    /// The time, s, that the accuracy of a check is a part of: the forcing period, else that of the highest natural frequency
+    /// with all linear contacts closed. Rigid contacts and power laws have no frequency of their own; a train with nothing
+    /// else has no such time.
+    fn unit(&self) -> Option<f64> {
+        let natural = || {
+            let mut spec = self.structure.spec().clone();
+            spec.contacts.retain(|c| matches!(c.law, Law::Bilateral(_) | Law::KelvinVoigt(..)));
+            let highest = bonded_modes(&spec).ok()?.omega.last().copied().filter(|omega| *omega > 0.0)?;
+            Some(std::f64::consts::TAU / highest)
+        };
+        self.clock().period().map(Wide::value).or_else(natural)
     }
 
     /// Number of the freedom named `name`.

@@ -4,6 +4,7 @@ use crate::{
     integrate::IntegrateError,
     scene::SceneError,
     train::{AssembleError, StartError, TrainError},
+    verify::Difference,
 };
 
 /// Why a study cannot be carried out.
@@ -31,6 +32,9 @@ pub enum StudyError {
     /// The run failed.
     #[error("the run failed {0}")]
     Run(#[from] EngineError),
+    /// The run does not agree with its check.
+    #[error("the run is wrong or not certain: {0}")]
+    Verify(#[from] Difference),
     /// The run was stopped by the event budget of its scene.
     #[error("the event budget of the scene (/run/event_budget) was spent in cycle {cycle}")]
     Budget {

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::{Case, StudyError};
 use crate::{
     analysis::{ContactReport, Contacts, Grid, Sample, Settled, Settling, Spectrum, Trajectory, cycles_later, settle},
-    engine::{Engine, Outcome, State},
+    engine::{Engine, Observer, Outcome, State},
     hybrid::{ContactMode, ContactView},
     scene::Scene,
 };
@@ -100,8 +100,18 @@ const HARMONICS: usize = 8;
 /// [`StudyError`]; [`StudyError::Interrupted`] once `interrupted` is set.
 pub fn steady(scene: &Scene, seed: Option<&Seed>, rule: &Rule, interrupted: &AtomicBool) -> Result<Steady, StudyError> {
     let case = Case::new(scene)?;
-    let (mut engine, settled, seeded) = settled(&case, seed, rule, interrupted)?;
-    measure(&case, &mut engine, settled, seeded, rule, interrupted)
+    let start = start(&case, seed)?;
+    let mut check = case.built.run.verify.then(|| case.verifier(&start.0));
+    let outcome = transient(&case, start, rule, &mut check, interrupted).and_then(|(mut engine, settled, seeded)| {
+        let steady = measure(&case, &mut engine, settled, seeded, rule, &mut check, interrupted);
+        steady.map(|steady| (steady, engine.state().at))
+    });
+    // A difference breaks the run off: it is the reason for what else went wrong.
+    match (&mut check, outcome) {
+        (Some(check), Ok((steady, end))) => check.finish(end).map(|()| steady).map_err(StudyError::from),
+        (Some(check), Err(error)) => Err(check.difference().map_or(error, StudyError::from)),
+        (None, outcome) => outcome.map(|(steady, _)| steady),
+    }
 }
 
 /// An engine whose transient is over, how it ended, and whether it started from the seed.
@@ -114,12 +124,27 @@ pub fn settled<'c>(
     rule: &Rule,
     interrupted: &AtomicBool,
 ) -> Result<(Engine<'c>, Settled, bool), StudyError> {
+    transient(case, start(case, seed)?, rule, &mut (), interrupted)
+}
+
+/// Where a run starts, and whether that is the seed.
+fn start(case: &Case, seed: Option<&Seed>) -> Result<(State, bool), StudyError> {
     case.period()?;
     let start = seed.and_then(|seed| resumed(case, seed));
     let seeded = start.is_some();
-    let mut engine = case.engine(start.map_or_else(|| case.start(), Ok)?)?;
+    Ok((start.map_or_else(|| case.start(), Ok)?, seeded))
+}
+
+fn transient<'c>(
+    case: &'c Case,
+    (start, seeded): (State, bool),
+    rule: &Rule,
+    observer: &mut dyn Observer,
+    interrupted: &AtomicBool,
+) -> Result<(Engine<'c>, Settled, bool), StudyError> {
+    let mut engine = case.engine(start)?;
     let freedoms = case.structure.freedoms();
-    let settled = settle(&mut engine, case.clock(), freedoms, &rule.settling, &mut (), interrupted)?;
+    let settled = settle(&mut engine, case.clock(), freedoms, &rule.settling, observer, interrupted)?;
     let settled = settled.ok_or_else(|| broken(&engine, interrupted))?;
     Ok((engine, settled, seeded))
 }
@@ -145,6 +170,7 @@ fn measure(
     settled: Settled,
     seeded: bool,
     rule: &Rule,
+    check: &mut dyn Observer,
     interrupted: &AtomicBool,
 ) -> Result<Steady, StudyError> {
     let (structure, clock) = (&case.structure, case.clock());
@@ -167,7 +193,7 @@ fn measure(
         }
         if interrupted.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
-    let outcome = engine.run(cycles_later(clock, from, cycles), &mut (&mut contacts, &mut samples))?;
+    let outcome = engine.run(cycles_later(clock, from, cycles), &mut ((&mut contacts, &mut samples), check))?;
     if outcome != Outcome::ReachedEnd {
         return Err(broken(engine, interrupted));
     }
