@@ -273,7 +273,7 @@ fn the_defect_bounds_the_error() {
         assert!(jet.reach > 0.0);
         let elapsed = jet.time_at(1.0);
         // Not beyond the end of the contact.
-        if !(elapsed > 0.0) || (0..=64).any(|i| jet.rate_at(f64::from(i) / 64.0) < 0.0) {
+        if elapsed <= 0.0 || (0..=64).any(|i| jet.rate_at(f64::from(i) / 64.0) < 0.0) {
             continue;
         }
         let mut y = vec![0.0; x.len()];
