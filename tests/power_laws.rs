@@ -273,7 +273,7 @@ fn the_defect_bounds_the_error() {
         assert!(jet.reach > 0.0);
         let elapsed = jet.time_at(1.0);
         // Not beyond the end of the contact.
-        if !(elapsed > 0.0) || (0..=64).any(|i| jet.rate_at(f64::from(i) / 64.0) < 0.0) {
+        if elapsed <= 0.0 || (0..=64).any(|i| jet.rate_at(f64::from(i) / 64.0) < 0.0) {
             continue;
         }
         let mut y = vec![0.0; x.len()];
@@ -307,13 +307,6 @@ fn the_defect_bounds_the_error() {
     assert!(ratios.len() > 500, "{}", ratios.len());
     ratios.sort_by(f64::total_cmp);
     let at = |p: f64| ratios[(p * (ratios.len() - 1) as f64) as usize];
-    eprintln!(
-        "bound over error: least {:.2e}, median {:.2e}, 99 % {:.2e}, most {:.2e}",
-        at(0.0),
-        at(0.5),
-        at(0.99),
-        at(1.0)
-    );
     assert!(at(0.5) < 1e3);
 }
 
@@ -377,25 +370,25 @@ fn stiff_power_laws_are_relieved() {
                 let state = State { at: Instant::default(), x: start.x, jump: start.jump };
                 let mut engine = Engine::new(&s, build(choice, 1e-13, &s).unwrap().0, Options::default(), state);
                 let mut log = Log::default();
-                let began = std::time::Instant::now();
                 engine.run(s.clock().instant(end), &mut log).unwrap();
                 log.0.retain(|r| !r.start);
                 let times: Vec<_> = log.0.iter().map(|r| s.clock().time(r.at).value()).collect();
-                (times, engine.state().x.clone(), engine.counters().steps, began.elapsed().as_secs_f64())
+                (times, engine.state().x.clone(), engine.counters().steps)
             };
             let (auto, taylor) = (run(Choice::Auto), run(Choice::Taylor));
             let off_t = auto.0.iter().zip(&taylor.0).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));
-            eprintln!(
-                "{exponent:?} λ/ω {ratio:e} swing {swing} D {:.1e} off {off:.1e}: events {} {} dt {off_t:.1e}; dq/p {:.1e} dv/(pλ) {:.1e}; steps {} {}, {:.3} s {:.3} s",
-                hysteresis * chi * 1e-3,
-                auto.0.len(),
-                taylor.0.len(),
-                (auto.1[0] - taylor.1[0]) / q[0],
-                (auto.1[1] - taylor.1[1]) / (q[0] * ratio),
+            let what = format!("{exponent:?}, λ/ω {ratio:e}, swing {swing}, hysteresis {hysteresis}");
+            assert_eq!(auto.0.len(), taylor.0.len(), "{what}");
+            assert!(off_t < 1e-13, "{what}: times off by {off_t:e}");
+            // Flights and strikes amplify what is left; before them the states agree to rounding.
+            let off = [(auto.1[0] - taylor.1[0]).abs(), (auto.1[1] - taylor.1[1]).abs()];
+            let same = off[0] < 1e-14 * q[0] && off[1] < 1e-14 * q[0] * ratio;
+            assert!(same || !auto.0.is_empty(), "{what}: {off:?}");
+            assert!(
+                if hysteresis == 0.0 { auto.2 == taylor.2 } else { 2 * auto.2 < taylor.2 },
+                "{what}: steps {} {}",
                 auto.2,
-                taylor.2,
-                auto.3,
-                taylor.3
+                taylor.2
             );
         }
     }
@@ -461,4 +454,69 @@ fn guards_have_derivatives_in_time() {
             }
         }
     }
+}
+
+/// The same in a column of masses with backlash, pressed on the ground and on each other, soft springs beside.
+#[test]
+fn stiff_columns_are_relieved() {
+    let mut random = Random(5);
+    let (mut relieved, mut events) = (0, 0);
+    for case in 0..24 {
+        let n = 2 + case % 3;
+        let (omega, ratio) = (1.0, random.decades(3.2, 4.2));
+        let masses: Vec<f64> = (0..n).map(|_| random.between(0.2, 0.5)).collect();
+        let swing = if case % 4 == 0 { 1.04 } else { random.between(0.1, 0.8) };
+        let mut contacts = Vec::new();
+        let mut q = vec![0.0; n];
+        for j in 0..n {
+            let exponent = [(3, 2), (10, 9), (4, 3)][(random.unit() * 3.0) as usize];
+            let e = f64::from(exponent.0) / f64::from(exponent.1);
+            let force = 500.0 * (n - j) as f64;
+            let p = e * force / (0.3 * (ratio * omega).powi(2));
+            let chi = random.between(0.3, 3.0) * 0.3 * ratio / force;
+            let mut law = power(exponent, chi * 1e-3);
+            if let Law::Power(l) = &mut law {
+                l.initial_speed = 1e-3;
+            }
+            let mut direction = vec![0.0; n];
+            direction[j] = 1.0;
+            if j > 0 {
+                direction[j - 1] = -1.0;
+            }
+            let mut c = contact(&format!("c{j}"), direction, force / p.powf(e), law);
+            c.half_backlash = 1e-5;
+            q[j] = p + 1e-5 + if j > 0 { q[j - 1] } else { 0.0 };
+            contacts.push(c);
+        }
+        let mut spec = bodies(&masses, contacts);
+        spec.load = vec![500.0; n];
+        spec.stiffness[(0, 0)] = 10.0;
+        let load = LoadHarmonic { vector: vec![swing * 500.0; n], omega, phase: std::f64::consts::FRAC_PI_2 };
+        spec.load_harmonics = vec![load];
+        let s = Structure::new(spec).unwrap();
+        let run = |choice| {
+            let start = s.start(Instant::default(), &q, &vec![0.0; n]).unwrap();
+            let state = State { at: Instant::default(), x: start.x, jump: start.jump };
+            let mut engine = Engine::new(&s, build(choice, 1e-13, &s).unwrap().0, Options::default(), state);
+            let mut log = Log::default();
+            engine.run(s.clock().instant(5.0), &mut log).unwrap();
+            log.0.retain(|r| !r.start);
+            log.0.truncate(12);
+            let times: Vec<_> =
+                log.0.iter().map(|r| (s.clock().time(r.at).value(), r.fired, r.conditioning.time)).collect();
+            (times, engine.state().x.clone(), engine.counters().steps)
+        };
+        let (auto, taylor) = (run(Choice::Auto), run(Choice::Taylor));
+        relieved += u32::from(auto.2 < taylor.2);
+        events += auto.0.len();
+        for (a, b) in auto.0.iter().zip(&taylor.0).take(2) {
+            assert!((a.0 - b.0).abs() <= 1e-11 && a.1 == b.1, "case {case}: {a:?} {b:?}");
+        }
+        if auto.0.is_empty() {
+            assert!(taylor.0.is_empty());
+            let off = auto.1[..n].iter().zip(&taylor.1).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));
+            assert!(off < 1e-13 * q[0], "case {case}: {off:e}");
+        }
+    }
+    assert!(relieved >= 20 && events > 0, "{relieved} relieved, {events} events");
 }

@@ -46,8 +46,8 @@ impl fmt::Display for Choice {
 /// Builds the integrator for `system`, and says in a sentence why it is this one.
 ///
 /// `rtol` is the relative tolerance of the methods other than Taylor, which always works to round-off.
-/// [`Choice::Auto`] takes Taylor for flows that know their series and the explicit method for others, except in
-/// stiff modes, which it gives to backward differences: [`PerMode`].
+/// [`Choice::Auto`] takes Taylor, relieved by Radau where stiff power laws rest ([`Relay`]), for flows that know their
+/// series and the explicit method for others, except in stiff modes, which it gives to backward differences: [`PerMode`].
 ///
 /// # Errors
 /// [`IntegrateError::NoJet`] if Taylor is forced on a flow that can only be evaluated;

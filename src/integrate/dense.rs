@@ -34,8 +34,8 @@ struct Chebyshev {
     cosine: [f64; 2 * DEGREE],
 }
 
-impl Chebyshev {
-    fn new() -> Self {
+impl Default for Chebyshev {
+    fn default() -> Self {
         let mut powers = [[0.0; ROW]; ROW];
         powers[0][0] = 1.0;
         powers[1][0] = -1.0;
@@ -49,7 +49,9 @@ impl Chebyshev {
         let cosine = std::array::from_fn(|i| (std::f64::consts::PI * i as f64 / DEGREE as f64).cos());
         Self { powers, cosine }
     }
+}
 
+impl Chebyshev {
     /// The `i`-th of `n + 1` points, rising from 0 to 1.
     fn point(i: usize, n: usize) -> f64 {
         if i == n {
@@ -108,7 +110,7 @@ pub(super) fn to_powers(samples: &mut [f64], dim: usize) {
 }
 
 /// A piece of a solver's step, as handed to the visitor.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Pieces {
     chebyshev: Chebyshev,
     dim: usize,
@@ -196,22 +198,6 @@ pub(super) struct Place<'a> {
 }
 
 impl Pieces {
-    pub fn new() -> Self {
-        Self {
-            chebyshev: Chebyshev::new(),
-            dim: 0,
-            step: Vec::new(),
-            state: Vec::new(),
-            start: Instant::default(),
-            span: 0.0,
-            guards: Vec::new(),
-            series: Vec::new(),
-            error: Vec::new(),
-            samples: Vec::new(),
-            scratch: Vec::new(),
-        }
-    }
-
     /// Row k: `T_k(2θ − 1)` in powers of θ.
     pub fn powers(&self) -> [[f64; ROW]; ROW] {
         self.chebyshev.powers

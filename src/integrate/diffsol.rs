@@ -71,7 +71,7 @@ impl Diffsol {
     /// A method with a relative tolerance, kept within `[1e-13, 0.1]`.
     #[must_use]
     pub fn new(method: Method, rtol: f64) -> Self {
-        Self { method, rtol: rtol.clamp(Self::TIGHTEST, 0.1), absolute: None, pieces: Pieces::new() }
+        Self { method, rtol: rtol.clamp(Self::TIGHTEST, 0.1), absolute: None, pieces: Pieces::default() }
     }
 
     /// Absolute tolerances, one for each component of the state, in its units and > 0, instead of derived ones.

@@ -7,7 +7,7 @@ use super::{
     dense::{Pieces, Place},
     radau::{From, HIDDEN, RESOLVED, Radau},
 };
-use crate::hybrid::{Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Mode};
+use crate::hybrid::{Flow, GuardSet, HybridSystem, Instant, Mode};
 
 /// Taylor steps of an arc before the first trial; twice as many after each refusal.
 const FIRST_TRIAL: u64 = 64;
@@ -26,7 +26,7 @@ fn worth(dim: usize) -> f64 {
 /// After 64 steps of an arc a Radau step of many times their mean length is tried. It is taken if its polynomial
 /// follows the motion to `2e-14` of the sizes that the system names ([`sizes`](HybridSystem::sizes)), and goes on as long
 /// as its steps are long enough to be worth it. Motion that hides below that is stepped over; guards bear it as uncertainty.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Relay {
     taylor: Taylor,
     radau: Radau,
@@ -37,98 +37,64 @@ pub struct Relay {
     relieved: BTreeSet<Mode>,
 }
 
-impl Default for Relay {
-    fn default() -> Self {
-        Self {
-            taylor: Taylor::default(),
-            radau: Radau::default(),
-            pieces: Pieces::new(),
-            x: Vec::new(),
-            sizes: Vec::new(),
-            ends: Vec::new(),
-            relieved: BTreeSet::new(),
-        }
-    }
-}
-
-/// A step whose guards are uncertain by what was stepped over before.
-struct Blurred<'a> {
-    step: &'a dyn DenseStep,
-    blur: &'a [(GuardId, f64)],
-}
-
-impl Blurred<'_> {
-    fn of(&self, i: usize) -> f64 {
-        let id = self.step.guards()[i].id;
-        self.blur.iter().find(|(guard, _)| *guard == id).map_or(0.0, |(_, blur)| *blur)
-    }
-}
-
-impl DenseStep for Blurred<'_> {
-    fn start(&self) -> Instant {
-        self.step.start()
-    }
-    fn time(&self, theta: f64) -> f64 {
-        self.step.time(theta)
-    }
-    fn rate(&self, theta: f64) -> f64 {
-        self.step.rate(theta)
-    }
-    fn state(&self, theta: f64, x: &mut [f64]) {
-        self.step.state(theta, x);
-    }
-    fn guards(&self) -> &[Guard] {
-        self.step.guards()
-    }
-    fn guard(&self, i: usize) -> &[f64] {
-        self.step.guard(i)
-    }
-    fn guard_error(&self, i: usize) -> (f64, f64) {
-        let (tail, rounding) = self.step.guard_error(i);
-        // In a clock of its own a guard may be a root; its uncertainty in time says it all.
-        let is_plain = self.step.guard_in_time(i, 0.0).is_none();
-        (tail + if is_plain { self.of(i) } else { 0.0 }, rounding)
-    }
-    fn plain_span(&self) -> Option<f64> {
-        self.step.plain_span()
-    }
-    fn guard_in_time(&self, i: usize, theta: f64) -> Option<(f64, f64)> {
-        self.step.guard_in_time(i, theta).map(|(rate, error)| (rate, error + self.of(i)))
-    }
-    fn guard_derivatives_in_time(&self, i: usize) -> Option<[f64; 3]> {
-        self.step.guard_derivatives_in_time(i)
-    }
-}
-
-/// What a Radau step is tried on.
+/// A step that was accepted.
 #[derive(Clone, Copy)]
-struct Trial<'a> {
-    system: &'a dyn HybridSystem,
-    mode: Mode,
+struct Taken {
     at: Instant,
     h: f64,
+    /// Its last coefficient over what is allowed.
+    share: f64,
+    /// The fastest rate that it may have stepped over.
+    rate: f64,
 }
 
-/// Tries a step from `x`; its last coefficient over what is allowed, and the fastest rate that it may have stepped over.
-/// `sizes` becomes the smaller ones of the step's ends.
-fn attempt(radau: &mut Radau, t: Trial<'_>, x: &[f64], sizes: &mut Vec<f64>, end: &mut Vec<f64>) -> Option<(f64, f64)> {
-    let (Flow::Jet(_, field) | Flow::Smooth(field)) = t.system.flow();
-    sizes.resize(x.len(), 0.0);
-    let rate = t.system.sizes(t.mode, t.at, x, sizes)?;
-    let share = radau.attempt(From { field, mode: t.mode, at: t.at, x }, t.h, sizes)?;
-    end.clear();
-    end.extend_from_slice(x);
-    radau.advance(end);
-    let mut later = vec![0.0; x.len()];
-    t.system.sizes(t.mode, t.system.clock().advance(t.at, t.h), end, &mut later)?;
-    let mut shrunk: f64 = 1.0;
-    for (size, later) in sizes.iter_mut().zip(&later) {
-        if later < size {
-            shrunk = shrunk.max(*size / later);
-            *size = *later;
+/// Where steps are tried.
+struct Trial<'a> {
+    system: &'a dyn HybridSystem,
+    arc: &'a Arc<'a>,
+    at: Instant,
+    shortest: f64,
+}
+
+impl Trial<'_> {
+    /// The longest step from `x` up to `h` that is accepted, the state at its end in `end`. `sizes` becomes the smaller
+    /// ones of the step's ends.
+    fn longest(&self, radau: &mut Radau, mut h: f64, x: &[f64], sizes: &mut [f64], end: &mut [f64]) -> Option<Taken> {
+        let left = self.system.clock().between(self.at, self.arc.bound);
+        loop {
+            h = h.min(left);
+            if h < self.shortest && h < left {
+                return None;
+            }
+            let (share, rate) = self.attempt(radau, h, x, sizes, end).unwrap_or((f64::INFINITY, 0.0));
+            if share <= 1.0 {
+                return Some(Taken { at: self.at, h, share, rate });
+            }
+            h *= next(share);
         }
     }
-    Some((share * shrunk, rate))
+
+    fn attempt(&self, radau: &mut Radau, h: f64, x: &[f64], sizes: &mut [f64], end: &mut [f64]) -> Option<(f64, f64)> {
+        let (system, mode) = (self.system, self.arc.mode);
+        let (Flow::Jet(_, field) | Flow::Smooth(field)) = system.flow();
+        let rate = system.sizes(mode, self.at, x, sizes)?;
+        let share = radau.attempt(From { field, mode, at: self.at, x }, h, sizes)?;
+        end.copy_from_slice(x);
+        radau.advance(end);
+        let mut later = vec![0.0; x.len()];
+        system.sizes(mode, system.clock().advance(self.at, h), end, &mut later)?;
+        let mut shrunk: f64 = 1.0;
+        for (size, later) in sizes.iter_mut().zip(&later) {
+            shrunk = shrunk.max(*size / later);
+            *size = size.min(*later);
+        }
+        Some((share * shrunk, rate))
+    }
+}
+
+/// By how much the next step may be longer: the last coefficient is as h⁹; a tenth less for safety, and no leap.
+fn next(share: f64) -> f64 {
+    (0.9 * share.max(1e-9).powf(-1.0 / 9.0)).clamp(0.3, 2.0)
 }
 
 impl Integrator for Relay {
@@ -156,16 +122,17 @@ impl Integrator for Relay {
         let worth = worth(arc.x.len());
         x.clear();
         x.extend_from_slice(arc.x);
+        [&mut *sizes, &mut *ends].into_iter().for_each(|v| v.resize(arc.x.len(), 0.0));
         let (mut at, mut pinned, mut still) = (arc.at, arc.pinned, arc.still);
-        let (mut due, mut blur) = (FIRST_TRIAL.max(worth as u64), Vec::new());
-        let mut unsure: Vec<f64> = Vec::new();
+        let mut due = FIRST_TRIAL.max(worth as u64);
+        taylor.blur.clear();
+        let mut unsure: Vec<f64> = vec![0.0; arc.x.len()];
         loop {
-            let (mut steps, mut elapsed, mut first, mut ended) = (0, 0.0, None, false);
+            let (mut steps, mut elapsed, mut taken, mut ended) = (0, 0.0, None, false);
             let from = x.clone();
             let leg = Arc { at, x: &from, pinned, still, ..*arc };
             taylor.integrate_arc(system, &leg, end, &mut |step| {
-                let step = Blurred { step, blur: &blur };
-                if visit(&step).is_break() {
+                if visit(step).is_break() {
                     ended = true;
                     return ControlFlow::Break(());
                 }
@@ -173,26 +140,23 @@ impl Integrator for Relay {
                 elapsed += step.time(1.0);
                 if steps >= due {
                     due *= 2;
-                    let (at, h) = (clock.advance(step.start(), step.time(1.0)), 4.0 * worth * elapsed / steps as f64);
-                    if h <= clock.between(at, arc.bound) {
-                        step.state(1.0, x);
-                        let found = attempt(radau, Trial { system, mode: arc.mode, at, h }, x, sizes, ends);
-                        first = found.filter(|(share, _)| *share <= 1.0).map(|(share, rate)| (at, h, share, rate));
+                    let shortest = worth * elapsed / steps as f64;
+                    let trial = Trial { system, arc, at: clock.advance(step.start(), step.time(1.0)), shortest };
+                    step.state(1.0, x);
+                    if shortest < clock.between(trial.at, arc.bound) {
+                        taken = trial.longest(radau, 4.0 * shortest, x, sizes, ends);
                     }
                 }
-                if first.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                if taken.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             })?;
-            let Some((start, mut h, mut share, mut rate)) = first.filter(|_| !ended) else { return Ok(()) };
+            let Some(mut step) = taken.filter(|_| !ended) else { return Ok(()) };
             relieved.insert(arc.mode);
             let shortest = worth * elapsed / steps as f64;
-            at = start;
-            unsure.resize(x.len(), 0.0);
             loop {
-                let left = clock.between(at, arc.bound);
-                // Adiabatic: a free oscillation that nobody follows has an amplitude as 1/√rate.
+                let left = clock.between(step.at, arc.bound);
                 unsure.iter_mut().zip(&*sizes).for_each(|(u, s)| *u = u.max(HIDDEN * RESOLVED * s));
-                let leg = Arc { at, x, pinned: GuardSet::EMPTY, still: GuardSet::EMPTY, ..*arc };
-                let to = (h < left).then_some(h);
+                let leg = Arc { at: step.at, x, pinned: GuardSet::EMPTY, still: GuardSet::EMPTY, ..*arc };
+                let to = (step.h < left).then_some(step.h);
                 let place = Place { system, arc: &leg, rtol: RTOL, from: 0.0, to, unsure: &unsure };
                 pieces.begin(&place);
                 let powers = pieces.powers();
@@ -201,32 +165,19 @@ impl Integrator for Relay {
                     return Ok(());
                 }
                 x.copy_from_slice(ends);
-                if h >= left {
+                if to.is_none() {
                     end.copy_from_slice(x);
                     return Ok(());
                 }
-                at = clock.advance(at, h);
-                let next = loop {
-                    // The last coefficient is as h⁹; a tenth less for safety, and no leap.
-                    h *= (0.9 * share.max(1e-9).powf(-1.0 / 9.0)).clamp(0.3, 2.0);
-                    let left = clock.between(at, arc.bound);
-                    h = if h > left { left } else { h };
-                    if h < shortest && h < left {
-                        break None;
-                    }
-                    match attempt(radau, Trial { system, mode: arc.mode, at, h }, x, sizes, ends) {
-                        Some((s, r)) if s <= 1.0 => break Some((s, r)),
-                        Some((s, _)) => share = s,
-                        None => share = f64::INFINITY,
-                    }
-                };
-                let Some((s, r)) = next else { break };
-                unsure.iter_mut().for_each(|u| *u *= (rate / r).sqrt().max(1.0));
-                (share, rate) = (s, r);
+                at = clock.advance(step.at, step.h);
+                let trial = Trial { system, arc, at, shortest };
+                let Some(longest) = trial.longest(radau, step.h * next(step.share), x, sizes, ends) else { break };
+                // Adiabatic: a free oscillation that nobody follows has an amplitude as 1/√rate.
+                unsure.iter_mut().for_each(|u| *u *= (step.rate / longest.rate).sqrt().max(1.0));
+                step = longest;
             }
-            blur = pieces.blurs(system, arc.mode, at, x, &unsure);
+            taylor.blur = pieces.blurs(system, arc.mode, at, x, &unsure);
             (pinned, still) = (GuardSet::EMPTY, GuardSet::EMPTY);
-            due = due.max(FIRST_TRIAL);
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::{Arc, DenseStep, IntegrateError, Integrator, in_plain_time};
-use crate::hybrid::{Flow, Guard, GuardSet, HybridSystem, Instant, Jet, JetRequest};
+use crate::hybrid::{Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jet, JetRequest};
 
 /// Taylor steps of a [`JetField`](crate::hybrid::JetField).
 ///
@@ -15,6 +15,8 @@ pub struct Taylor {
     x: Vec<f64>,
     carried: Vec<f64>,
     varied: bool,
+    /// Uncertainties of guards that come from before the arc's present part.
+    pub(super) blur: Vec<(GuardId, f64)>,
 }
 
 impl Taylor {
@@ -80,6 +82,14 @@ const ARRIVED: f64 = 8.0 * f64::EPSILON;
 struct Step<'a> {
     start: Instant,
     jet: &'a Jet,
+    blur: &'a [(GuardId, f64)],
+}
+
+impl Step<'_> {
+    fn blur(&self, i: usize) -> f64 {
+        let id = self.jet.guards[i].id;
+        self.blur.iter().find(|(guard, _)| *guard == id).map_or(0.0, |(_, blur)| *blur)
+    }
 }
 
 impl DenseStep for Step<'_> {
@@ -102,10 +112,12 @@ impl DenseStep for Step<'_> {
         self.jet.guard(i)
     }
     fn guard_error(&self, i: usize) -> (f64, f64) {
-        (self.jet.remainder[i], self.jet.rounding[i])
+        // In a clock of its own a guard may be a root; its uncertainty in time says it all.
+        let blur = if self.jet.time.is_empty() { self.blur(i) } else { 0.0 };
+        (self.jet.remainder[i] + blur, self.jet.rounding[i])
     }
     fn guard_in_time(&self, i: usize, theta: f64) -> Option<(f64, f64)> {
-        self.jet.guard_in_time(i, theta)
+        self.jet.guard_in_time(i, theta).map(|(rate, error)| (rate, error + self.blur(i)))
     }
     fn guard_derivatives_in_time(&self, i: usize) -> Option<[f64; 3]> {
         match self.plain_span() {
@@ -142,7 +154,7 @@ impl Integrator for Taylor {
     ) -> Result<(), IntegrateError> {
         let Flow::Jet(field, _) = system.flow() else { return Err(IntegrateError::NoJet) };
         let clock = system.clock();
-        let Self { jet, x, carried, varied } = self;
+        let Self { jet, x, carried, blur, varied } = self;
         let mut cuts = *varied;
         carried.clear();
         x.clear();
@@ -165,7 +177,7 @@ impl Integrator for Taylor {
                 cuts = !cuts;
             }
             let elapsed = jet.time_at(1.0);
-            if visit(&Step { start: at, jet }).is_break() {
+            if visit(&Step { start: at, jet, blur }).is_break() {
                 return Ok(());
             }
             // Only now: a step that runs past the end of a contact in the root clock is cut by its event.

@@ -229,8 +229,8 @@ impl Expansion<'_> {
                 forces.by_time += push * l.damping * s.wave_size(&c.error, 2);
                 if let Spring::Waves(_, waves) = &c.spring {
                     forces.by_time += push * s.wave_size(waves, 1) * total(&penetration);
-                    forces.missing += push * beyond(&row(layout.of(j, STIFFNESS)), &penetration, ORDER + 1);
-                } else if let Spring::Scheduled(_) = &c.spring {
+                }
+                if !matches!(c.spring, Spring::Constant(_)) {
                     forces.missing += push * beyond(&row(layout.of(j, STIFFNESS)), &penetration, ORDER + 1);
                 }
             }
