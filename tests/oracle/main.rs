@@ -32,6 +32,7 @@ mod series;
 mod state;
 mod step;
 mod strike;
+mod transforms;
 mod wide;
 
 use std::time::Duration;

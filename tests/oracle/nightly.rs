@@ -89,6 +89,10 @@ fn say(words: &str) {
 
 /// Does something with every scene of a class, on all cores.
 fn each(class: &Class, plan: &Plan, work: impl Fn(usize, Value) + Sync) {
+    all(plan, |index| work(index, class.scene(plan.seed, index)));
+}
+
+fn all(plan: &Plan, work: impl Fn(usize) + Sync) {
     let next = AtomicUsize::new(0);
     let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     std::thread::scope(|scope| {
@@ -99,7 +103,7 @@ fn each(class: &Class, plan: &Plan, work: impl Fn(usize, Value) + Sync) {
                     if index >= plan.count {
                         return;
                     }
-                    work(index, class.scene(plan.seed, index));
+                    work(index);
                 }
             });
         }
@@ -116,6 +120,27 @@ fn run(class: &Class, plan: &Plan) -> Line {
         }
         if let Ok(mut line) = line.lock() {
             line.add(&judged);
+        }
+    });
+    line.into_inner().unwrap_or_default()
+}
+
+/// Class O.
+fn transformed(plan: &Plan) -> Line {
+    let line = Mutex::new(Line::default());
+    all(plan, |index| {
+        let transform = super::scenes::transform(plan.seed, index);
+        let (verdict, seconds) = super::transforms::judge(&transform, plan.budget, plan.limit);
+        if plan.tell && verdict != Verdict::Right {
+            say(&format!("O {index} {verdict:?}\n    {}\n    {}", transform.base, transform.other));
+        }
+        if let Ok(mut line) = line.lock() {
+            line.tried += 1;
+            line.seconds += seconds;
+            line.slowest = line.slowest.max(seconds);
+            line.wrong += usize::from(matches!(verdict, Verdict::Wrong(_)));
+            line.refused += usize::from(matches!(verdict, Verdict::Refused(_)));
+            line.alarmed += usize::from(matches!(verdict, Verdict::Alarmed(_)));
         }
     });
     line.into_inner().unwrap_or_default()
@@ -192,10 +217,13 @@ pub fn nightly(plan: &Plan) -> Vec<(&'static str, Line)> {
         }
         table.push((class.letter, line));
     }
+    if plan.classes.is_empty() || plan.classes.iter().any(|l| l == "O") {
+        table.push(("O", transformed(plan)));
+    }
     if plan.tell {
         say("class  tried refused wrong alarmed ambiguous  events  worst/allowed  seconds  slowest  oracle s  about");
         for (letter, l) in &table {
-            let about = CLASSES.iter().find(|c| c.letter == *letter).map_or("", |c| c.about);
+            let about = CLASSES.iter().find(|c| c.letter == *letter).map_or("scenes and their transforms", |c| c.about);
             say(&format!(
                 "{letter:5} {:6} {:7} {:5} {:7} {:9} {:7} {:14.2e} {:8.1} {:8.2} {:9.1}  {about}",
                 l.tried,
