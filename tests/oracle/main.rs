@@ -17,6 +17,7 @@
 
 mod arcs;
 mod closed_forms;
+mod drift;
 mod flank_run;
 mod instant;
 mod judge;

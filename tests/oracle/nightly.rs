@@ -63,14 +63,18 @@ pub struct Line {
 
 impl Line {
     fn add(&mut self, j: &Judged) {
-        self.tried += 1;
+        self.count(&j.verdict, j.flank_seconds);
         self.ambiguous += usize::from(j.ambiguous.is_some());
         self.events += j.events;
         self.worst = self.worst.max(j.worst);
-        self.seconds += j.flank_seconds;
         self.oracle_seconds += j.oracle_seconds;
-        self.slowest = self.slowest.max(j.flank_seconds);
-        match j.verdict {
+    }
+
+    fn count(&mut self, verdict: &Verdict, seconds: f64) {
+        self.tried += 1;
+        self.seconds += seconds;
+        self.slowest = self.slowest.max(seconds);
+        match verdict {
             Verdict::Right => {}
             Verdict::Refused(_) => self.refused += 1,
             Verdict::Wrong(_) => self.wrong += 1,
@@ -125,6 +129,28 @@ fn run(class: &Class, plan: &Plan) -> Line {
     line.into_inner().unwrap_or_default()
 }
 
+const DRIFT: &str = "drift over 10000 periods, in shares of 1e-11 of one";
+const TRANSFORMS: &str = "scenes and their transforms";
+/// Periods of class H.
+const PERIODS: usize = 10_000;
+
+/// Class H.
+fn drifting(plan: &Plan) -> Line {
+    let line = Mutex::new(Line::default());
+    all(plan, |index| {
+        let scene = super::scenes::periodic(plan.seed, index);
+        let (verdict, worst, seconds) = super::drift::judge(&scene, PERIODS, plan.limit);
+        if plan.tell && verdict != Verdict::Right {
+            say(&format!("H {index} {verdict:?}\n    {scene}"));
+        }
+        if let Ok(mut line) = line.lock() {
+            line.count(&verdict, seconds);
+            line.worst = line.worst.max(worst / 1e-11);
+        }
+    });
+    line.into_inner().unwrap_or_default()
+}
+
 /// Class O.
 fn transformed(plan: &Plan) -> Line {
     let line = Mutex::new(Line::default());
@@ -135,12 +161,7 @@ fn transformed(plan: &Plan) -> Line {
             say(&format!("O {index} {verdict:?}\n    {}\n    {}", transform.base, transform.other));
         }
         if let Ok(mut line) = line.lock() {
-            line.tried += 1;
-            line.seconds += seconds;
-            line.slowest = line.slowest.max(seconds);
-            line.wrong += usize::from(matches!(verdict, Verdict::Wrong(_)));
-            line.refused += usize::from(matches!(verdict, Verdict::Refused(_)));
-            line.alarmed += usize::from(matches!(verdict, Verdict::Alarmed(_)));
+            line.count(&verdict, seconds);
         }
     });
     line.into_inner().unwrap_or_default()
@@ -217,13 +238,20 @@ pub fn nightly(plan: &Plan) -> Vec<(&'static str, Line)> {
         }
         table.push((class.letter, line));
     }
-    if plan.classes.is_empty() || plan.classes.iter().any(|l| l == "O") {
+    let asked = |letter: &str| plan.classes.is_empty() || plan.classes.iter().any(|l| l == letter);
+    if asked("H") {
+        table.push(("H", drifting(plan)));
+    }
+    if asked("O") {
         table.push(("O", transformed(plan)));
     }
     if plan.tell {
         say("class  tried refused wrong alarmed ambiguous  events  worst/allowed  seconds  slowest  oracle s  about");
         for (letter, l) in &table {
-            let about = CLASSES.iter().find(|c| c.letter == *letter).map_or("scenes and their transforms", |c| c.about);
+            let about = CLASSES
+                .iter()
+                .find(|c| c.letter == *letter)
+                .map_or(if *letter == "H" { DRIFT } else { TRANSFORMS }, |c| c.about);
             say(&format!(
                 "{letter:5} {:6} {:7} {:5} {:7} {:9} {:7} {:14.2e} {:8.1} {:8.2} {:9.1}  {about}",
                 l.tried,

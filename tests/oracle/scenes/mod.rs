@@ -13,6 +13,7 @@ use std::time::Duration;
 
 use random::Random;
 use serde_json::Value;
+pub use special::PRESSED;
 pub use transforms::Transform;
 
 /// A class: its letter, what it holds, and scene number n under a seed.
@@ -59,4 +60,9 @@ pub static CLASSES: [Class; 15] = [
 /// Class O: scene number `index` and its transform.
 pub fn transform(seed: u64, index: usize) -> Transform {
     transforms::transform(&mut Random::new(seed, "O", index))
+}
+
+/// Class H: scene number `index`.
+pub fn periodic(seed: u64, index: usize) -> Value {
+    special::periodic(&mut Random::new(seed, "H", index))
 }
