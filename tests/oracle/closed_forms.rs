@@ -12,7 +12,7 @@ use super::{
 
 fn told(train: Value, initial: Value, end: f64) -> Sequence {
     let value = json!({ "flank": 1, "train": train, "initial": initial, "run": { "t_end_s": end } });
-    let built = Scene::from_value(value, "closed form").unwrap().build().unwrap();
+    let built = Scene::from_value(value, "closed form").and_then(|s| s.build()).expect("a scene that holds");
     let m = Model::new(&built.spec, Tweak::NONE);
     let s = sequence(&m, start(&m, &built, Tweak::NONE), wide(end), 10_000);
     assert_eq!(s.ending, Ending::Reached);
@@ -31,7 +31,7 @@ fn wall(law: Value, load: f64, more: Value) -> Value {
     let mut train = json!({
         "kind": "wall", "mass_kg": 1.0, "load_n": load, "wall": { "side": "above", "position_m": 0.0 }, "law": law,
     });
-    more.as_object().unwrap().iter().for_each(|(k, v)| train[k] = v.clone());
+    more.as_object().into_iter().flatten().for_each(|(k, v)| train[k] = v.clone());
     train
 }
 
