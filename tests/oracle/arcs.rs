@@ -120,8 +120,9 @@ pub fn arcs(value: &Value, most: usize) -> Vec<Arc> {
         let mut each = Each { record: None, deadline };
         let ended = engine.run(end, &mut each);
         let Some(record) = each.record.filter(|_| ended.is_ok()) else { return out };
-        // The first decides the start; sums and touches are no arcs to an event.
-        let is_arc = fresh && !record.start && !record.graze && record.accumulation.is_none();
+        // The first decides the start; switches, sums and touches are no events that end an arc.
+        let is_event = !record.fired.is_empty() && !record.start && !record.graze && record.accumulation.is_none();
+        let is_arc = fresh && is_event;
         if is_arc {
             out.push(arc(&m, &case.structure, &from, &record));
         }
@@ -150,7 +151,8 @@ fn arc(m: &Model, structure: &Structure, from: &FlankState, record: &EventRecord
         }
     }
     let first = run.events[0];
-    let fires = record.fired.iter().any(|id| flank::train::guard_of(id).0 == first.contact);
+    // Of several at one instant, one is enough.
+    let fires = record.fired.iter().any(|id| run.events.iter().any(|e| flank::train::guard_of(id).0 == e.contact));
     if !fires {
         arc.other = Some(format!("contact {} at {:e}, not at {:e}", first.contact, near(first.t), near(told)));
     }

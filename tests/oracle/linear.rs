@@ -13,13 +13,11 @@ pub fn solve(a: &[Vec<Wide>], b: &[Wide]) -> Vec<Wide> {
     for i in 0..n {
         let pivot = (i..n).max_by(|x, y| size(rows[*x][i]).total_cmp(&size(rows[*y][i]))).unwrap_or(i);
         rows.swap(i, pivot);
-        for j in 0..n {
-            if j != i && rows[j][i] != wide(0.0) {
-                let f = rows[j][i] / rows[i][i];
-                for k in i..=n {
-                    let change = f * rows[i][k];
-                    rows[j][k] = rows[j][k] - change;
-                }
+        let row = rows[i].clone();
+        for (_, other) in rows.iter_mut().enumerate().filter(|(j, _)| *j != i) {
+            if other[i] != wide(0.0) {
+                let f = other[i] / row[i];
+                other.iter_mut().zip(&row).skip(i).for_each(|(x, r)| *x = *x - f * *r);
             }
         }
     }

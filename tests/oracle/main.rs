@@ -17,6 +17,7 @@
 
 mod arcs;
 mod closed_forms;
+mod drift;
 mod flank_run;
 mod instant;
 mod judge;
@@ -32,6 +33,7 @@ mod series;
 mod state;
 mod step;
 mod strike;
+mod transforms;
 mod wide;
 
 use std::time::Duration;
@@ -80,7 +82,7 @@ fn nightly_arcs() {
 /// A few scenes of every class. The oracle tells what is right; what Flank gets wrong is counted by `.ci/nightly`.
 #[test]
 fn sample() {
-    let classes = ["A", "B", "C", "D", "E", "F", "G", "J", "K", "N", "P", "Q", "S"];
+    let classes = ["A", "B", "C", "D", "E", "F", "G", "J", "K", "L", "N", "O", "P", "Q", "S"];
     let plan = nightly::Plan {
         classes: classes.iter().map(ToString::to_string).collect(),
         count: 6,

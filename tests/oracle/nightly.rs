@@ -63,14 +63,18 @@ pub struct Line {
 
 impl Line {
     fn add(&mut self, j: &Judged) {
-        self.tried += 1;
+        self.count(&j.verdict, j.flank_seconds);
         self.ambiguous += usize::from(j.ambiguous.is_some());
         self.events += j.events;
         self.worst = self.worst.max(j.worst);
-        self.seconds += j.flank_seconds;
         self.oracle_seconds += j.oracle_seconds;
-        self.slowest = self.slowest.max(j.flank_seconds);
-        match j.verdict {
+    }
+
+    fn count(&mut self, verdict: &Verdict, seconds: f64) {
+        self.tried += 1;
+        self.seconds += seconds;
+        self.slowest = self.slowest.max(seconds);
+        match verdict {
             Verdict::Right => {}
             Verdict::Refused(_) => self.refused += 1,
             Verdict::Wrong(_) => self.wrong += 1,
@@ -89,6 +93,10 @@ fn say(words: &str) {
 
 /// Does something with every scene of a class, on all cores.
 fn each(class: &Class, plan: &Plan, work: impl Fn(usize, Value) + Sync) {
+    all(plan, |index| work(index, class.scene(plan.seed, index)));
+}
+
+fn all(plan: &Plan, work: impl Fn(usize) + Sync) {
     let next = AtomicUsize::new(0);
     let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     std::thread::scope(|scope| {
@@ -99,7 +107,7 @@ fn each(class: &Class, plan: &Plan, work: impl Fn(usize, Value) + Sync) {
                     if index >= plan.count {
                         return;
                     }
-                    work(index, class.scene(plan.seed, index));
+                    work(index);
                 }
             });
         }
@@ -116,6 +124,44 @@ fn run(class: &Class, plan: &Plan) -> Line {
         }
         if let Ok(mut line) = line.lock() {
             line.add(&judged);
+        }
+    });
+    line.into_inner().unwrap_or_default()
+}
+
+const DRIFT: &str = "drift over 10000 periods, in shares of 1e-11 of one";
+const TRANSFORMS: &str = "scenes and their transforms";
+/// Periods of class H.
+const PERIODS: usize = 10_000;
+
+/// Class H.
+fn drifting(plan: &Plan) -> Line {
+    let line = Mutex::new(Line::default());
+    all(plan, |index| {
+        let scene = super::scenes::periodic(plan.seed, index);
+        let (verdict, worst, seconds) = super::drift::judge(&scene, PERIODS, plan.limit);
+        if plan.tell && verdict != Verdict::Right {
+            say(&format!("H {index} {verdict:?}\n    {scene}"));
+        }
+        if let Ok(mut line) = line.lock() {
+            line.count(&verdict, seconds);
+            line.worst = line.worst.max(worst / 1e-11);
+        }
+    });
+    line.into_inner().unwrap_or_default()
+}
+
+/// Class O.
+fn transformed(plan: &Plan) -> Line {
+    let line = Mutex::new(Line::default());
+    all(plan, |index| {
+        let transform = super::scenes::transform(plan.seed, index);
+        let (verdict, seconds) = super::transforms::judge(&transform, plan.budget, plan.limit);
+        if plan.tell && verdict != Verdict::Right {
+            say(&format!("O {index} {verdict:?}\n    {}\n    {}", transform.base, transform.other));
+        }
+        if let Ok(mut line) = line.lock() {
+            line.count(&verdict, seconds);
         }
     });
     line.into_inner().unwrap_or_default()
@@ -192,10 +238,20 @@ pub fn nightly(plan: &Plan) -> Vec<(&'static str, Line)> {
         }
         table.push((class.letter, line));
     }
+    let asked = |letter: &str| plan.classes.is_empty() || plan.classes.iter().any(|l| l == letter);
+    if asked("H") {
+        table.push(("H", drifting(plan)));
+    }
+    if asked("O") {
+        table.push(("O", transformed(plan)));
+    }
     if plan.tell {
         say("class  tried refused wrong alarmed ambiguous  events  worst/allowed  seconds  slowest  oracle s  about");
         for (letter, l) in &table {
-            let about = CLASSES.iter().find(|c| c.letter == *letter).map_or("", |c| c.about);
+            let about = CLASSES
+                .iter()
+                .find(|c| c.letter == *letter)
+                .map_or(if *letter == "H" { DRIFT } else { TRANSFORMS }, |c| c.about);
             say(&format!(
                 "{letter:5} {:6} {:7} {:5} {:7} {:9} {:7} {:14.2e} {:8.1} {:8.2} {:9.1}  {about}",
                 l.tried,

@@ -31,7 +31,7 @@ impl Chain {
         if let Some(found) = self.find(m) {
             return found;
         }
-        let (a, b) = if m % 2 == 0 { (m / 2, m / 2) } else { (m - 1, 1) };
+        let (a, b) = if m.is_multiple_of(2) { (m / 2, m / 2) } else { (m - 1, 1) };
         let (a, b) = (self.reach(a), self.reach(b));
         self.plan.push((m, a, b));
         self.series.push(Vec::new());

@@ -68,7 +68,7 @@ pub fn size(x: Wide) -> f64 {
 }
 
 /// π/2 in three doubles, to 48 digits (the third one is used to reduce large angles).
-const QUARTER: [f64; 3] = [1.570_796_326_794_896_6, 6.123_233_995_736_766e-17, -1.497_384_904_859_17e-33];
+const QUARTER: [f64; 3] = [std::f64::consts::FRAC_PI_2, 6.123_233_995_736_766e-17, -1.497_384_904_859_17e-33];
 
 /// `(sin x, cos x)`: reduction by quarter turns, then the Taylor series on `|r| ≤ π/4`.
 pub fn sin_cos(x: Wide) -> (Wide, Wide) {

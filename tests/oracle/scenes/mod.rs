@@ -7,11 +7,14 @@ mod random;
 mod schedules;
 mod special;
 mod stages;
+mod transforms;
 
 use std::time::Duration;
 
 use random::Random;
 use serde_json::Value;
+pub use special::PRESSED;
+pub use transforms::Transform;
 
 /// A class: its letter, what it holds, and scene number n under a seed.
 pub struct Class {
@@ -53,3 +56,13 @@ pub static CLASSES: [Class; 15] = [
     class("Q", "detached modes", special::detached),
     class("S", "symmetric soft stages, simultaneous events", stages::symmetric),
 ];
+
+/// Class O: scene number `index` and its transform.
+pub fn transform(seed: u64, index: usize) -> Transform {
+    transforms::transform(&mut Random::new(seed, "O", index))
+}
+
+/// Class H: scene number `index`.
+pub fn periodic(seed: u64, index: usize) -> Value {
+    special::periodic(&mut Random::new(seed, "H", index))
+}

@@ -53,7 +53,7 @@ impl Random {
         match self.below(4) {
             0 => 0.0,
             1 => std::f64::consts::FRAC_PI_2,
-            _ => self.of(0.0, 6.283),
+            _ => self.of(0.0, std::f64::consts::TAU),
         }
     }
 

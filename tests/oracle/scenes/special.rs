@@ -8,8 +8,11 @@ use super::{
     random::{Random, round, scene},
 };
 
-/// A nearly singular mass matrix beside an open contact.
+/// A nearly singular mass matrix beside an open contact, or a stiff power law.
 pub fn cost(r: &mut Random) -> Value {
+    if r.chance(0.5) {
+        return stiff(r);
+    }
     let near = 1.0 - r.log(1e-8, 1e-3);
     let near = if near < 1.0 { near } else { 0.999 };
     let train = json!({
@@ -154,4 +157,48 @@ pub fn detached(r: &mut Random) -> Value {
         }],
     });
     scene(train, json!({ "q": [0.0], "v": [r.of(-0.5, 0.5)] }), 30.0)
+}
+
+/// Written as the note of a scene in which nothing may happen: stiff, and always pressed.
+pub const PRESSED: &str = "pressed at all times: no event";
+
+/// A stiff power law pressed by a slow load, from equilibrium.
+fn stiff(r: &mut Random) -> Value {
+    let load = r.of(100.0, 900.0);
+    let law = json!({ "kind": "power", "exponent": "3/2", "hysteresis": r.pick(&["flores", "exact"]), "restitution": r.of(0.3, 0.9) });
+    let train = json!({
+        "kind": "wall", "mass_kg": r.of(0.2, 1.0), "load_n": load,
+        "load_harmonics": [{
+            "amplitude_n": round(load * r.of(0.1, 0.5)), "frequency_rad_per_s": 1.0, "phase_rad": std::f64::consts::FRAC_PI_2,
+        }],
+        "wall": { "side": "above", "position_m": 0 }, "law": law, "contact_stiffness": r.log(1e8, 1e10),
+    });
+    let mut scene = scene(train, json!("static"), 50.0);
+    scene["note"] = json!(PRESSED);
+    scene
+}
+
+/// Undamped motion without forcing: it repeats.
+pub fn periodic(r: &mut Random) -> Value {
+    match r.below(3) {
+        0 => json!({
+            "flank": 1,
+            "train": { "kind": "gear-pair-dimensionless", "damping_ratio": 0.0, "damping_in_gap": true, "mean_load": if r.chance(0.5) { 0.0 } else { r.of(0.05, 0.3) } },
+            "initial": { "q": [r.of(-0.5, 0.5)], "v": [r.of(0.8, 2.0)] }, "run": { "t_end": 10.0 },
+        }),
+        1 => {
+            let train = json!({
+                "kind": "wall", "mass_kg": r.of(0.5, 2.0), "load_n": r.of(0.5, 3.0), "stiffness_n_per_m": r.of(0.0, 1.0),
+                "wall": { "side": "above", "position_m": 0.0 }, "law": rigid(1.0),
+            });
+            scene(train, json!({ "q": [-r.of(0.3, 1.5)], "v": [r.of(-0.5, 0.5)] }), 10.0)
+        }
+        _ => {
+            let train = json!({
+                "kind": "wall", "mass_kg": r.of(0.5, 2.0), "wall": { "side": "both", "half_gap_m": 0.5 },
+                "law": { "kind": "kelvin-voigt", "release": "deflection" }, "contact_stiffness": r.log(1.0, 100.0),
+            });
+            scene(train, json!({ "q": [r.of(-0.3, 0.3)], "v": [r.of(0.3, 2.0)] }), 10.0)
+        }
+    }
 }
