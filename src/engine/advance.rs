@@ -205,6 +205,7 @@ impl<'s> Engine<'s> {
                 End::Bound | End::Closed | End::Alarm(_) => {}
             }
         }
+        self.core.alarm.finish(self.core.system, self.state.at, &self.state.x)?;
         // An instant exactly at the end is still open. It belongs to this run, and so does what follows from it at once.
         while self.core.is_open && span > 0.0 {
             match self.arc(clock.advance(self.state.at, span), false, true, observer)? {
@@ -239,7 +240,6 @@ impl<'s> Engine<'s> {
             bound,
         };
         let (mut ended, mut first) = (End::Bound, true);
-        core.alarm.begin();
         integrator
             .integrate_arc(core.system, &arc, end, &mut |step| {
                 let flow = core.visit(step, place, first, state, observer);
@@ -297,6 +297,7 @@ impl<'s> Engine<'s> {
             });
         }
         let before = state.jump.pinned;
+        core.alarm.jumped();
         state.jump.pinned.0 |= located.zero.0;
         // Events closer together than their uncertainties are one instant: a rigid flank that does not give back touches.
         let touches = located.near.iter().filter(|id| core.system.restitution(*id) == Some(0.0));
@@ -331,6 +332,7 @@ impl<'s> Engine<'s> {
         observer: &mut dyn Observer,
     ) -> Result<ControlFlow<()>, EngineError> {
         let Self { state, core, .. } = self;
+        core.alarm.jumped();
         core.begin(state);
         let at = core.system.clock().advance(state.at, accumulation.remaining);
         core.open.at = at;
@@ -402,7 +404,7 @@ impl Core<'_> {
         observer: &mut dyn Observer,
     ) -> Option<End> {
         self.counters.steps += 1;
-        if let Err(alarm) = self.alarm.start(self.system, step) {
+        if let Err(alarm) = self.alarm.start(self.system, step, first) {
             return Some(End::Alarm(alarm));
         }
         let closes = !place.switching
@@ -455,7 +457,7 @@ impl Core<'_> {
             return Some(End::Observer);
         }
         let Some(located) = located else {
-            self.alarm.end(step);
+            self.alarm.end(place.mode, step);
             return None;
         };
         Some(self.fire(step, place, located))
