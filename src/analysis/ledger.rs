@@ -85,6 +85,14 @@ impl Balance {
     pub fn closure(&self) -> f64 {
         if self.throughput > 0.0 { self.residual.abs() / self.throughput } else { self.residual.abs() }
     }
+
+    /// Largest [`closure`](Self::closure) that rounding explains after `steps` Taylor steps, `(64 + 8 n) ε`: a step rounds the
+    /// state by 4 ε of its size at most, an energy by twice that, and the sums of a step's powers by some 64 ε in all.
+    #[must_use]
+    pub fn rounding(steps: u64) -> f64 {
+        // OK to convert: a run has fewer than 2⁵³ steps.
+        (64.0 + 8.0 * steps as f64) * f64::EPSILON
+    }
 }
 
 impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {

@@ -65,6 +65,15 @@ pub enum CliError {
     #[error("the run is wrong or not certain: {0}")]
     #[diagnostic(help("please report the scene; events.jsonl holds the run up to there"))]
     Verify(Difference),
+    /// The energy ledger does not balance.
+    #[error("the energy ledger of the run is open by {closure:e} of its throughput; rounding explains {rounding:e}")]
+    #[diagnostic(help("the run is not to be trusted; please report the scene"))]
+    Energy {
+        /// Residual over throughput.
+        closure: f64,
+        /// What rounding explains.
+        rounding: f64,
+    },
     /// A measure of the run is not a number.
     #[error("{0} is beyond the range of double precision")]
     #[diagnostic(help("loads, speeds or masses of the scene are too large: state them in other units"))]
@@ -142,6 +151,7 @@ impl CliError {
             Self::Run(_)
             | Self::Verify(_)
             | Self::Overflow(_)
+            | Self::Energy { .. }
             | Self::File(..)
             | Self::Accuracy(AccuracyError::Engine(_)) => 1,
             Self::Study(StudyError::Budget { .. } | StudyError::Overflow(_)) => 1,

@@ -7,7 +7,7 @@ use std::{
 };
 
 use flank::{
-    analysis::{Contacts, EventLog, Grid, Ledger, Trajectory},
+    analysis::{Balance, Contacts, EventLog, Grid, Ledger, Trajectory},
     engine::Outcome,
     output::Request,
 };
@@ -125,6 +125,13 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     }
     // A difference comes before what follows from it.
     verified.map_err(CliError::Verify)?;
+    let (closure, rounding) = (summary.energy.closure(), Balance::rounding(engine.counters().steps));
+    // The ledger takes K as symmetric, and knows rounding only.
+    let stiffness = &structure.spec().stiffness;
+    let is_exact = summary.integrator.modes.iter().all(|(_, name)| *name == "taylor");
+    if result.is_ok() && is_exact && *stiffness == stiffness.transpose() && closure > rounding {
+        return Err(CliError::Energy { closure, rounding });
+    }
     // A run that failed says so itself.
     if let Some(measure) = summary.overflow().filter(|_| result.is_ok()) {
         return Err(CliError::Overflow(measure));
