@@ -32,7 +32,7 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
     ("train", &[("gear", All), ("hybrid", All), ("linalg", All), ("poly", All)]),
     ("integrate", &[("hybrid", All), ("linalg", All), ("poly", All)]),
     ("event", &[("hybrid", All), ("poly", All), ("integrate", Only(&["DenseStep"]))]),
-    ("engine", &[("event", All), ("hybrid", All), ("integrate", All)]),
+    ("engine", &[("event", All), ("hybrid", All), ("integrate", All), ("poly", All)]),
     (
         "analysis",
         &[("engine", All), ("event", All), ("hybrid", All), ("linalg", All), ("integrate", Only(&["DenseStep"]))],

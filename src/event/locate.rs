@@ -34,21 +34,26 @@ fn curvature(p: &[f64], x: f64) -> f64 {
     p.iter().enumerate().skip(2).rev().fold(0.0, |s, (k, c)| s * x + (k * (k - 1)) as f64 * c)
 }
 
-/// The lowest point of `p` near a touch at `x`, within `[0, end]`: Newton's method for the slope.
-fn lowest(p: &[f64], x: f64, end: f64) -> f64 {
-    (0..8).fold(x, |x, _| {
+/// The lowest point of `p` near a touch at `x`: Newton's method for the slope. `None` if it is not in `(0, end]`: the step before or
+/// after has it, or there is none.
+fn lowest(p: &[f64], x: f64, end: f64) -> Option<f64> {
+    let lowest = (0..NEWTON).try_fold(x, |x, _| {
         let (slope, curvature) = (poly::eval_with_slope(p, x).1, curvature(p, x));
-        let next = x - slope / curvature;
-        if curvature > 0.0 && (0.0..=end).contains(&next) { next } else { x }
-    })
+        (slope == 0.0 || curvature > 0.0).then(|| if slope == 0.0 { x } else { x - slope / curvature })
+    })?;
+    (lowest > 0.0 && lowest <= end).then_some(lowest)
 }
+
+/// Iterations that find a lowest point from within the uncertainty of zero: two suffice, more serve touches of high order.
+const NEWTON: usize = 8;
 
 /// One guard's series, with exact zeros at the start divided out: `p(θ) = θ^m p̃(θ)`.
 struct Deflated<'a> {
     p: &'a [f64],
     order: usize,
-    /// Bound on the error where the step starts, and anywhere on it.
+    /// Bound on the error where the step starts.
     start: f64,
+    /// The error that the search goes by: the same, or from an exact zero on that of what the series adds.
     error: f64,
 }
 
@@ -70,7 +75,9 @@ impl<'a> Deflated<'a> {
         // From an exact zero on, errors are relative to what the series adds.
         let (p, start) = if order == 0 { (p, tail + rounding) } else { (&p[order.min(p.len() - 1)..], tail) };
         let mut series = Self { p, order, start, error: start };
-        series.error = series.error_at(1.0);
+        if order > 0 {
+            series.error = series.error_at(1.0);
+        }
         series
     }
 
@@ -133,7 +140,7 @@ impl Locator {
         }
         let end = first.map_or(1.0, |(theta, _)| theta);
         let touch = touch.filter(|(t, i)| *t < end && is_tangent(step, *i, *t, end));
-        let touch = touch.map(|(t, i)| (lowest(step.guard(i), t, end), step.guards()[i].id));
+        let touch = touch.and_then(|(t, i)| Some((lowest(step.guard(i), t, end)?, step.guards()[i].id)));
         (first.map(|(theta, lead)| self.batch(step, theta, lead)), touch)
     }
 

@@ -20,8 +20,8 @@ pub enum FirstRoot {
 pub struct Isolation {
     /// The first fall through zero.
     pub root: FirstRoot,
-    /// The first place before it where the polynomial touches zero, to within the uncertainty, and does
-    /// not cross.
+    /// The first place before it where the polynomial is zero to within the uncertainty and does not cross: near its lowest
+    /// point, which may lie beyond an end.
     pub touch: Option<f64>,
     /// Subdivisions spent.
     pub splits: u32,
@@ -39,7 +39,7 @@ const MAX_DEPTH: u32 = 52;
 /// `uncertainty ≥ 0` bounds the error of the values of `p` on `[0, 1]` (truncated tail and rounding). Values
 /// within it cannot be told from zero: a dip no deeper than that is a touch, not a crossing. If the first
 /// non-zero coefficient is negative the polynomial is outside from the start and the root is at 0, unless it comes back
-/// without a dip deeper than that; such a start is not a touch.
+/// without a dip deeper than that.
 ///
 /// # Panics
 /// If `p` is empty or has a degree above [`MAX_DEGREE`].
@@ -105,13 +105,7 @@ impl Search<'_> {
         }
         let changes = b.sign_changes();
         if changes == 0 {
-            // Zero at the end of an interval and positive up to it: a touch that fell on the split. At the end of the
-            // search it is one only if the slope vanishes too; else it is about to cross.
-            let ends = b.b[b.n].abs() <= self.uncertainty;
-            let is_flat = hi < self.limit || b.n > 0 && b.b[b.n - 1].abs() <= self.uncertainty;
-            if ends && is_flat && start > 0.0 {
-                self.touch.get_or_insert(hi);
-            }
+            self.near(b, lo, hi, depth);
             return None;
         }
         if changes == 1 {
@@ -135,6 +129,22 @@ impl Search<'_> {
         self.first(b, lo, mid, depth + 1).or_else(|| self.first(right, mid, hi, depth + 1))
     }
 
+    /// Without a change of sign: the first place where it cannot be told from zero is a touch.
+    fn near(&mut self, mut b: Bernstein, lo: f64, hi: f64, depth: u32) {
+        if self.touch.is_some() || b.first_sign() <= 0.0 || b.coefficients().iter().all(|c| *c > self.uncertainty) {
+            return;
+        }
+        if b.largest() <= self.uncertainty || depth >= MAX_DEPTH {
+            self.touch = Some(0.5 * (lo + hi));
+            return;
+        }
+        self.splits += 1;
+        let mid = 0.5 * (lo + hi);
+        let right = b.split();
+        self.near(b, lo, mid, depth + 1);
+        self.near(right, mid, hi, depth + 1);
+    }
+
     /// It fell through zero at `root` and ends the interval below: a crossing if it is deeper than the uncertainty.
     fn fallen(&mut self, root: f64, b: &Bernstein) -> Option<f64> {
         if b.b[b.n] < -self.uncertainty {
@@ -154,7 +164,7 @@ impl Search<'_> {
         }
         if !is_deep && (end <= 0.0 || b.sign_changes() <= 1) || depth >= MAX_DEPTH {
             if end > 0.0 {
-                self.touch = self.touch.or(self.shallow.take().filter(|at| *at > 0.0));
+                self.touch = self.touch.or(self.shallow.take());
             }
             return None;
         }

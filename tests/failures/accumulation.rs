@@ -76,11 +76,13 @@ fn c1_an_accumulation_point_at_the_end_of_a_run_or_of_a_stiffness_piece_is_passe
 }
 
 /// C1. Not a demonstration only: `x″ + x = cos ωt` on a rigid floor at 0 with e = 0.8 chatters to rest again and again at
-/// ω = 2.7 (every sixth period, beside a motion that never does) and, in chaos, at 2.9. At rest the floor's force is −cos ωt,
+/// ω = 2.7 (every sixth period, beside a motion that never does) and, in chaos and rarely, at 2.9. At rest the floor's force is −cos ωt,
 /// and it lets go at the phase 3π/2 each time.
 #[test]
 fn c1_a_forced_impact_oscillator_chatters_to_rest_and_lets_go_on_time() {
-    for (omega, start) in [(2.7, 0.1), (2.9, 0.3)] {
+    let starts = [0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65].map(|start| (2.9, start));
+    let mut rare = 0;
+    for (omega, start) in [(2.7, 0.1)].into_iter().chain(starts) {
         let s = walled(&Walled {
             stiffness: 1.0,
             load_harmonics: vec![Harmonic { omega, amplitude: 1.0, phase: 0.0 }],
@@ -97,10 +99,12 @@ fn c1_a_forced_impact_oscillator_chatters_to_rest_and_lets_go_on_time() {
             .filter(|r| contact_mode(r.from, 0) == Drive && contact_mode(r.to, 0) == Separated)
             .map(|r| omega * r.at.phase.value())
             .collect();
-        assert!(rests > 0 && releases.len() as u64 == rests, "{omega}: {rests} {}", releases.len());
+        assert!((rests > 0 || omega > 2.8) && releases.len() as u64 == rests, "{omega}: {rests} {}", releases.len());
+        rare += if omega > 2.8 { rests } else { 0 };
         assert!(releases.iter().all(|phase| (phase - 1.5 * PI).abs() <= 16.0 * f64::EPSILON), "{omega}");
         assert!(ledger.balance().closure() <= 1e-12, "{omega}: {:?}", ledger.balance());
     }
+    assert!(rare > 0);
 }
 
 /// C2. Under `x″ = −cos t` a ball with e = ½ and a small throw chatters to rest before π/2 and is let go exactly there,
