@@ -65,7 +65,14 @@ pub trait HybridSystem {
     ///
     /// # Errors
     /// [`ModelError`] if the automaton has no such edge or the impacts cannot be solved.
-    fn jump(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64], low: &mut [f64]) -> Result<Jump, ModelError>;
+    fn jump(
+        &self,
+        from: &Jump,
+        fired: GuardSet,
+        at: Instant,
+        x: &mut [f64],
+        low: &mut [f64],
+    ) -> Result<Jump, ModelError>;
     /// Moves the state `x + low` at `at` along the flow of `mode` onto guard `id`, by one Newton step of at most `most` seconds, and
     /// returns its length, s. Nothing unless the system keeps the low part of its state.
     fn meet(&self, mode: Mode, id: GuardId, at: Instant, most: f64, x: &mut [f64], low: &mut [f64]) -> f64 {

@@ -7,9 +7,7 @@ use super::{
 };
 use crate::{
     gear::contact::Law,
-    hybrid::{
-        Clock, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, Rates, normalise,
-    },
+    hybrid::{Clock, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, Rates, normalise},
 };
 
 use super::assemble::Spring;

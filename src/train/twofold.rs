@@ -64,13 +64,7 @@ impl Structure {
     }
 
     /// Gives the contacts in `wanted` these rates, which they have up to rounding.
-    pub(super) fn refine(
-        &self,
-        wanted: impl Iterator<Item = (usize, Wide)>,
-        at: Instant,
-        x: &[f64],
-        low: &mut [f64],
-    ) {
+    pub(super) fn refine(&self, wanted: impl Iterator<Item = (usize, Wide)>, at: Instant, x: &[f64], low: &mut [f64]) {
         let (mut contacts, mut by) = (ArrayVec::<usize, MAX_CONTACTS>::new(), ArrayVec::<f64, MAX_CONTACTS>::new());
         for (j, rate) in wanted {
             by.push((rate - self.rate_in_two(j, at, x, low)).value());

@@ -3,6 +3,7 @@
 
 mod crossing;
 mod decimal;
+mod drift;
 mod endings;
 mod frequencies;
 mod isolation;

@@ -26,8 +26,9 @@ use crate::{
 const LARGEST_RATIO: f64 = 0.75;
 /// Times the truncation may exceed what was asked for, before the step is shortened.
 const EXCESS: f64 = 2.0;
-/// Truncation where the rounding of the lowest orders is kept, relative to the one asked for: below what rounding is left.
-const FINER: f64 = 1e-2;
+/// Truncation where rounding is kept, relative to the one asked for: it has one sign, and ε in each of N periods is up to `ε N²/2`
+/// in the end.
+const FINER: f64 = 1e-5;
 /// Least order whose remainders [`Amplitude::top`] bounds.
 const LEAST_ORDER: i32 = 16;
 

@@ -10,8 +10,9 @@ use crate::{
 };
 use arrayvec::ArrayVec;
 
-/// Orders above zero whose rounding is kept: at one radian a step the next term is 1e-10 of the first.
-const KEPT: usize = 12;
+/// Orders above zero whose rounding is kept. A step truncated at 1e-21 is 1.5 rad, its term of order 11 is 2e-6 of the first, and
+/// the rounding of that 2e-22.
+const KEPT: usize = 10;
 /// Degrees of freedom of the largest linear mode.
 const FREEDOMS: usize = 24;
 
