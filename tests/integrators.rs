@@ -625,7 +625,7 @@ fn slivers_of_arcs_and_late_times_are_as_good_as_any() {
                 bound: clock.advance(from.at, span),
             };
             let mut visits = 0;
-            let done = integrator.integrate_arc(&s, &arc, &mut end, &mut [0.0; 2], &mut |step| {
+            let done = integrator.integrate_arc(&s, &arc, &mut end, &mut [], &mut |step| {
                 visits += 1;
                 assert!(step.time(1.0) <= span * (1.0 + 1e-12));
                 ControlFlow::Continue(())

@@ -133,37 +133,31 @@ pub fn adaptive(
     );
     let (mut x, mut next) = (start.clone(), 1);
     if flow.is_continue() {
-        integrator.integrate_arc(
-            &through,
-            &arc,
-            &mut start.clone(),
-            &mut start.clone(),
-            &mut |step: &dyn DenseStep| {
-                counters.steps += 1;
-                let from = model.clock.between(grid.from, step.start());
-                let to = from + step.time(1.0);
-                let mut sample = |number: Option<u64>, t: f64, x: &mut Vec<f64>| {
-                    step.state(((t - from) / (to - from)).clamp(0.0, 1.0), x);
-                    point.q.copy_from_slice(&x[..model.n]);
-                    point.v.copy_from_slice(&x[model.n..]);
-                    through.look(model.clock.advance(grid.from, t), &mut point);
-                    flow = watch.sample(&Sample { number, t, point: &point });
-                    flow
-                };
-                // Within the step at equal distances, at the points of the grid, and at its end.
-                for i in 1..=WITHIN {
-                    let t = from + (to - from) * f64::from(i) / f64::from(WITHIN);
-                    while next <= grid.steps && next as f64 * grid.step <= t {
-                        sample(Some(next), next as f64 * grid.step, &mut x)?;
-                        next += 1;
-                    }
-                    sample(None, t, &mut x)?;
+        integrator.integrate_arc(&through, &arc, &mut start.clone(), &mut [], &mut |step: &dyn DenseStep| {
+            counters.steps += 1;
+            let from = model.clock.between(grid.from, step.start());
+            let to = from + step.time(1.0);
+            let mut sample = |number: Option<u64>, t: f64, x: &mut Vec<f64>| {
+                step.state(((t - from) / (to - from)).clamp(0.0, 1.0), x);
+                point.q.copy_from_slice(&x[..model.n]);
+                point.v.copy_from_slice(&x[model.n..]);
+                through.look(model.clock.advance(grid.from, t), &mut point);
+                flow = watch.sample(&Sample { number, t, point: &point });
+                flow
+            };
+            // Within the step at equal distances, at the points of the grid, and at its end.
+            for i in 1..=WITHIN {
+                let t = from + (to - from) * f64::from(i) / f64::from(WITHIN);
+                while next <= grid.steps && next as f64 * grid.step <= t {
+                    sample(Some(next), next as f64 * grid.step, &mut x)?;
+                    next += 1;
                 }
-                step.state(1.0, &mut x);
-                through.latch(step.start(), step.time(1.0), &x);
-                ControlFlow::Continue(())
-            },
-        )?;
+                sample(None, t, &mut x)?;
+            }
+            step.state(1.0, &mut x);
+            through.latch(step.start(), step.time(1.0), &x);
+            ControlFlow::Continue(())
+        })?;
     }
     counters.evaluations = through.scratch.borrow().evaluations;
     Ok(counters)

@@ -141,7 +141,7 @@ pub trait Integrator {
     /// Order of the method, if it has a fixed one.
     fn order(&self) -> Option<u32>;
     /// Integrates one arc, handing every step to `visit`, until the bound or until the visitor breaks off.
-    /// On return at the bound, `end + low` is the state there, each `[dim]`.
+    /// On return at the bound, `end + low` is the state there, each `[dim]`; an empty `low` asks for no low part.
     ///
     /// # Errors
     /// [`IntegrateError`]; what was visited until then stands.

@@ -9,7 +9,7 @@ use flank::{
         Stiffness,
         contact::{Law, Linear, Release},
     },
-    hybrid::{Clock, HybridSystem, Instant, Wide},
+    hybrid::{Clock, Instant, Wide},
     train::{ContactSpec, Flanks, Spec, Structure},
 };
 use nalgebra::DMatrix;
@@ -175,7 +175,6 @@ fn figures(of: impl Fn(u32) -> Motion) -> [f64; 3] {
 /// The closed forms are rounded too: by some 3ε of a period, 10⁴ times over.
 fn stays(of: impl Fn(u32) -> Motion) {
     let [largest, mean, error] = figures(of);
-    println!("largest {largest:.2e} mean {mean:.2e} error {error:.2e}");
     assert!(largest <= 1e-11, "{largest:e}");
     assert!(mean.abs() <= 2.0 * error, "mean {mean:e}, standard error {error:e}");
 }
