@@ -216,7 +216,7 @@ impl HybridSystem for Ball {
     fn guard(&self, _: Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
         x[0]
     }
-    fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+    fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, x: &mut [f64], _: &mut [f64]) -> Result<Jump, ModelError> {
         let projected = x[0].abs();
         (x[0], x[1]) = (0.0, -self.restitution * x[1]);
         Ok(Jump { mode: from.mode, pinned: fired, projected, ..Jump::default() })
@@ -225,7 +225,7 @@ impl HybridSystem for Ball {
         Some(self.restitution)
     }
     fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        self.jump(from, fired, at, x)
+        self.jump(from, fired, at, x, &mut [])
     }
 }
 
@@ -521,12 +521,12 @@ impl HybridSystem for Dip {
     fn guard(&self, mode: Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
         if mode.0 == 0 { x[0] } else { -x[0] }
     }
-    fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+    fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, x: &mut [f64], _: &mut [f64]) -> Result<Jump, ModelError> {
         x[0] = 0.0;
         Ok(Jump { mode: Mode(1 - from.mode.0), pinned: fired, ..Jump::default() })
     }
     fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        self.jump(from, fired, at, x)
+        self.jump(from, fired, at, x, &mut [])
     }
     fn rates(&self, _: Mode) -> Option<Rates> {
         None
@@ -587,11 +587,11 @@ impl HybridSystem for Blowup {
     fn guard(&self, _: Mode, _: GuardId, _: Instant, _: &[f64]) -> f64 {
         1.0
     }
-    fn jump(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
+    fn jump(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64], _: &mut [f64]) -> Result<Jump, ModelError> {
         Ok(Jump { mode: from.mode, ..Jump::default() })
     }
     fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        self.jump(from, fired, at, x)
+        self.jump(from, fired, at, x, &mut [])
     }
 }
 
@@ -619,12 +619,13 @@ fn slivers_of_arcs_and_late_times_are_as_good_as_any() {
                 mode: from.jump.mode,
                 at: from.at,
                 x: &from.x,
+                low: &[],
                 pinned: GuardSet::EMPTY,
                 still: GuardSet::EMPTY,
                 bound: clock.advance(from.at, span),
             };
             let mut visits = 0;
-            let done = integrator.integrate_arc(&s, &arc, &mut end, &mut |step| {
+            let done = integrator.integrate_arc(&s, &arc, &mut end, &mut [], &mut |step| {
                 visits += 1;
                 assert!(step.time(1.0) <= span * (1.0 + 1e-12));
                 ControlFlow::Continue(())

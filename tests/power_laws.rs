@@ -262,6 +262,7 @@ fn the_defect_bounds_the_error() {
             mode,
             at,
             x: &x,
+            low: &[],
             pinned,
             still: GuardSet::EMPTY,
             carried: &[],
@@ -280,9 +281,9 @@ fn the_defect_bounds_the_error() {
         jet.state_at(1.0, &mut y);
         let mut truth = vec![0.0; x.len()];
         let end = s.clock().advance(at, elapsed);
-        let arc = Arc { mode, at, x: &x, pinned, still: GuardSet::EMPTY, bound: end };
+        let arc = Arc { mode, at, x: &x, low: &[], pinned, still: GuardSet::EMPTY, bound: end };
 
-        let outcome = Taylor::default().integrate_arc(&s, &arc, &mut truth, &mut |step| {
+        let outcome = Taylor::default().integrate_arc(&s, &arc, &mut truth, &mut [], &mut |step| {
             let leaves = (0..step.guards().len()).any(|i| step.guard(i).iter().sum::<f64>() <= 0.0);
             if leaves { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
@@ -436,6 +437,7 @@ fn guards_have_derivatives_in_time() {
                 mode,
                 at: Instant::default(),
                 x: &x,
+                low: &[],
                 pinned,
                 still: GuardSet::EMPTY,
                 bound: s.clock().instant(1e-2),
@@ -447,7 +449,7 @@ fn guards_have_derivatives_in_time() {
                 found = step.guard_derivatives_in_time(ball);
                 ControlFlow::Break(())
             };
-            Taylor::default().integrate_arc(&s, &arc, &mut [0.0; 5], &mut visit).unwrap();
+            Taylor::default().integrate_arc(&s, &arc, &mut [0.0; 5], &mut [], &mut visit).unwrap();
             let wanted = [-0.7, -(-2.0 + (-1.0f64).cos()) / 0.5, 2.0 * (-1.0f64).sin() / 0.5];
             for (found, wanted) in found.unwrap().iter().zip(wanted) {
                 assert!((found - wanted).abs() < 1e-11, "{p}/{q} at {depth}: {found} for {wanted}");

@@ -78,7 +78,7 @@ impl HybridSystem for Through<'_> {
     fn guard(&self, _: Mode, _: GuardId, _: Instant, _: &[f64]) -> f64 {
         1.0
     }
-    fn jump(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
+    fn jump(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64], _: &mut [f64]) -> Result<Jump, ModelError> {
         Ok(*from)
     }
     fn settle(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
@@ -121,8 +121,8 @@ pub fn adaptive(
     let mut counters = Counters::default();
     let start: Vec<f64> = q.iter().chain(v).copied().collect();
     let bound = model.clock.advance(grid.from, grid.steps as f64 * grid.step);
-    let arc =
-        Arc { mode: Mode::default(), at: grid.from, x: &start, pinned: GuardSet::EMPTY, still: GuardSet::EMPTY, bound };
+    let (mode, none) = (Mode::default(), GuardSet::EMPTY);
+    let arc = Arc { mode, at: grid.from, x: &start, low: &[], pinned: none, still: none, bound };
     let mut integrator = Diffsol::new(
         match solver {
             Solver::Explicit => Method::Explicit,
@@ -133,7 +133,7 @@ pub fn adaptive(
     );
     let (mut x, mut next) = (start.clone(), 1);
     if flow.is_continue() {
-        integrator.integrate_arc(&through, &arc, &mut start.clone(), &mut |step: &dyn DenseStep| {
+        integrator.integrate_arc(&through, &arc, &mut start.clone(), &mut [], &mut |step: &dyn DenseStep| {
             counters.steps += 1;
             let from = model.clock.between(grid.from, step.start());
             let to = from + step.time(1.0);

@@ -67,8 +67,10 @@ pub struct Engine<'s> {
     state: State,
     /// The next known switching time, kept until it is passed.
     next_switch: Option<Instant>,
-    /// Scratch for the state at the end of an arc.
-    end: Vec<f64>,
+    /// What the state is beyond the rounding of its `x`, `[dim]`.
+    low: Vec<f64>,
+    /// Scratch for the state at the end of an arc, and for its low part.
+    end: [Vec<f64>; 2],
     core: Core<'s>,
 }
 
@@ -92,6 +94,7 @@ struct Core<'s> {
     /// Where the current arc was left.
     left_at: Instant,
     left_x: Vec<f64>,
+    left_low: Vec<f64>,
 }
 
 /// What ended an arc.
@@ -151,11 +154,13 @@ impl<'s> Engine<'s> {
             cascade: Vec::with_capacity(MAX_CASCADE),
             left_at: state.at,
             left_x: vec![0.0; dim],
+            left_low: vec![0.0; dim],
         };
         // A state handed over at a switching time that its mode has not passed yet passes it first.
         let is_due = system.switched(state.jump.mode, state.at) != state.jump.mode;
         let next_switch = if is_due { Some(state.at) } else { system.next_switch(state.at) };
-        Self { integrator, next_switch, end: vec![0.0; dim], core, state }
+        let zero = || vec![0.0; dim];
+        Self { integrator, next_switch, low: zero(), end: [zero(), zero()], core, state }
     }
 
     /// Where the run stands.
@@ -228,20 +233,21 @@ impl<'s> Engine<'s> {
         closing: bool,
         observer: &mut dyn Observer,
     ) -> Result<End, EngineError> {
-        let Self { integrator, state, end, core, .. } = self;
+        let Self { integrator, state, low, end: [end, end_low], core, .. } = self;
         core.counters.arcs += 1;
         let place = Place { mode: state.jump.mode, switching, closing, bound };
         let arc = Arc {
             mode: place.mode,
             at: state.at,
             x: &state.x,
+            low,
             pinned: state.jump.pinned,
             still: state.jump.still,
             bound,
         };
         let (mut ended, mut first) = (End::Bound, true);
         integrator
-            .integrate_arc(core.system, &arc, end, &mut |step| {
+            .integrate_arc(core.system, &arc, end, end_low, &mut |step| {
                 let flow = core.visit(step, place, first, state, observer);
                 first = false;
                 match flow {
@@ -260,9 +266,11 @@ impl<'s> Engine<'s> {
         if let End::Bound = ended {
             state.at = bound;
             std::mem::swap(&mut state.x, end);
+            std::mem::swap(low, end_low);
         } else {
             state.at = core.left_at;
             std::mem::swap(&mut state.x, &mut core.left_x);
+            std::mem::swap(low, &mut core.left_low);
         }
         // Where no time has passed the exact zeros still stand: through a cascade, and for a run that goes on later.
         if state.at != start {
@@ -274,7 +282,7 @@ impl<'s> Engine<'s> {
 
     /// The guards of `located` fire: one jump, kept in the open record.
     fn jump(&mut self, located: Located) -> Result<(), EngineError> {
-        let Self { state, core, .. } = self;
+        let Self { state, low, core, .. } = self;
         let model = |source| EngineError::Model { t: core.system.clock().time(state.at).value(), source };
         if !core.is_open {
             core.begin(state);
@@ -304,7 +312,7 @@ impl<'s> Engine<'s> {
         touches.for_each(|id| state.jump.pinned.insert(id));
         // One that is known to touch carries an impulse without an impact.
         let near = located.near.0 & !before.0;
-        state.jump = core.system.jump(&state.jump, located.fired, state.at, &mut state.x).map_err(model)?;
+        state.jump = core.system.jump(&state.jump, located.fired, state.at, &mut state.x, low).map_err(model)?;
         core.alarm.moved(core.system, state.at, located.fired, state.jump.projected)?;
         open.fired.0 |= near & state.jump.struck.0;
         open.projected = open.projected.max(state.jump.projected);
@@ -331,7 +339,8 @@ impl<'s> Engine<'s> {
         accumulation: Accumulation,
         observer: &mut dyn Observer,
     ) -> Result<ControlFlow<()>, EngineError> {
-        let Self { state, core, .. } = self;
+        let Self { state, low, core, .. } = self;
+        low.fill(0.0);
         core.alarm.jumped();
         core.begin(state);
         let at = core.system.clock().advance(state.at, accumulation.remaining);
@@ -467,14 +476,26 @@ impl Core<'_> {
     fn fire(&mut self, step: &dyn DenseStep, place: Place, located: Located) -> End {
         self.leave(step, located.theta);
         match self.alarm.event(self.system, place.mode, step, &located, (self.left_at, &self.left_x)) {
-            Ok(()) => End::Event(located),
+            Ok(()) => {
+                self.meet(place.mode, &located);
+                End::Event(located)
+            }
             Err(alarm) => End::Alarm(alarm),
         }
     }
 
     fn leave(&mut self, step: &dyn DenseStep, theta: f64) {
-        self.left_at = self.system.clock().advance(step.start(), step.time(theta));
-        step.state(theta, &mut self.left_x);
+        self.left_at = self.system.clock().advance(step.start(), step.time_in_two(theta));
+        step.state_in_two(theta, &mut self.left_x, &mut self.left_low);
+    }
+
+    /// Moves time and state where they were left onto a guard that fell through zero there: its root is a rounded number.
+    fn meet(&mut self, mode: Mode, located: &Located) {
+        if let Some(id) = located.zero.iter().next().filter(|_| located.theta > 0.0) {
+            let (most, at) = (located.conditioning.time, self.left_at);
+            let by = self.system.meet(mode, id, at, most, &mut self.left_x, &mut self.left_low);
+            self.left_at = self.system.clock().advance(at, by);
+        }
     }
 
     /// A touch without crossing: recorded, and nothing else.

@@ -1,4 +1,4 @@
-use super::{Guard, GuardSet, Instant, Mode};
+use super::{Guard, GuardSet, Instant, Mode, Wide};
 
 /// The smooth motion inside one mode.
 #[derive(Clone, Copy)]
@@ -18,6 +18,8 @@ pub struct JetRequest<'a> {
     pub at: Instant,
     /// State there, `[dim]`.
     pub x: &'a [f64],
+    /// What the state is beyond the rounding of `x`, `[dim]`; empty: nothing.
+    pub low: &'a [f64],
     /// Guards known to be exactly zero at `at`.
     pub pinned: GuardSet,
     /// Guards whose rate is known to be exactly zero as well.
@@ -52,6 +54,14 @@ pub trait JetField {
     }
 }
 
+/// Makes each `x` the double nearest to `x + low`.
+pub fn normalise(x: &mut [f64], low: &mut [f64]) {
+    for (x, low) in x.iter_mut().zip(low) {
+        let sum = Wide::sum(*x, *low);
+        (*x, *low) = (sum.hi, sum.lo);
+    }
+}
+
 /// A vector field `ẋ = f(t, x)` with its Jacobian.
 pub trait VectorField {
     /// Length of the state.
@@ -75,6 +85,8 @@ pub struct Jet {
     pub dim: usize,
     /// State coefficients, row `k` at `[k·dim, (k+1)·dim)`.
     pub state: Vec<f64>,
+    /// What the coefficients of the lowest orders are beyond the rounding of `state`, rows as there; empty where it is not kept.
+    pub low: Vec<f64>,
     /// Elapsed time `t(s) − t0`, s, `[order + 1]`; empty when time is the clock and `t = s · span`.
     pub time: Vec<f64>,
     /// Span of `s ∈ [0, 1]`, s, when time is the clock.
@@ -145,6 +157,27 @@ impl Jet {
         }
     }
 
+    /// The state at `θ` as `x + low`, each `[dim]`: the orders in `low` by Horner's rule with the rounding of every operation kept.
+    pub fn state_in_two(&self, theta: f64, x: &mut [f64], low: &mut [f64]) {
+        low.fill(0.0);
+        if self.low.is_empty() {
+            return self.state_at(theta, x);
+        }
+        let (d, s) = (self.dim, theta * self.reach);
+        x.fill(0.0);
+        for row in self.state[self.low.len()..(self.order + 1) * d].chunks_exact(d).rev() {
+            x.iter_mut().zip(row).for_each(|(x, c)| *x = *x * s + c);
+        }
+        for (row, lows) in self.state.chunks_exact(d).zip(self.low.chunks_exact(d)).rev() {
+            for ((x, low), (c, l)) in x.iter_mut().zip(&mut *low).zip(row.iter().zip(lows)) {
+                let product = Wide::product(*x, s);
+                let sum = Wide::sum(product.hi, *c);
+                (*x, *low) = (sum.hi, low.mul_add(s, product.lo + sum.lo + l));
+            }
+        }
+        normalise(x, low);
+    }
+
     /// Whether all coefficients of the state and of the guards are finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
@@ -163,6 +196,12 @@ impl Jet {
         } else {
             self.time[..=self.order].iter().rev().fold(0.0, |t, c| t * s + c)
         }
+    }
+
+    /// Elapsed time at `θ`, s: that at which [`state_in_two`](Self::state_in_two) holds.
+    #[must_use]
+    pub fn time_in_two(&self, theta: f64) -> Wide {
+        if self.low.is_empty() { self.time_at(theta).into() } else { Wide::product(theta * self.reach, self.span) }
     }
 
     /// Rate of the clock, `dt/dθ`, s.

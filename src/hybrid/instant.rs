@@ -136,7 +136,7 @@ impl Clock {
 
     /// The instant `dt` seconds later (earlier if negative).
     #[must_use]
-    pub fn advance(&self, at: Instant, dt: f64) -> Instant {
+    pub fn advance(&self, at: Instant, dt: impl Into<Wide>) -> Instant {
         self.normalised(Instant { cycle: at.cycle, phase: at.phase + dt.into() })
     }
 

@@ -12,7 +12,7 @@ mod power;
 mod system;
 
 pub use contact::{ContactMode, ContactView, Watch};
-pub use flow::{Flow, Jet, JetField, JetRequest, VectorField};
+pub use flow::{Flow, Jet, JetField, JetRequest, VectorField, normalise};
 pub use guard::{Guard, GuardId, GuardSet};
 pub use instant::{Clock, Instant, Wide};
 pub use mode::Mode;

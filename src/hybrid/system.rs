@@ -61,11 +61,24 @@ pub trait HybridSystem {
     /// Resets the state and gives the successor mode. `fired` is the whole batch. `from` holds the mode and the zeros:
     /// the guards of the batch that fell through zero (the others are outside already, taken there by a switch or an
     /// earlier jump), and what the earlier jumps at the instant left, which still stands for contacts that do not fire
-    /// again.
+    /// again. `low` `[dim]` is what the state is beyond the rounding of `x`; a system that does not keep it leaves it zero.
     ///
     /// # Errors
     /// [`ModelError`] if the automaton has no such edge or the impacts cannot be solved.
-    fn jump(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError>;
+    fn jump(
+        &self,
+        from: &Jump,
+        fired: GuardSet,
+        at: Instant,
+        x: &mut [f64],
+        low: &mut [f64],
+    ) -> Result<Jump, ModelError>;
+    /// Moves the state `x + low` at `at` along the flow of `mode` onto guard `id`, by one Newton step of at most `most` seconds, and
+    /// returns its length, s. Nothing unless the system keeps the low part of its state.
+    fn meet(&self, mode: Mode, id: GuardId, at: Instant, most: f64, x: &mut [f64], low: &mut [f64]) -> f64 {
+        let _ = (mode, id, at, most, x, low);
+        0.0
+    }
     /// The next known switching time strictly after `at`, if any; none unless the system says otherwise.
     fn next_switch(&self, at: Instant) -> Option<Instant> {
         let _ = at;

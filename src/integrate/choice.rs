@@ -142,12 +142,13 @@ impl Integrator for PerMode {
         system: &dyn HybridSystem,
         arc: &Arc<'_>,
         end: &mut [f64],
+        low: &mut [f64],
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError> {
         let time = system.clock().between(arc.at, arc.bound);
         let stiff = *self.picks.entry(arc.mode).or_insert_with(|| Self::is_stiff(system, arc.mode, time));
         let chosen = if stiff { &mut self.stiff } else { &mut self.usual };
-        chosen.integrate_arc(system, arc, end, visit)
+        chosen.integrate_arc(system, arc, end, low, visit)
     }
 
     fn chosen(&self) -> Vec<(Mode, &'static str)> {

@@ -193,8 +193,10 @@ impl Integrator for Diffsol {
         system: &dyn HybridSystem,
         arc: &Arc<'_>,
         end: &mut [f64],
+        low: &mut [f64],
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError> {
+        low.fill(0.0);
         let (Flow::Jet(_, field) | Flow::Smooth(field)) = system.flow();
         let span = system.clock().between(arc.at, arc.bound);
         if span <= 0.0 {

@@ -12,7 +12,7 @@ mod taylor;
 
 use std::ops::ControlFlow;
 
-use crate::hybrid::{Guard, GuardSet, HybridSystem, Instant, Mode};
+use crate::hybrid::{Guard, GuardSet, HybridSystem, Instant, Mode, Wide};
 
 #[cfg(feature = "diffsol")]
 pub use self::diffsol::{Diffsol, Method};
@@ -31,6 +31,15 @@ pub trait DenseStep {
     fn rate(&self, theta: f64) -> f64;
     /// State at `θ` into `x` `[dim]`.
     fn state(&self, theta: f64, x: &mut [f64]);
+    /// State at `θ` as `x + low`, each `[dim]`.
+    fn state_in_two(&self, theta: f64, x: &mut [f64], low: &mut [f64]) {
+        self.state(theta, x);
+        low.fill(0.0);
+    }
+    /// Elapsed time at which [`state_in_two`](Self::state_in_two) holds, s.
+    fn time_in_two(&self, theta: f64) -> Wide {
+        self.time(theta).into()
+    }
     /// The guards of the mode.
     fn guards(&self) -> &[Guard];
     /// Guard `i` as a polynomial in θ, coefficients in rising powers.
@@ -76,6 +85,8 @@ pub struct Arc<'a> {
     pub at: Instant,
     /// State there, `[dim]`.
     pub x: &'a [f64],
+    /// What the state is beyond the rounding of `x`, `[dim]`; empty: nothing.
+    pub low: &'a [f64],
     /// Guards that are exactly zero there.
     pub pinned: GuardSet,
     /// Guards whose rate is exactly zero there.
@@ -130,7 +141,7 @@ pub trait Integrator {
     /// Order of the method, if it has a fixed one.
     fn order(&self) -> Option<u32>;
     /// Integrates one arc, handing every step to `visit`, until the bound or until the visitor breaks off.
-    /// On return at the bound, `end` holds the state there.
+    /// On return at the bound, `end + low` is the state there, each `[dim]`; an empty `low` asks for no low part.
     ///
     /// # Errors
     /// [`IntegrateError`]; what was visited until then stands.
@@ -139,6 +150,7 @@ pub trait Integrator {
         system: &dyn HybridSystem,
         arc: &Arc<'_>,
         end: &mut [f64],
+        low: &mut [f64],
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError>;
     /// The integrator each mode met so far got, where the choice is made mode by mode; empty elsewhere.

@@ -115,6 +115,7 @@ impl Integrator for Relay {
         system: &dyn HybridSystem,
         arc: &Arc<'_>,
         end: &mut [f64],
+        low: &mut [f64],
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError> {
         let Self { taylor, radau, pieces, x, sizes, ends, relieved } = self;
@@ -124,14 +125,15 @@ impl Integrator for Relay {
         x.extend_from_slice(arc.x);
         [&mut *sizes, &mut *ends].into_iter().for_each(|v| v.resize(arc.x.len(), 0.0));
         let (mut at, mut pinned, mut still) = (arc.at, arc.pinned, arc.still);
+        let mut own = arc.low;
         let mut due = FIRST_TRIAL.max(worth as u64);
         taylor.blur.clear();
         let mut unsure: Vec<f64> = vec![0.0; arc.x.len()];
         loop {
             let (mut steps, mut elapsed, mut taken, mut ended) = (0, 0.0, None, false);
             let from = x.clone();
-            let leg = Arc { at, x: &from, pinned, still, ..*arc };
-            taylor.integrate_arc(system, &leg, end, &mut |step| {
+            let leg = Arc { at, x: &from, low: own, pinned, still, ..*arc };
+            taylor.integrate_arc(system, &leg, end, low, &mut |step| {
                 if visit(step).is_break() {
                     ended = true;
                     return ControlFlow::Break(());
@@ -151,11 +153,13 @@ impl Integrator for Relay {
             })?;
             let Some(mut step) = taken.filter(|_| !ended) else { return Ok(()) };
             relieved.insert(arc.mode);
+            own = &[];
+            low.fill(0.0);
             let shortest = worth * elapsed / steps as f64;
             loop {
                 let left = clock.between(step.at, arc.bound);
                 unsure.iter_mut().zip(&*sizes).for_each(|(u, s)| *u = u.max(HIDDEN * RESOLVED * s));
-                let leg = Arc { at: step.at, x, pinned: GuardSet::EMPTY, still: GuardSet::EMPTY, ..*arc };
+                let leg = Arc { at: step.at, x, low: own, pinned: GuardSet::EMPTY, still: GuardSet::EMPTY, ..*arc };
                 let to = (step.h < left).then_some(step.h);
                 let place = Place { system, arc: &leg, rtol: RTOL, from: 0.0, to, unsure: &unsure };
                 pieces.begin(&place);

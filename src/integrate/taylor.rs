@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::{Arc, DenseStep, IntegrateError, Integrator, in_plain_time};
-use crate::hybrid::{Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jet, JetRequest};
+use crate::hybrid::{Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jet, JetRequest, Wide};
 
 /// Taylor steps of a [`JetField`](crate::hybrid::JetField).
 ///
@@ -105,6 +105,12 @@ impl DenseStep for Step<'_> {
     fn state(&self, theta: f64, x: &mut [f64]) {
         self.jet.state_at(theta, x);
     }
+    fn state_in_two(&self, theta: f64, x: &mut [f64], low: &mut [f64]) {
+        self.jet.state_in_two(theta, x, low);
+    }
+    fn time_in_two(&self, theta: f64) -> Wide {
+        self.jet.time_in_two(theta)
+    }
     fn guards(&self) -> &[Guard] {
         &self.jet.guards
     }
@@ -150,6 +156,7 @@ impl Integrator for Taylor {
         system: &dyn HybridSystem,
         arc: &Arc<'_>,
         end: &mut [f64],
+        low: &mut [f64],
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError> {
         let Flow::Jet(field, _) = system.flow() else { return Err(IntegrateError::NoJet) };
@@ -159,6 +166,8 @@ impl Integrator for Taylor {
         carried.clear();
         x.clear();
         x.extend_from_slice(arc.x);
+        low.fill(0.0);
+        low[..arc.low.len()].copy_from_slice(arc.low);
         let (mut at, mut pinned, mut still) = (arc.at, arc.pinned, arc.still);
         loop {
             let span = clock.between(at, arc.bound);
@@ -168,7 +177,8 @@ impl Integrator for Taylor {
                 end.copy_from_slice(x);
                 return Ok(());
             }
-            field.jet(&JetRequest { mode: arc.mode, at, x, pinned, still, carried, span, tolerance: TOLERANCE }, jet);
+            let (mode, tolerance) = (arc.mode, TOLERANCE);
+            field.jet(&JetRequest { mode, at, x, low, pinned, still, carried, span, tolerance }, jet);
             if !jet.reach.is_finite() || !jet.is_finite() {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }
@@ -184,13 +194,13 @@ impl Integrator for Taylor {
             if !(elapsed > resolution.max(RESOLUTION * span) || elapsed >= span) {
                 return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });
             }
-            jet.state_at(1.0, x);
+            jet.state_in_two(1.0, x, low);
             field.carry(arc.mode, jet, carried);
             if x.iter().any(|v| !v.is_finite()) {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }
             let arrived = elapsed >= span * (1.0 - ARRIVED);
-            at = if arrived { arc.bound } else { clock.advance(at, elapsed) };
+            at = if arrived { arc.bound } else { clock.advance(at, jet.time_in_two(1.0)) };
             field.restore(arc.mode, at, x);
             (pinned, still) = (GuardSet::EMPTY, GuardSet::EMPTY);
         }

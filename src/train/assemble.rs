@@ -10,6 +10,7 @@ use super::{
     jet::{Forcing, swing},
     schedule::Schedule,
     symmetry::Symmetry,
+    twofold::conserves,
 };
 use crate::{
     gear::{Harmonic, Stiffness, contact::Law},
@@ -198,6 +199,8 @@ pub struct Structure {
     pub(super) forcing: Forcing,
     /// What is equal.
     pub(super) symmetry: Symmetry,
+    /// Nothing drives or damps it: errors are never forgotten, and the state keeps its low part.
+    pub(super) is_conservative: bool,
 }
 
 impl Structure {
@@ -294,6 +297,7 @@ impl Structure {
             weights,
             forcing: Forcing::default(),
             symmetry: Symmetry::new(&spec),
+            is_conservative: conserves(&spec),
             spec,
         };
         structure.forcing = Forcing::new(&structure);

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     gear::contact::Law,
-    hybrid::{Clock, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, Rates},
+    hybrid::{Clock, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, Rates, normalise},
 };
 
 use super::assemble::Spring;
@@ -118,7 +118,7 @@ impl Structure {
         (j, watch): (usize, Watch),
         is_zero: bool,
         at: Instant,
-        x: &mut [f64],
+        (x, low): (&mut [f64], &mut [f64]),
     ) -> Result<(), ModelError> {
         use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
         let c = &self.contacts[j];
@@ -152,7 +152,7 @@ impl Structure {
         }
         if watch != Watch::Force {
             let flank = std::iter::once((j, watch.side()));
-            jump.projected = jump.projected.max(self.project(flank, at, x));
+            jump.projected = jump.projected.max(self.project(flank, at, x, low));
         }
         if let (Law::Power(l), Some(i), Separated) = (c.spec.law, c.latch, state) {
             let approach = next.side() * self.deflection(j, at, x).1;
@@ -169,9 +169,13 @@ impl Structure {
     }
 
     /// What was equal before a jump is equal after it.
-    fn restore_equal(&self, [displacements, velocities]: &[Equal; 2], x: &mut [f64]) {
+    fn restore_equal(&self, [displacements, velocities]: &[Equal; 2], x: &mut [f64], low: &mut [f64]) {
         self.symmetry.restore(displacements, &mut x[..self.n]);
         self.symmetry.restore(velocities, &mut x[self.n..2 * self.n]);
+        if !low.is_empty() {
+            self.symmetry.share(displacements, &mut low[..self.n]);
+            self.symmetry.share(velocities, &mut low[self.n..2 * self.n]);
+        }
     }
 
     /// What still stands of `from` at the same instant: the zeros of the contacts that do not fire again.
@@ -227,7 +231,15 @@ impl HybridSystem for Structure {
         }
     }
 
-    fn jump(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+    fn jump(
+        &self,
+        from: &Jump,
+        fired: GuardSet,
+        at: Instant,
+        x: &mut [f64],
+        low: &mut [f64],
+    ) -> Result<Jump, ModelError> {
+        let low = if self.is_conservative { low } else { &mut [] };
         let mut jump = Self::standing(from, fired);
         let equal = self.equal(x);
         let mut rigid = false;
@@ -235,14 +247,19 @@ impl HybridSystem for Structure {
             let (j, watch) = guard_of(id);
             match self.contacts[j].spec.law {
                 Law::Rigid(_) => rigid = true,
-                _ => self.follow(&mut jump, (j, watch), from.pinned.contains(id), at, x)?,
+                _ => self.follow(&mut jump, (j, watch), from.pinned.contains(id), at, (x, low))?,
             }
         }
         if rigid {
-            self.resolve(&mut jump, (from, fired), false, at, x)?;
+            self.resolve(&mut jump, (from, fired), false, at, (x, low))?;
         }
-        self.restore_equal(&equal, x);
+        normalise(x, low);
+        self.restore_equal(&equal, x, low);
         Ok(jump)
+    }
+
+    fn meet(&self, mode: Mode, id: GuardId, at: Instant, most: f64, x: &mut [f64], low: &mut [f64]) -> f64 {
+        self.meet_guard(mode, id, at, most, x, low)
     }
 
     fn next_switch(&self, at: Instant) -> Option<Instant> {
@@ -303,8 +320,8 @@ impl HybridSystem for Structure {
     fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         let mut jump = Self::standing(from, fired);
         let equal = self.equal(x);
-        self.resolve(&mut jump, (from, fired), true, at, x)?;
-        self.restore_equal(&equal, x);
+        self.resolve(&mut jump, (from, fired), true, at, (x, &mut []))?;
+        self.restore_equal(&equal, x, &mut []);
         Ok(jump)
     }
 }

@@ -21,6 +21,7 @@ mod schedule;
 mod spec;
 mod sticking;
 mod symmetry;
+mod twofold;
 mod unilateral;
 mod view;
 mod wall;

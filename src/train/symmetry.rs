@@ -114,6 +114,14 @@ impl Symmetry {
         self.contacts.iter().any(|class| class.contains(&i) && class.contains(&j))
     }
 
+    /// Gives the members of the classes in `equal` the value of the first.
+    pub fn share(&self, equal: &Equal, values: &mut [f64]) {
+        for (class, _) in equal {
+            let class = &self.freedoms[*class];
+            class.iter().for_each(|i| values[*i] = values[class[0]]);
+        }
+    }
+
     /// Makes the forces of the contacts of each class equal, where all of it is in `held` and they differ by rounding only.
     pub fn restore_forces(&self, held: &[usize], forces: &mut [f64]) {
         let size = forces[..held.len()].iter().fold(0.0, |m: f64, f| m.max(f.abs()));

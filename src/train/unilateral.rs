@@ -165,7 +165,7 @@ impl Structure {
         (from, fired): (&Jump, GuardSet),
         settles: bool,
         at: Instant,
-        x: &mut [f64],
+        (x, low): (&mut [f64], &mut [f64]),
     ) -> Result<(), ModelError> {
         let set = self.touching(from, fired, settles, at, x);
         let mut w = [[0.0; MAX_CONTACTS]; MAX_CONTACTS];
@@ -175,8 +175,12 @@ impl Structure {
             }
         }
         let w = &w[..set.len()];
-        jump.projected = jump.projected.max(self.project(set.iter().map(|t| (t.contact, t.side)), at, x));
+        jump.projected = jump.projected.max(self.project(set.iter().map(|t| (t.contact, t.side)), at, x, low));
+        let rates = self.rates_in_two(set.iter().map(|t| t.contact), at, x, low);
         let rests = self.strike(jump, &set, w, settles, x)?;
+        let struck = set.iter().zip(&rates).filter(|(t, _)| jump.struck.contains(guard_id(t.contact, t.flank())));
+        let wanted = struck.map(|(t, u)| (t.contact, *u * if t.speed > 0.0 { -t.restitution } else { 0.0 }));
+        self.refine(wanted, at, x, low);
         self.stop(set.iter().zip(&rests).filter(|(_, rests)| **rests).map(|(t, _)| t.contact), at, x);
         self.hold(jump, from, &set, &rests, at, x)
     }
@@ -328,12 +332,15 @@ impl Structure {
         contacts: impl Iterator<Item = (usize, f64)> + Clone,
         at: Instant,
         x: &mut [f64],
+        low: &mut [f64],
     ) -> f64 {
-        let off = contacts.clone().map(|(j, side)| {
-            side * self.contacts[j].gap() - (dot(&self.contacts[j].direction, x) - self.error(j, at).0)
+        let off = contacts.clone().map(|(j, side)| match side * self.contacts[j].gap() {
+            flank if low.is_empty() => flank - (dot(&self.contacts[j].direction, x) - self.error(j, at).0),
+            flank => -(self.deflection_in_two(j, at, x, low) - flank.into()).value(),
         });
         let off: ArrayVec<f64, MAX_CONTACTS> = off.collect();
-        self.shift(contacts.map(|(j, _)| j), &off, &mut x[..self.n]);
+        let positions = if low.is_empty() { &mut x[..self.n] } else { &mut low[..self.n] };
+        self.shift(contacts.map(|(j, _)| j), &off, positions);
         off.iter().fold(0.0, |m: f64, off| m.max(off.abs()))
     }
 
@@ -345,7 +352,7 @@ impl Structure {
             .filter(|(_, state)| state.is_closed())
             .map(|(j, state)| (j, state.side()));
         if resting.clone().next().is_some() {
-            self.project(resting.clone(), at, x);
+            self.project(resting.clone(), at, x, &mut []);
             self.stop(resting.map(|(j, _)| j), at, x);
         }
     }
@@ -357,7 +364,7 @@ impl Structure {
     }
 
     /// Adds `M⁻¹Gᵀ y` with `W y = by`, so that `G` times the change is `by`.
-    fn shift(&self, contacts: impl Iterator<Item = usize> + Clone, by: &[f64], values: &mut [f64]) {
+    pub(super) fn shift(&self, contacts: impl Iterator<Item = usize> + Clone, by: &[f64], values: &mut [f64]) {
         if by.iter().all(|by| *by == 0.0) {
             return;
         }

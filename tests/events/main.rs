@@ -4,6 +4,7 @@
 mod causes;
 mod crossing;
 mod decimal;
+mod drift;
 mod endings;
 mod frequencies;
 mod isolation;

@@ -256,10 +256,10 @@ impl HybridSystem for Course {
     fn guard(&self, mode: Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
         if mode.0 == 1 && !self.trap { -x[0] } else { x[0] }
     }
-    fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
+    fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, _: &mut [f64], _: &mut [f64]) -> Result<Jump, ModelError> {
         Ok(Jump { mode: Mode(1 - from.mode.0), pinned: fired, ..Jump::default() })
     }
     fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        self.jump(from, fired, at, x)
+        self.jump(from, fired, at, x, &mut [])
     }
 }

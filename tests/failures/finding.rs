@@ -210,8 +210,15 @@ impl HybridSystem for Scaled {
     fn guard(&self, mode: Mode, id: GuardId, at: Instant, x: &[f64]) -> f64 {
         self.scale * self.course.guard(mode, id, at, x)
     }
-    fn jump(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        self.course.jump(from, fired, at, x)
+    fn jump(
+        &self,
+        from: &Jump,
+        fired: GuardSet,
+        at: Instant,
+        x: &mut [f64],
+        _: &mut [f64],
+    ) -> Result<Jump, ModelError> {
+        self.course.jump(from, fired, at, x, &mut [])
     }
     fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         self.course.settle(from, fired, at, x)

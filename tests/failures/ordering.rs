@@ -151,7 +151,7 @@ fn b6_from_one_flank_to_the_other_there_is_no_edge() {
     let from = Jump { mode: with_contact(Mode::default(), 0, Drive), ..Jump::default() };
     let mut fired = GuardSet::EMPTY;
     fired.insert(guard_id(0, Watch::BackFlank));
-    let error = s.jump(&from, fired, s.clock().instant(0.0), &mut [2e-3, -1.0]).unwrap_err();
+    let error = s.jump(&from, fired, s.clock().instant(0.0), &mut [2e-3, -1.0], &mut [0.0; 2]).unwrap_err();
     assert!(
         matches!(&error, ModelError::NoEdge { element, mode, .. } if element == "walls" && mode == "drive"),
         "{error}"

@@ -26,6 +26,9 @@ use crate::{
 const LARGEST_RATIO: f64 = 0.75;
 /// Times the truncation may exceed what was asked for, before the step is shortened.
 const EXCESS: f64 = 2.0;
+/// Truncation where rounding is kept, relative to the one asked for: it has one sign, and ε in each of N periods is up to `ε N²/2`
+/// in the end.
+const FINER: f64 = 1e-5;
 /// Least order whose remainders [`Amplitude::top`] bounds.
 const LEAST_ORDER: i32 = 16;
 
@@ -235,7 +238,7 @@ impl Expansion<'_> {
     /// overflowed. Plain time.
     pub(super) fn plain_reach(&self, out: &mut Jet) -> Option<(f64, Tail)> {
         let flow = self.flow(&mut out.work);
-        let tolerance = self.request.tolerance;
+        let tolerance = self.request.tolerance * if out.low.is_empty() { 1.0 } else { FINER };
         let first = [0, 1, 2].map(|k| self.size(k, out));
         let last = self.last_size(&flow, out);
         let growth = flow.norms[0].sqrt() + flow.norms[1];

@@ -68,6 +68,9 @@ impl Expansion<'_> {
             };
         }
         kernels!(1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24);
+        if self.keeps_low() {
+            self.low(|j| parts[j].carried.then_some(parts[j].stiffness), out);
+        }
         true
     }
 

@@ -15,6 +15,7 @@ mod bound;
 mod defect;
 mod guards;
 mod linear;
+mod low;
 mod plain;
 mod rooted;
 
@@ -186,6 +187,7 @@ impl Expansion<'_> {
     /// Order zero of the state, the oscillators and the deflections.
     fn start(&self, out: &mut Jet) {
         let (s, layout, dim) = (self.s, &self.layout, self.s.dim);
+        out.low.clear();
         out.state[..dim].copy_from_slice(self.request.x);
         if dim > 2 * s.n {
             for k in 1..=ORDER {
@@ -202,6 +204,8 @@ impl Expansion<'_> {
                 c.gap()
             } else if self.pinned(j, Watch::BackFlank) {
                 -c.gap()
+            } else if self.keeps_low() {
+                s.deflection_in_two(j, self.request.at, self.request.x, self.request.low).value()
             } else {
                 let e = c.error.iter().fold(c.spec.error_offset, |e, w| {
                     let o = Layout::oscillator(w.index);
@@ -209,12 +213,11 @@ impl Expansion<'_> {
                 });
                 dot(&c.direction, self.request.x) - e
             };
-            // A bilateral contact has no flanks: its law acts on δ itself.
-            let is_bilateral = matches!(c.spec.law, Law::Bilateral(_));
-            let side = if is_bilateral { 0.0 } else { contact_mode(self.request.mode, j).side() };
+            let side = self.side(j);
             work[layout.stretches + j] = match self.request.carried.get(j) {
-                Some(stretch) if !stretch.is_nan() => *stretch,
+                Some(stretch) if !stretch.is_nan() && !self.keeps_low() => *stretch,
                 _ if self.pinned(j, Watch::Force) => self.forceless(j, side, work),
+                _ if self.keeps_low() => self.stretch_in_two(j, side).value(),
                 _ => work[layout.deflection(j, 0)] - side * c.offset(),
             };
         }
@@ -230,6 +233,12 @@ impl Expansion<'_> {
             Law::KelvinVoigt(l, _) if k > 0.0 => -l.damping * self.rate(j, 0, &request.x[self.s.n..], work) / k,
             _ => work[self.layout.deflection(j, 0)] - side * c.offset(),
         }
+    }
+
+    /// Side of the flank that the law of contact `j` is on; a bilateral one has no flanks: its law acts on δ itself.
+    fn side(&self, j: usize) -> f64 {
+        let is_bilateral = matches!(self.s.contacts[j].spec.law, Law::Bilateral(_));
+        if is_bilateral { 0.0 } else { contact_mode(self.request.mode, j).side() }
     }
 
     fn pinned(&self, j: usize, watch: Watch) -> bool {
