@@ -55,7 +55,7 @@ pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
         n -= 1;
     }
     let p = &p[..=n];
-    let mut search = Search { p, limit, uncertainty: uncertainty + dropped, shallow: None, touch: None, splits: 0 };
+    let mut search = Search { p, uncertainty: uncertainty + dropped, shallow: None, touch: None, splits: 0 };
     let start = if limit == 1.0 {
         Bernstein::from_power(p)
     } else {
@@ -81,7 +81,6 @@ pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
 
 struct Search<'a> {
     p: &'a [f64],
-    limit: f64,
     uncertainty: f64,
     /// Where it last fell through zero, as long as it has not gone below the uncertainty since, nor come back.
     shallow: Option<f64>,
