@@ -620,6 +620,7 @@ fn slivers_of_arcs_and_late_times_are_as_good_as_any() {
                 at: from.at,
                 x: &from.x,
                 low: &[],
+                carried: &[],
                 pinned: GuardSet::EMPTY,
                 still: GuardSet::EMPTY,
                 bound: clock.advance(from.at, span),

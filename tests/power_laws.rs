@@ -263,9 +263,9 @@ fn the_defect_bounds_the_error() {
             at,
             x: &x,
             low: &[],
+            carried: &[],
             pinned,
             still: GuardSet::EMPTY,
-            carried: &[],
             span: random.decades(-2.0, 1.0),
             tolerance,
         };
@@ -281,7 +281,7 @@ fn the_defect_bounds_the_error() {
         jet.state_at(1.0, &mut y);
         let mut truth = vec![0.0; x.len()];
         let end = s.clock().advance(at, elapsed);
-        let arc = Arc { mode, at, x: &x, low: &[], pinned, still: GuardSet::EMPTY, bound: end };
+        let arc = Arc { mode, at, x: &x, low: &[], carried: &[], pinned, still: GuardSet::EMPTY, bound: end };
 
         let outcome = Taylor::default().integrate_arc(&s, &arc, &mut truth, &mut [], &mut |step| {
             let leaves = (0..step.guards().len()).any(|i| step.guard(i).iter().sum::<f64>() <= 0.0);
@@ -438,6 +438,7 @@ fn guards_have_derivatives_in_time() {
                 at: Instant::default(),
                 x: &x,
                 low: &[],
+                carried: &[],
                 pinned,
                 still: GuardSet::EMPTY,
                 bound: s.clock().instant(1e-2),

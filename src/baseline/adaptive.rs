@@ -122,7 +122,7 @@ pub fn adaptive(
     let start: Vec<f64> = q.iter().chain(v).copied().collect();
     let bound = model.clock.advance(grid.from, grid.steps as f64 * grid.step);
     let (mode, none) = (Mode::default(), GuardSet::EMPTY);
-    let arc = Arc { mode, at: grid.from, x: &start, low: &[], pinned: none, still: none, bound };
+    let arc = Arc { mode, at: grid.from, x: &start, low: &[], carried: &[], pinned: none, still: none, bound };
     let mut integrator = Diffsol::new(
         match solver {
             Solver::Explicit => Method::Explicit,

@@ -69,6 +69,8 @@ pub struct Engine<'s> {
     next_switch: Option<Instant>,
     /// What the state is beyond the rounding of its `x`, `[dim]`.
     low: Vec<f64>,
+    /// What the last step kept for the next arc.
+    carried: Vec<f64>,
     /// Scratch for the state at the end of an arc, and for its low part.
     end: [Vec<f64>; 2],
     core: Core<'s>,
@@ -95,6 +97,7 @@ struct Core<'s> {
     left_at: Instant,
     left_x: Vec<f64>,
     left_low: Vec<f64>,
+    left_carried: Vec<f64>,
 }
 
 /// What ended an arc.
@@ -155,12 +158,13 @@ impl<'s> Engine<'s> {
             left_at: state.at,
             left_x: vec![0.0; dim],
             left_low: vec![0.0; dim],
+            left_carried: Vec::new(),
         };
         // A state handed over at a switching time that its mode has not passed yet passes it first.
         let is_due = system.switched(state.jump.mode, state.at) != state.jump.mode;
         let next_switch = if is_due { Some(state.at) } else { system.next_switch(state.at) };
         let zero = || vec![0.0; dim];
-        Self { integrator, next_switch, low: zero(), end: [zero(), zero()], core, state }
+        Self { integrator, next_switch, low: zero(), carried: Vec::new(), end: [zero(), zero()], core, state }
     }
 
     /// Where the run stands.
@@ -233,7 +237,7 @@ impl<'s> Engine<'s> {
         closing: bool,
         observer: &mut dyn Observer,
     ) -> Result<End, EngineError> {
-        let Self { integrator, state, low, end: [end, end_low], core, .. } = self;
+        let Self { integrator, state, low, carried, end: [end, end_low], core, .. } = self;
         core.counters.arcs += 1;
         let place = Place { mode: state.jump.mode, switching, closing, bound };
         let arc = Arc {
@@ -241,6 +245,7 @@ impl<'s> Engine<'s> {
             at: state.at,
             x: &state.x,
             low,
+            carried,
             pinned: state.jump.pinned,
             still: state.jump.still,
             bound,
@@ -263,6 +268,7 @@ impl<'s> Engine<'s> {
             return Err(alarm);
         }
         let start = state.at;
+        std::mem::swap(carried, &mut core.left_carried);
         if let End::Bound = ended {
             state.at = bound;
             std::mem::swap(&mut state.x, end);
@@ -341,6 +347,7 @@ impl<'s> Engine<'s> {
     ) -> Result<ControlFlow<()>, EngineError> {
         let Self { state, low, core, .. } = self;
         low.fill(0.0);
+        self.carried.clear();
         core.alarm.jumped();
         core.begin(state);
         let at = core.system.clock().advance(state.at, accumulation.remaining);
@@ -467,6 +474,7 @@ impl Core<'_> {
         }
         let Some(located) = located else {
             self.alarm.end(place.mode, step);
+            step.carry(1.0, &mut self.left_carried);
             return None;
         };
         Some(self.fire(step, place, located))
@@ -487,6 +495,7 @@ impl Core<'_> {
     fn leave(&mut self, step: &dyn DenseStep, theta: f64) {
         self.left_at = self.system.clock().advance(step.start(), step.time_in_two(theta));
         step.state_in_two(theta, &mut self.left_x, &mut self.left_low);
+        step.carry(theta, &mut self.left_carried);
     }
 
     /// Moves time and state where they were left onto a guard that fell through zero there: its root is a rounded number.

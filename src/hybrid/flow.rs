@@ -24,7 +24,7 @@ pub struct JetRequest<'a> {
     pub pinned: GuardSet,
     /// Guards whose rate is known to be exactly zero as well.
     pub still: GuardSet,
-    /// What [`JetField::carry`] kept from the step before; empty at the start of an arc.
+    /// What [`JetField::carry`] kept from the step before, of the arc before too; empty if nothing.
     pub carried: &'a [f64],
     /// Wanted span of the step, s: the field may return a shorter one.
     pub span: f64,
@@ -46,10 +46,10 @@ pub trait JetField {
         let _ = (mode, at, x);
     }
 
-    /// Keeps from the end of a step what the state alone holds with less precision, such as a penetration that
-    /// is a small difference of displacements. It never outlives the arc.
-    fn carry(&self, mode: Mode, step: &Jet, carried: &mut Vec<f64>) {
-        let _ = (mode, step);
+    /// Keeps from `theta` on a step what the state alone holds with less precision, such as a penetration or a gap that is a
+    /// small difference of displacements. A jump that moves it says so by an exact zero.
+    fn carry(&self, mode: Mode, step: &Jet, theta: f64, carried: &mut Vec<f64>) {
+        let _ = (mode, step, theta);
         carried.clear();
     }
 }

@@ -51,6 +51,11 @@ pub trait DenseStep {
     fn guard_rounding(&self, i: usize) -> f64 {
         self.guard_error(i).1
     }
+    /// Keeps what the state at `theta` alone holds with less precision, for the next [`Arc`]; nothing unless the step knows it.
+    fn carry(&self, theta: f64, carried: &mut Vec<f64>) {
+        let _ = theta;
+        carried.clear();
+    }
     /// `Some(h)` if the clock is plain time, `t = h θ`.
     fn plain_span(&self) -> Option<f64>;
     /// Whether the errors of the guards are estimates; they are proven bounds otherwise.
@@ -87,6 +92,8 @@ pub struct Arc<'a> {
     pub x: &'a [f64],
     /// What the state is beyond the rounding of `x`, `[dim]`; empty: nothing.
     pub low: &'a [f64],
+    /// What the step before it kept; empty if nothing.
+    pub carried: &'a [f64],
     /// Guards that are exactly zero there.
     pub pinned: GuardSet,
     /// Guards whose rate is exactly zero there.

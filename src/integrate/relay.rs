@@ -125,14 +125,14 @@ impl Integrator for Relay {
         x.extend_from_slice(arc.x);
         [&mut *sizes, &mut *ends].into_iter().for_each(|v| v.resize(arc.x.len(), 0.0));
         let (mut at, mut pinned, mut still) = (arc.at, arc.pinned, arc.still);
-        let mut own = arc.low;
+        let (mut own, mut carried) = (arc.low, arc.carried);
         let mut due = FIRST_TRIAL.max(worth as u64);
         taylor.blur.clear();
         let mut unsure: Vec<f64> = vec![0.0; arc.x.len()];
         loop {
             let (mut steps, mut elapsed, mut taken, mut ended) = (0, 0.0, None, false);
             let from = x.clone();
-            let leg = Arc { at, x: &from, low: own, pinned, still, ..*arc };
+            let leg = Arc { at, x: &from, low: own, carried, pinned, still, ..*arc };
             taylor.integrate_arc(system, &leg, end, low, &mut |step| {
                 if visit(step).is_break() {
                     ended = true;
@@ -153,7 +153,7 @@ impl Integrator for Relay {
             })?;
             let Some(mut step) = taken.filter(|_| !ended) else { return Ok(()) };
             relieved.insert(arc.mode);
-            own = &[];
+            (own, carried) = (&[], &[]);
             low.fill(0.0);
             let shortest = worth * elapsed / steps as f64;
             loop {

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::{Arc, DenseStep, IntegrateError, Integrator, in_plain_time};
-use crate::hybrid::{Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jet, JetRequest, Wide};
+use crate::hybrid::{Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Wide};
 
 /// Taylor steps of a [`JetField`](crate::hybrid::JetField).
 ///
@@ -83,6 +83,8 @@ struct Step<'a> {
     start: Instant,
     jet: &'a Jet,
     blur: &'a [(GuardId, f64)],
+    field: &'a dyn JetField,
+    mode: Mode,
 }
 
 impl Step<'_> {
@@ -131,6 +133,9 @@ impl DenseStep for Step<'_> {
             None => self.jet.guard_derivatives_in_time(i),
         }
     }
+    fn carry(&self, theta: f64, carried: &mut Vec<f64>) {
+        self.field.carry(self.mode, self.jet, theta, carried);
+    }
     fn guard_rounding(&self, i: usize) -> f64 {
         self.jet.afresh.get(i).copied().unwrap_or(self.jet.rounding[i])
     }
@@ -164,6 +169,7 @@ impl Integrator for Taylor {
         let Self { jet, x, carried, blur, varied } = self;
         let mut cuts = *varied;
         carried.clear();
+        carried.extend_from_slice(arc.carried);
         x.clear();
         x.extend_from_slice(arc.x);
         low.fill(0.0);
@@ -187,7 +193,7 @@ impl Integrator for Taylor {
                 cuts = !cuts;
             }
             let elapsed = jet.time_at(1.0);
-            if visit(&Step { start: at, jet, blur }).is_break() {
+            if visit(&Step { start: at, jet, blur, field, mode: arc.mode }).is_break() {
                 return Ok(());
             }
             // Only now: a step that runs past the end of a contact in the root clock is cut by its event.
@@ -195,7 +201,7 @@ impl Integrator for Taylor {
                 return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });
             }
             jet.state_in_two(1.0, x, low);
-            field.carry(arc.mode, jet, carried);
+            field.carry(arc.mode, jet, 1.0, carried);
             if x.iter().any(|v| !v.is_finite()) {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }

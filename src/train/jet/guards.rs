@@ -72,7 +72,7 @@ impl Expansion<'_> {
                         series.copy_from_slice(&work[y..y + ROW]);
                         // Afresh from the state, a penetration within its rounding is none.
                         let stretch = work[self.layout.stretches + j].abs();
-                        if self.request.carried.is_empty()
+                        if self.request.carried.get(j).is_none_or(|carried| carried.is_nan())
                             && stretch <= ROUNDING * self.s.deflection_size(c, self.request.x)
                         {
                             series[0] = 0.0;
@@ -84,7 +84,7 @@ impl Expansion<'_> {
                         let deflections = work[self.layout.deflection(j, 0)..].iter().step_by(LANES);
                         series.iter_mut().zip(deflections).for_each(|(s, d)| *s = along * d);
                         series[0] = match state.side() {
-                            0.0 => series[0] + sign * c.gap(),
+                            0.0 => self.gap(j, watch, work).unwrap_or(series[0] + sign * c.gap()),
                             side => side * work[self.layout.stretches + j],
                         };
                         (self.deflection_tail(j, tail), self.stretch_size(j, owner, work))
@@ -179,7 +179,10 @@ impl Expansion<'_> {
         let carried = self.request.carried.get(j).is_some_and(|stretch| !stretch.is_nan());
         let given = contact_mode(self.request.mode, j).side() != 0.0
             && [Watch::DriveFlank, Watch::BackFlank, Watch::Force].iter().any(|w| self.pinned(j, *w));
-        if owner.is_none() && (carried || given) {
+        let gap = contact_mode(self.request.mode, j) == ContactMode::Separated && carried;
+        if gap {
+            work[self.layout.gaps + j].abs()
+        } else if owner.is_none() && (carried || given) {
             work[self.layout.stretches + j].abs()
         } else {
             self.s.deflection_size(c, self.request.x)

@@ -24,7 +24,7 @@ pub(super) use bound::{Forcing, swing};
 
 use super::{
     assemble::{Structure, dot},
-    contact_mode::{Watch, contact_mode, guard_id},
+    contact_mode::{ContactMode, Watch, contact_mode, guard_id},
 };
 use crate::{
     gear::contact::Law,
@@ -63,6 +63,9 @@ struct Layout {
     accelerations: usize,
     /// `δ − σ b` of each contact at order zero, σ b its flank.
     stretches: usize,
+    /// `δ − σ b` at order zero of separated contacts from the flank that they have left, where it is known better than by the
+    /// state; else NaN. Negative at the drive flank, positive at the back flank.
+    gaps: usize,
     /// Row sums of the flow's matrices, `2n`.
     rows: usize,
     /// Cosine and sine of each oscillator at one order, side by side.
@@ -78,10 +81,11 @@ impl Layout {
         let deflections = accelerations + ROW * s.n;
         let lanes = s.contacts.len().next_multiple_of(LANES);
         let stretches = deflections + ROW * lanes;
-        let rows = stretches + lanes;
+        let gaps = stretches + lanes;
+        let rows = gaps + s.contacts.len();
         let waves = rows + 2 * s.n;
         let len = waves + 2 * s.oscillators.len();
-        Self { contacts, deflections, clock, accelerations, stretches, rows, waves, len }
+        Self { contacts, deflections, clock, accelerations, stretches, gaps, rows, waves, len }
     }
 
     /// `cos ωt` of oscillator `i`; its sine follows, one row on.
@@ -166,19 +170,23 @@ impl JetField for Structure {
         self.rest(mode, at, x);
     }
 
-    /// The stretch `δ − σ b` of closed contacts. A penetration is a small difference of displacements: taken
-    /// afresh at every step, its rounding error times the contact force would be energy from nowhere. Where it is
-    /// not small nothing is kept (NaN): the state is then as good, and cannot drift apart from it.
-    fn carry(&self, mode: Mode, step: &Jet, carried: &mut Vec<f64>) {
+    /// The stretch `δ − σ b` of closed contacts, and of separated ones from the flank that they have left. It is a small difference of
+    /// displacements: taken afresh at every step, the rounding of a penetration times the contact force would be energy from
+    /// nowhere, and a gap would lose the digits that tell when it closes. Where it is not small nothing is kept (NaN): the
+    /// state is then as good, and cannot drift apart from it.
+    fn carry(&self, mode: Mode, step: &Jet, theta: f64, carried: &mut Vec<f64>) {
         let layout = Layout::new(self);
+        let s = theta * step.reach;
         carried.clear();
-        carried.extend((0..self.contacts.len()).map(|j| {
-            let grown = (1..=ORDER).rev().fold(0.0, |sum, k| (sum + step.work[layout.deflection(j, k)]) * step.reach);
-            let stretch = step.work[layout.stretches + j] + grown;
-            let c = &self.contacts[j];
-            let has_flank = contact_mode(mode, j).side() != 0.0 && !matches!(c.spec.law, Law::Bilateral(_));
-            let small = has_flank && stretch.abs() < SMALL_STRETCH * self.deflection_size(c, &step.state);
-            if small { stretch } else { f64::NAN }
+        carried.extend(self.contacts.iter().enumerate().map(|(j, c)| {
+            let is_closed = contact_mode(mode, j).side() != 0.0;
+            let start = step.work[if is_closed { layout.stretches } else { layout.gaps } + j];
+            if start.is_nan() || matches!(c.spec.law, Law::Bilateral(_)) {
+                return f64::NAN;
+            }
+            let stretch = (1..=ORDER).rev().fold(0.0, |sum, k| (sum + step.work[layout.deflection(j, k)]) * s) + start;
+            let is_small = stretch.abs() < SMALL_STRETCH * self.deflection_size(c, &step.state);
+            if is_small { stretch } else { f64::NAN }
         }));
     }
 }
@@ -214,13 +222,30 @@ impl Expansion<'_> {
                 dot(&c.direction, self.request.x) - e
             };
             let side = self.side(j);
-            work[layout.stretches + j] = match self.request.carried.get(j) {
-                Some(stretch) if !stretch.is_nan() && !self.keeps_low() => *stretch,
+            let is_open = contact_mode(self.request.mode, j) == ContactMode::Separated;
+            let on_flank = self.pinned(j, Watch::DriveFlank) || self.pinned(j, Watch::BackFlank);
+            let carried = self.request.carried.get(j).copied().filter(|stretch| !stretch.is_nan() && !self.keeps_low());
+            work[layout.gaps + j] = match carried {
+                _ if on_flank => 0.0,
+                Some(gap) if is_open => gap,
+                _ => f64::NAN,
+            };
+            work[layout.stretches + j] = match carried.filter(|_| !is_open && !on_flank) {
                 _ if self.pinned(j, Watch::Force) => self.forceless(j, side, work),
+                Some(stretch) => stretch,
                 _ if self.keeps_low() => self.stretch_in_two(j, side).value(),
                 _ => work[layout.deflection(j, 0)] - side * c.offset(),
             };
         }
+    }
+
+    /// The gap of separated contact `j` to the flank of `watch`, where it is known better than by the state.
+    fn gap(&self, j: usize, watch: Watch, work: &[f64]) -> Option<f64> {
+        let (c, gap) = (&self.s.contacts[j], -watch.side() * work[self.layout.gaps + j]);
+        // Of two flanks it is that to which the state agrees.
+        let from_state = c.gap() - watch.side() * work[self.layout.deflection(j, 0)];
+        let agrees = !c.has_back() || (gap - from_state).abs() < c.gap();
+        (agrees && gap != 0.0 && !gap.is_nan()).then_some(gap)
     }
 
     /// `δ − σ b` where the force of contact `j` is exactly zero: `−c δ̇/k` under a linear law. Taken from the state it would
