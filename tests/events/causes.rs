@@ -285,8 +285,15 @@ impl HybridSystem for Liar {
     fn guard(&self, mode: Mode, id: GuardId, at: Instant, x: &[f64]) -> f64 {
         self.course.guard(mode, id, at, x) + self.off
     }
-    fn jump(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
-        self.course.jump(from, fired, at, x)
+    fn jump(
+        &self,
+        from: &Jump,
+        fired: GuardSet,
+        at: Instant,
+        x: &mut [f64],
+        low: &mut [f64],
+    ) -> Result<Jump, ModelError> {
+        self.course.jump(from, fired, at, x, low)
     }
     fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         self.course.settle(from, fired, at, x)
