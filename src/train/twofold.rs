@@ -95,7 +95,7 @@ impl Structure {
         let side = if watch == Watch::Force { contact_mode(mode, j).side() } else { watch.side() };
         let off = self.deflection_in_two(j, at, x, low) - (side * c.gap()).into();
         let by = -off.value() / self.rate_in_two(j, at, x, low).value();
-        if !(by.abs() <= most) {
+        if by.is_nan() || by.abs() > most {
             return 0.0;
         }
         let (mut forces, mut a) = ([0.0; MAX_CONTACTS], vec![0.0; self.n]);

@@ -130,6 +130,24 @@ fn pair(start: u32, load: f64, release: Release) -> Motion {
     Motion { train, q: vec![0.0], v: vec![v], events: 4, period: pair_period(m, k, b, f, v) }
 }
 
+/// `√a` in two doubles.
+fn root(a: Wide) -> Wide {
+    let root = a.value().sqrt();
+    Wide::sum(root, (a - Wide::product(root, root)).value() / (2.0 * root))
+}
+
+/// A loaded mass between rigid flanks: the flights of [`pair_period`] alone, in two doubles. `f/m` has no rounding.
+fn between_rigid_flanks(start: u32) -> Motion {
+    let (m, b, f) = ([0.25, 1.0, 4.0][start as usize % 3], 0.5 + draw(start, 1), 0.1 + 0.2 * draw(start, 2));
+    let v = (4.0 * f * b / m).sqrt() + 0.8 + draw(start, 3);
+    let [more, less] = [2.0, -2.0].map(|by| root(Wide::product(v, v) + Wide::product(by * f / m, b)));
+    let (speeds, path) = (more + less, 8.0 * b);
+    let rounded = path / speeds.value();
+    let period = Wide::sum(rounded, (Wide::from(path) - speeds * rounded).value() / speeds.value());
+    let train = train(&[m], 0.0, f, (&[1.0], b, Flanks::Both), rigid(1.0), 1.0);
+    Motion { train, q: vec![0.0], v: vec![v], events: 2, period }
+}
+
 /// Two masses that turn on together while they rattle against each other.
 fn two_masses(start: u32) -> Motion {
     let (m, n, k, b) = (0.6 + draw(start, 0), 1.1 + draw(start, 1), 0.7 + draw(start, 2), 0.5 + draw(start, 3));
@@ -187,6 +205,11 @@ fn an_unloaded_pair_stays_on_time() {
 #[test]
 fn a_loaded_pair_stays_on_time() {
     stays(|start| pair(start, 0.3, Release::Force));
+}
+
+#[test]
+fn a_loaded_pair_of_rigid_flanks_stays_on_time() {
+    stays(between_rigid_flanks);
 }
 
 #[test]

@@ -280,7 +280,7 @@ impl Expansion<'_> {
         let mut tail = self.tail(&flow, growth, last, reach, out);
         for _ in 0..4 {
             let excess = tail.velocity / allowed(reach);
-            if !(excess > EXCESS) {
+            if excess.is_nan() || excess <= EXCESS {
                 break;
             }
             reach *= root_below(1.0 / excess, ORDER + 1);
