@@ -5,7 +5,9 @@ mod alarm;
 mod chatter;
 mod observer;
 mod outcome;
+mod state;
 
-pub use advance::{Counters, Engine, Options, State};
+pub use advance::Engine;
 pub use observer::Observer;
 pub use outcome::{EngineError, Outcome};
+pub use state::{Counters, Options, State};
