@@ -75,17 +75,10 @@ const STEPS: f64 = 4_000.0;
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let plan = Plan::new(&read(arguments.scene.as_deref())?)?;
     // Refused before anything is run, made when there is something to write.
-    let request = arguments.out.as_deref().map(|folder| Request {
-        folder,
-        command: "advise",
-        input: arguments.scene.as_deref(),
-        force: arguments.force,
-        files: ["rungs", "freedoms"]
-            .into_iter()
-            .flat_map(forms)
-            .chain([TABLE, ADVICE, TIMING, REPORT].map(String::from))
-            .collect(),
-    });
+    let figures = ["rungs", "freedoms"].into_iter().flat_map(forms);
+    let files = figures.chain([TABLE, ADVICE, TIMING, REPORT].map(String::from)).collect();
+    let (input, force) = (arguments.scene.as_deref(), arguments.force);
+    let request = arguments.out.as_deref().map(|folder| Request { folder, command: "advise", input, force, files });
     request.as_ref().map(Request::check).transpose()?;
     catch_interrupt();
     let bar = counting("models", arguments.quiet);

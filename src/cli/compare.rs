@@ -68,13 +68,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let session = Session::open(arguments.scene.as_deref())?;
     let problem = problem(&session, arguments.cycles);
     let contenders = contenders(arguments, &problem)?;
-    let request = arguments.out.as_deref().map(|folder| Request {
-        folder,
-        command: "compare",
-        input: arguments.scene.as_deref(),
-        force: arguments.force,
-        files: Comparison::files(),
-    });
+    let (input, force, files) = (arguments.scene.as_deref(), arguments.force, Comparison::files());
+    let request = arguments.out.as_deref().map(|folder| Request { folder, command: "compare", input, force, files });
     request.as_ref().map(Request::check).transpose()?;
     catch_interrupt();
 

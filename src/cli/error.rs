@@ -106,7 +106,7 @@ impl From<OutputError> for CliError {
             _ => "move it, or name another folder: --force replaces only what the manifest names",
         };
         match error {
-            OutputError::File { path, source } => Self::path(&path, source),
+            OutputError::File(path, source) => Self::path(&path, source),
             error => Self::Output(error, help),
         }
     }
@@ -148,12 +148,8 @@ impl CliError {
     /// Writes the error to standard error and gives the exit code.
     pub fn report(self) -> ExitCode {
         let code = match self {
-            Self::Run(_)
-            | Self::Verify(_)
-            | Self::Overflow(_)
-            | Self::Energy { .. }
-            | Self::File(..)
-            | Self::Accuracy(AccuracyError::Engine(_)) => 1,
+            Self::Run(_) | Self::Verify(_) | Self::Overflow(_) | Self::Energy { .. } | Self::File(..) => 1,
+            Self::Accuracy(AccuracyError::Engine(_)) => 1,
             Self::Study(StudyError::Budget { .. } | StudyError::Overflow(_)) => 1,
             _ => 2,
         };

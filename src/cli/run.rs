@@ -60,16 +60,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let warnings: Vec<String> = session.case.built.warnings.iter().map(ToString::to_string).collect();
 
     let sampled = arguments.trajectory || run.samples_per_cycle > 0;
-    let mut folder = arguments
-        .out
-        .as_deref()
-        .map(|folder| {
-            let names = [Some(EVENTS), sampled.then_some(TRAJECTORY), Some(SUMMARY)];
-            let files = names.into_iter().flatten().map(String::from).collect();
-            let input = arguments.scene.as_deref();
-            Request { folder, command: "run", input, force: arguments.force, files }.open()
-        })
-        .transpose()?;
+    let files = [Some(EVENTS), sampled.then_some(TRAJECTORY), Some(SUMMARY)];
+    let files = files.into_iter().flatten().map(String::from).collect();
+    let (input, force) = (arguments.scene.as_deref(), arguments.force);
+    let request = arguments.out.as_deref().map(|folder| Request { folder, command: "run", input, force, files });
+    let mut folder = request.map(|request| request.open()).transpose()?;
     // Each line reaches the file as it is written.
     let mut events = EventFile::new(folder.as_mut().map(|f| f.create(EVENTS)).transpose()?.map(LineWriter::new));
     let file = folder.as_mut().filter(|_| sampled).map(|folder| folder.create(TRAJECTORY)).transpose()?;

@@ -89,16 +89,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let subject = subject(&scene, &case)?;
     let plan = plan(arguments, &subject, case.built.dimensionless)?;
     // Before the work: a folder in use is told at once. It is opened after it: a map broken off leaves nothing behind.
-    let request = arguments.out.as_deref().map(|folder| Request {
-        folder,
-        command: "stability",
-        input: arguments.scene.as_deref(),
-        force: arguments.force,
-        files: forms(&format!("stability-{}", plan.over.word()))
-            .into_iter()
-            .chain([TABLE, MAP, REPORT].map(String::from))
-            .collect(),
-    });
+    let figure = forms(&format!("stability-{}", plan.over.word()));
+    let files = figure.into_iter().chain([TABLE, MAP, REPORT].map(String::from)).collect();
+    let (input, force) = (arguments.scene.as_deref(), arguments.force);
+    let request = arguments.out.as_deref().map(|folder| Request { folder, command: "stability", input, force, files });
     request.as_ref().map(Request::check).transpose()?;
 
     catch_interrupt();

@@ -88,18 +88,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         .filter(|kind| plan.published || !kind.is_of_reference() || arguments.only.contains(kind))
         .collect();
 
-    let mut folder = Request {
-        folder: &arguments.out,
-        command: "study",
-        input: arguments.scene.as_deref(),
-        force: arguments.force,
-        files: asked
-            .iter()
-            .flat_map(|kind| forms(kind.id()).into_iter().chain([table(*kind)]))
-            .chain([TABLE, SUMMARY, REPORT].map(String::from))
-            .collect(),
-    }
-    .open()?;
+    let figures = asked.iter().flat_map(|kind| forms(kind.id()).into_iter().chain([table(*kind)]));
+    let files = figures.chain([TABLE, SUMMARY, REPORT].map(String::from)).collect();
+    let (input, force) = (arguments.scene.as_deref(), arguments.force);
+    let mut folder = Request { folder: &arguments.out, command: "study", input, force, files }.open()?;
 
     catch_interrupt();
     let bar = counting("runs", arguments.quiet);

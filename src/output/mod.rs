@@ -4,26 +4,36 @@
 //! it too. A later command replaces what the manifest names and nothing else. A file that is being written lies beside its
 //! place with `.part` behind its name; the entry of the manifest stands for both.
 
-mod error;
-
 use std::{
-    ffi::OsString,
-    fs::{self, File},
+    fs::{self, File, Metadata},
     io::{self, Write},
     path::{Component, Path, PathBuf},
 };
 
-pub use error::OutputError;
 use serde::{Deserialize, Serialize};
 
 /// Name of the manifest, a JSON object: version of Flank, command, files relative to the folder with `/`.
 pub const MANIFEST: &str = "flank-manifest.json";
 
-#[derive(Debug, Deserialize, Serialize)]
-struct Manifest {
-    flank: String,
-    command: String,
-    files: Vec<String>,
+/// Why a folder cannot be written into.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum OutputError {
+    /// It holds something.
+    #[error("{0} is not empty")]
+    Occupied(PathBuf),
+    /// A file, folder or link that no manifest names has the name of an output.
+    #[error("{0} is in the way: {MANIFEST} does not name it as a file of an earlier command")]
+    Foreign(PathBuf),
+    /// The manifest names the input of the command.
+    #[error("{0} is read by this command and would be replaced")]
+    Input(PathBuf),
+    /// The manifest cannot be followed, and why.
+    #[error("{0} cannot be followed: {1}")]
+    Manifest(PathBuf, String),
+    /// A file cannot be read or written, and why.
+    #[error("{0}: {1}")]
+    File(PathBuf, io::Error),
 }
 
 /// What a command is going to write, and where.
@@ -41,11 +51,14 @@ pub struct Request<'a> {
     pub files: Vec<String>,
 }
 
-/// A folder that a command writes into.
-#[derive(Debug)]
+/// A folder that a command writes into, and its manifest.
+#[derive(Debug, Deserialize, Serialize)]
 pub struct Folder {
+    #[serde(skip)]
     path: PathBuf,
-    manifest: Manifest,
+    flank: String,
+    command: String,
+    files: Vec<String>,
 }
 
 impl Request<'_> {
@@ -55,20 +68,23 @@ impl Request<'_> {
     /// [`OutputError`] if the folder is not empty and `force` is not set, if a file is in the way, or if the manifest
     /// cannot be followed.
     pub fn check(&self) -> Result<Folder, OutputError> {
-        let occupied = fs::read_dir(self.folder).is_ok_and(|mut entries| entries.next().is_some());
-        if occupied && !self.force {
+        if !self.force && fs::read_dir(self.folder).is_ok_and(|mut entries| entries.next().is_some()) {
             return Err(OutputError::Occupied(self.folder.to_owned()));
         }
-        let written = Manifest::read(&self.folder.join(MANIFEST))?;
-        let folder = Folder {
-            path: self.folder.to_owned(),
-            manifest: written.unwrap_or_else(|| Manifest::new(self.command, Vec::new())),
+        let path = self.folder.join(MANIFEST);
+        let mut folder = match (found(&path), part(&path)) {
+            (None, part) if found(&part).is_some() => return Err(OutputError::Foreign(part)),
+            (None, _) => Folder::new(self.command),
+            (Some(data), _) if !data.is_file() => return Err(OutputError::Foreign(path)),
+            _ => serde_json::from_slice(&fs::read(&path).map_err(failed(&path))?)
+                .map_err(|error| OutputError::Manifest(path, error.to_string()))?,
         };
+        folder.path = self.folder.to_owned();
         let input = self.input.and_then(|input| fs::canonicalize(input).ok());
-        for name in &folder.manifest.files {
+        for name in &folder.files {
             let path = folder.place(name)?;
             for path in [part(&path), path] {
-                if fs::symlink_metadata(&path).is_ok_and(|data| !data.is_file()) {
+                if found(&path).is_some_and(|data| !data.is_file()) {
                     return Err(OutputError::Foreign(path));
                 }
                 if input.is_some() && fs::canonicalize(&path).ok() == input {
@@ -76,9 +92,7 @@ impl Request<'_> {
                 }
             }
         }
-        for name in &self.files {
-            folder.vacant(name)?;
-        }
+        self.files.iter().try_for_each(|name| folder.vacant(name).map(drop))?;
         Ok(folder)
     }
 
@@ -88,37 +102,46 @@ impl Request<'_> {
     /// As [`check`](Self::check), nothing changed then; [`OutputError::File`] if a file cannot be removed.
     pub fn open(&self) -> Result<Folder, OutputError> {
         let mut folder = self.check()?;
-        fs::create_dir_all(&folder.path).map_err(|source| OutputError::file(&folder.path, source))?;
+        fs::create_dir_all(self.folder).map_err(failed(self.folder))?;
         folder.clear(self.command, &[])?;
         Ok(folder)
     }
 }
 
 impl Folder {
+    fn new(command: &str) -> Self {
+        let (flank, command) = (env!("CARGO_PKG_VERSION").to_owned(), command.to_owned());
+        Self { path: PathBuf::new(), flank, command, files: Vec::new() }
+    }
+
     /// Removes what the manifest names, `kept` apart, and starts a manifest of `command`.
     pub(crate) fn clear(&mut self, command: &str, kept: &[&str]) -> Result<(), OutputError> {
-        for name in self.manifest.files.iter().filter(|name| !kept.contains(&name.as_str())) {
+        for name in self.files.iter().filter(|name| !kept.contains(&name.as_str())) {
             let path = self.place(name)?;
             remove(&part(&path))?;
             remove(&path)?;
         }
-        self.manifest = Manifest::new(command, kept.iter().map(|name| (*name).to_owned()).collect());
-        if kept.is_empty() { remove(&self.path.join(MANIFEST)) } else { self.save() }
+        *self = Self { path: std::mem::take(&mut self.path), ..Self::new(command) };
+        if kept.is_empty() { remove(&self.path.join(MANIFEST)) } else { self.list(kept) }
     }
 
     /// Enters files in the manifest.
     pub(crate) fn list(&mut self, names: &[&str]) -> Result<(), OutputError> {
-        let new: Vec<&&str> = names.iter().filter(|name| !self.lists(name)).collect();
+        let new: Vec<String> = names.iter().filter(|name| !self.lists(name)).map(|name| (*name).to_owned()).collect();
         if new.is_empty() {
             return Ok(());
         }
-        self.manifest.files.extend(new.into_iter().map(|name| (*name).to_owned()));
-        self.save()
+        self.files.extend(new);
+        let path = self.path.join(MANIFEST);
+        fs::create_dir_all(&self.path).map_err(failed(&self.path))?;
+        // What a killed command left of a manifest: `read` has found it to be ours.
+        remove(&part(&path))?;
+        whole(&path, &json(self).map_err(failed(&path))?)
     }
 
     /// The command that wrote the manifest.
     pub(crate) fn command(&self) -> &str {
-        &self.manifest.command
+        &self.command
     }
 
     /// Creates a file.
@@ -127,7 +150,7 @@ impl Folder {
     /// [`OutputError`] if a file of the user's is in the way, or it cannot be created.
     pub fn create(&mut self, name: &str) -> Result<File, OutputError> {
         let path = self.enter(name)?;
-        File::create_new(&path).map_err(|source| OutputError::file(&path, source))
+        File::create_new(&path).map_err(failed(&path))
     }
 
     /// Writes a file: complete, or not at all.
@@ -143,26 +166,25 @@ impl Folder {
     /// # Errors
     /// As [`create`](Self::create).
     pub fn complete(&mut self, name: &str, content: &impl Serialize) -> Result<(), OutputError> {
-        self.bytes(name, &json(content).map_err(|source| OutputError::file(&self.path.join(name), source))?)
+        self.bytes(name, &json(content).map_err(failed(&self.path.join(name)))?)
     }
 
     fn enter(&mut self, name: &str) -> Result<PathBuf, OutputError> {
         let path = self.vacant(name)?;
         self.list(&[name])?;
         let folder = path.parent().unwrap_or(&self.path);
-        fs::create_dir_all(folder).map_err(|source| OutputError::file(folder, source))?;
+        fs::create_dir_all(folder).map_err(failed(folder))?;
         Ok(path)
     }
 
     fn lists(&self, name: &str) -> bool {
-        self.manifest.files.iter().any(|file| file == name)
+        self.files.iter().any(|file| file == name)
     }
 
     /// Where a file goes, if nothing of the user's is there.
     fn vacant(&self, name: &str) -> Result<PathBuf, OutputError> {
         let path = self.place(name)?;
-        let taken = |path: &PathBuf| fs::symlink_metadata(path).is_ok();
-        match [path.clone(), part(&path)].into_iter().find(taken) {
+        match [path.clone(), part(&path)].into_iter().find(|path| found(path).is_some()) {
             Some(path) if !self.lists(name) => Err(OutputError::Foreign(path)),
             _ => Ok(path),
         }
@@ -170,55 +192,36 @@ impl Folder {
 
     /// Where a file is: below the folder, through folders that are no links.
     fn place(&self, name: &str) -> Result<PathBuf, OutputError> {
-        let parts: Vec<Component<'_>> = Path::new(name).components().collect();
-        if parts.is_empty() || parts.iter().any(|part| !matches!(part, Component::Normal(_))) {
-            return Err(OutputError::Manifest(
-                self.path.join(MANIFEST),
-                format!("{name:?} is no path below its folder"),
-            ));
-        }
-        let mut path = self.path.clone();
-        for part in &parts[..parts.len() - 1] {
-            path.push(part);
-            if fs::symlink_metadata(&path).is_ok_and(|data| !data.is_dir()) {
+        let (mut path, mut is_below) = (self.path.clone(), false);
+        for component in Path::new(name).components() {
+            if is_below && found(&path).is_some_and(|data| !data.is_dir()) {
                 return Err(OutputError::Foreign(path));
             }
+            is_below = matches!(component, Component::Normal(_));
+            if !is_below {
+                break;
+            }
+            path.push(component);
         }
-        Ok(path.join(parts[parts.len() - 1]))
-    }
-
-    fn save(&self) -> Result<(), OutputError> {
-        let path = self.path.join(MANIFEST);
-        fs::create_dir_all(&self.path).map_err(|source| OutputError::file(&self.path, source))?;
-        // What a killed command left of a manifest: `read` has found it to be ours.
-        remove(&part(&path))?;
-        whole(&path, &json(&self.manifest).map_err(|source| OutputError::file(&path, source))?)
+        let why = || OutputError::Manifest(self.path.join(MANIFEST), format!("{name:?} is no path below its folder"));
+        if is_below { Ok(path) } else { Err(why()) }
     }
 }
 
-impl Manifest {
-    fn new(command: &str, files: Vec<String>) -> Self {
-        Self { flank: env!("CARGO_PKG_VERSION").to_owned(), command: command.to_owned(), files }
-    }
-
-    fn read(path: &Path) -> Result<Option<Self>, OutputError> {
-        match fs::symlink_metadata(path) {
-            Err(_) if fs::symlink_metadata(part(path)).is_ok() => return Err(OutputError::Foreign(part(path))),
-            Err(_) => return Ok(None),
-            Ok(data) if !data.is_file() => return Err(OutputError::Foreign(path.to_owned())),
-            Ok(_) => {}
-        }
-        let text = fs::read(path).map_err(|source| OutputError::file(path, source))?;
-        let manifest = serde_json::from_slice(&text);
-        manifest.map(Some).map_err(|error| OutputError::Manifest(path.to_owned(), error.to_string()))
-    }
+/// What is at a path; links are not followed.
+fn found(path: &Path) -> Option<Metadata> {
+    fs::symlink_metadata(path).ok()
 }
 
 /// Where a file is while it is being written.
 fn part(path: &Path) -> PathBuf {
-    let mut name = OsString::from(path);
+    let mut name = path.as_os_str().to_owned();
     name.push(".part");
     name.into()
+}
+
+fn failed(path: &Path) -> impl Fn(io::Error) -> OutputError {
+    move |error| OutputError::File(path.to_owned(), error)
 }
 
 fn json(content: &impl Serialize) -> io::Result<Vec<u8>> {
@@ -228,12 +231,13 @@ fn json(content: &impl Serialize) -> io::Result<Vec<u8>> {
 fn whole(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
     let part = part(path);
     let write = File::create_new(&part).and_then(|mut file| file.write_all(bytes));
-    write.and_then(|()| fs::rename(&part, path)).map_err(|source| OutputError::file(path, source))
+    write.and_then(|()| fs::rename(&part, path)).map_err(failed(path))
 }
 
-fn remove(path: &Path) -> Result<(), OutputError> {
+/// Removes a file, if it is there.
+pub(crate) fn remove(path: &Path) -> Result<(), OutputError> {
     match fs::remove_file(path) {
-        Err(source) if source.kind() != io::ErrorKind::NotFound => Err(OutputError::file(path, source)),
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(failed(path)(error)),
         _ => Ok(()),
     }
 }

@@ -102,16 +102,13 @@ pub fn steady(scene: &Scene, seed: Option<&Seed>, rule: &Rule, interrupted: &Ato
     let case = Case::new(scene)?;
     let start = start(&case, seed)?;
     let mut check = case.built.run.verify.then(|| case.verifier(&start.0));
-    let outcome = transient(&case, start, rule, &mut check, interrupted).and_then(|(mut engine, settled, seeded)| {
-        let steady = measure(&case, &mut engine, settled, seeded, rule, &mut check, interrupted);
-        steady.map(|steady| (steady, engine.state().at))
+    let steady = transient(&case, start, rule, &mut check, interrupted).and_then(|(mut engine, settled, seeded)| {
+        let steady = measure(&case, &mut engine, settled, seeded, rule, &mut check, interrupted)?;
+        check.as_mut().map_or(Ok(()), |check| check.finish(engine.state().at))?;
+        Ok(steady)
     });
     // A difference breaks the run off: it is the reason for what else went wrong.
-    match (&mut check, outcome) {
-        (Some(check), Ok((steady, end))) => check.finish(end).map(|()| steady).map_err(StudyError::from),
-        (Some(check), Err(error)) => Err(check.difference().map_or(error, StudyError::from)),
-        (None, outcome) => outcome.map(|(steady, _)| steady),
-    }
+    check.and_then(|check| check.difference()).map_or(steady, |difference| Err(difference.into()))
 }
 
 /// An engine whose transient is over, how it ended, and whether it started from the seed.

@@ -9,7 +9,8 @@ use std::{
 use serde::{Serialize, Serializer, de::DeserializeOwned};
 use serde_json::{Map, Value};
 
-use super::{Cell, Direction, Journal, Outcome, Plan, SweepError};
+use super::{Cell, Direction, Journal, Outcome, Plan, SweepError, journal};
+use crate::output;
 
 /// Says what the sweep was, and that the others are whole: written last.
 pub(super) const SEAL: &str = "sweep.json";
@@ -101,7 +102,8 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         for part in [table, rows, seal] {
             part.publish()?;
         }
-        self.remove()?;
+        // Nothing depends on the journal any more. The lock is held until it is gone.
+        output::remove(&folder.join(journal::NAME))?;
         Ok(tally)
     }
 }
@@ -116,17 +118,6 @@ pub(super) fn header_of(folder: &Path) -> Result<Map<String, Value>, SweepError>
         Ok(header)
     };
     read().map_err(|source| SweepError::File { path: path.clone(), source })
-}
-
-/// Removes files of a folder that are there.
-pub(super) fn remove(folder: &Path, names: &[&str]) -> Result<(), SweepError> {
-    for path in names.iter().map(|name| folder.join(name)) {
-        match fs::remove_file(&path) {
-            Err(source) if source.kind() != io::ErrorKind::NotFound => return Err(SweepError::File { path, source }),
-            _ => {}
-        }
-    }
-    Ok(())
 }
 
 /// A file that is being written beside the place it is meant for.

@@ -13,7 +13,7 @@ use super::{
     SweepError,
     files::{self, RESULTS, SEAL},
 };
-use crate::output::Request;
+use crate::output::{self, Request};
 
 /// The journal's name.
 pub(super) const NAME: &str = "sweep.journal";
@@ -109,12 +109,12 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             }
             _ => {}
         }
-        let mut output = request(folder, None, begin).check()?;
+        let mut outputs = request(folder, None, begin).check()?;
         if !unfinished {
-            if begin == Begin::Resume && output.command() != "sweep" {
+            if begin == Begin::Resume && outputs.command() != "sweep" {
                 return Err(SweepError::Occupied(folder.to_owned()));
             }
-            output.list(&FILES)?;
+            outputs.list(&FILES)?;
         }
         let fail = |source| SweepError::File { path: path.clone(), source };
         let file =
@@ -143,14 +143,14 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             return Err(SweepError::Unfinished(folder.to_owned()));
         }
         if begin == Begin::Replace {
-            output.clear("sweep", &[NAME])?;
+            outputs.clear("sweep", &[NAME])?;
         }
-        output.list(&FILES)?;
+        outputs.list(&FILES)?;
         // Whatever stands behind the last complete line; everything, if the sweep begins anew.
         journal.file.set_len(journal.end).map_err(fail)?;
         if journal.end == 0 {
             // What an earlier sweep left must not be taken for this one's, even if this one is killed.
-            files::remove(folder, &RESULTS)?;
+            RESULTS.iter().try_for_each(|name| output::remove(&folder.join(name)))?;
             let header = Value::from(journal.header.clone()).to_string();
             journal.line(&header)?;
         }
@@ -252,11 +252,6 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             self.end += line.len() as u64;
         }
         Ok(())
-    }
-
-    /// Removes the journal, which nothing depends on any more. The lock is held until it is gone.
-    pub(super) fn remove(self) -> Result<(), SweepError> {
-        files::remove(&self.folder, &[NAME])
     }
 }
 

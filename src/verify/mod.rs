@@ -3,15 +3,16 @@
 //! [`Verifier`] watches a run. From the state after each instant the next event is found again: by series with other steps
 //! and another order, and by values alone. It breaks the run off at the first [`Difference`].
 
+mod arc;
 mod collocation;
-mod points;
 mod series;
-mod sizes;
+mod values;
 
 use std::ops::ControlFlow;
 
 use serde::Serialize;
 
+use self::{arc::Arc, collocation::Collocation};
 use crate::{
     engine::{Observer, State},
     event::EventRecord,
@@ -70,22 +71,11 @@ pub struct Verification {
     pub difference: Option<String>,
 }
 
-/// Rounding of the two instants that an arc lies between, s.
-fn resolution(system: &dyn HybridSystem, at: Instant) -> f64 {
-    8.0 * f64::EPSILON * f64::EPSILON * system.clock().time(at).hi.abs()
-}
-
 /// A guard that fires in a mode.
-#[derive(Clone, Copy, Debug)]
-struct Seen {
-    mode: Mode,
-    id: GuardId,
-}
+type Seen = (Mode, GuardId);
 
-impl Seen {
-    fn new(from: &State, id: GuardId) -> Self {
-        Self { mode: from.jump.mode, id }
-    }
+fn fired(record: &EventRecord) -> impl Iterator<Item = Seen> {
+    record.fired.iter().map(|id| (record.from, id))
 }
 
 /// How an arc compares.
@@ -98,10 +88,12 @@ enum Verdict {
 
 /// Where one check stands. It lags behind the run until no more events can belong to the instant it is to compare.
 struct Lane {
+    /// Where the arc starts.
     last: State,
+    /// Events at its end; without any, nothing happens on it.
     pending: Vec<EventRecord>,
+    /// Touches on it.
     touches: Vec<(Instant, GuardSet)>,
-    tally: Tally,
 }
 
 /// Watches a run and checks it. The run has to start where the verifier does.
@@ -110,31 +102,29 @@ pub struct Verifier<'s, S> {
     period: Option<f64>,
     choice: Choice,
     lanes: [Lane; 2],
-    series: series::Series,
-    points: points::Points,
-    sizes: sizes::Sizes,
+    tallies: [Tally; 2],
+    collocation: Collocation,
     difference: Option<Difference>,
 }
 
 const SERIES: usize = 0;
+const CHECKS: [&str; 2] = ["series", "values"];
 /// Steps that an arc takes, where they are not known.
 const STEPS: u64 = 16;
-const CHECKS: [&str; 2] = ["series", "values"];
 
 impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
     /// A verifier of a run from `state`. `period` is the unit of its tolerance, s; without one it is the length of each arc.
     /// `choice` is the integrator of the run: arcs of another method than the Taylor series are not compared with series.
     #[must_use]
     pub fn new(system: &'s S, state: &State, period: Option<f64>, choice: Choice) -> Self {
-        let lane = || Lane { last: state.clone(), pending: Vec::new(), touches: Vec::new(), tally: Tally::default() };
+        let lane = || Lane { last: state.clone(), pending: Vec::new(), touches: Vec::new() };
         Self {
             system,
             period,
             choice,
             lanes: [lane(), lane()],
-            series: series::Series::default(),
-            points: points::Points::new(system.dim()),
-            sizes: sizes::Sizes::default(),
+            tallies: Default::default(),
+            collocation: Collocation::new(system.dim()),
             difference: None,
         }
     }
@@ -146,7 +136,7 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
     pub fn finish(&mut self, end: Instant) -> Result<(), Difference> {
         for check in 0..CHECKS.len() {
             self.settle(check);
-            if self.difference.is_none() && self.system.clock().between(self.lanes[check].last.at, end) > 0.0 {
+            if self.system.clock().between(self.lanes[check].last.at, end) > 0.0 {
                 self.judge(check, end);
             }
         }
@@ -162,20 +152,14 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
     /// What was done.
     #[must_use]
     pub fn verification(&self) -> Verification {
-        let [series, values] = &self.lanes;
-        Verification {
-            series: Tally { steps: self.series.steps, ..series.tally },
-            values: Tally { steps: self.points.steps, ..values.tally },
-            difference: self.difference.as_ref().map(ToString::to_string),
-        }
+        let [series, values] = self.tallies;
+        Verification { series, values, difference: self.difference.as_ref().map(ToString::to_string) }
     }
 
     /// Compares the events that are waiting, and goes on from the last of them.
     fn settle(&mut self, check: usize) {
         let Some(first) = self.lanes[check].pending.first() else { return };
-        if self.difference.is_none() {
-            self.judge(check, first.at);
-        }
+        self.judge(check, first.at);
         let lane = &mut self.lanes[check];
         if let Some(record) = lane.pending.pop() {
             lane.last = State { at: record.at, x: record.x_plus, jump: record.jump };
@@ -184,101 +168,87 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
         lane.touches.clear();
     }
 
-    /// Compares the arc that ends at `end`.
+    /// Compares the arc that ends at `end`, unless a difference was found before.
     fn judge(&mut self, check: usize, end: Instant) {
-        let Self { system, lanes, sizes, .. } = self;
-        let lane = &mut lanes[check];
-        let length = system.clock().between(lane.last.at, end);
-        let times = (length, self.period.unwrap_or(length));
-        let by_series = match self.choice {
-            Choice::Taylor => true,
-            Choice::Auto => !PerMode::is_stiff(*system, lane.last.jump.mode, length),
-            _ => false,
-        };
-        let verdict = if times.1 <= 0.0 || check == SERIES && !by_series {
-            Verdict::NotJudged
+        if self.difference.is_some() {
+            return;
+        }
+        let (system, tally) = (self.system, &mut self.tallies[check]);
+        let arc = Arc::new(system, &self.lanes[check], end, self.period);
+        let is_soft = || !PerMode::is_stiff(system, arc.lane.last.jump.mode, arc.length);
+        let by_series = self.choice == Choice::Taylor || self.choice == Choice::Auto && is_soft();
+        let (verdict, steps) = if arc.unit <= 0.0 || check == SERIES && !by_series {
+            (Verdict::NotJudged, 0)
         } else if check == SERIES {
-            self.series.check(*system, sizes, &lane.last, &lane.pending, &lane.touches, times)
+            series::check(&arc)
         } else {
-            self.points.check(*system, sizes, &lane.last, &lane.pending, times)
+            values::check(&arc, &mut self.collocation)
         };
+        tally.steps += steps;
         match verdict {
-            Verdict::Same => lane.tally.compared += 1,
-            Verdict::NotJudged => lane.tally.not_judged += 1,
+            Verdict::Same => tally.compared += 1,
+            Verdict::NotJudged => tally.not_judged += 1,
             Verdict::Differs(found, amount) => {
-                let run = lane.pending.iter().flat_map(|r| r.fired.iter().map(|id| Seen { mode: r.from, id }));
-                let expected = words(*system, run);
+                let (expected, found) = (words(system, arc.lane.pending.iter().flat_map(fired)), words(system, found));
                 let t = system.clock().time(end).value();
                 // An event the run does not have is told by its own time.
-                let t = if lane.pending.is_empty() { t - amount.unwrap_or(0.0) } else { t };
-                let found = words(*system, found.into_iter());
+                let t = if arc.lane.pending.is_empty() { t - amount.unwrap_or(0.0) } else { t };
                 self.difference = Some(Difference { t, expected, found, amount, check: CHECKS[check] });
             }
         }
     }
 
-    /// The time, s, within which a record belongs to those that are waiting.
-    fn window(&mut self, check: usize, record: &EventRecord) -> f64 {
-        let lane = &self.lanes[check];
-        let Some(first) = lane.pending.first() else { return 0.0 };
-        let length = self.system.clock().between(lane.last.at, first.at);
-        let unit = self.period.unwrap_or(length);
-        if check != SERIES {
-            return TOLERANCE * unit;
+    /// Takes in a record: what belongs to the instant that waits, or settles it.
+    fn take(&mut self, check: usize, record: &EventRecord) {
+        if record.graze {
+            return self.lanes[check].touches.push((record.at, record.fired));
         }
-        let mut time =
-            |record| series::uncertainty(self.system, &mut self.sizes, &lane.last, record, (length, unit), STEPS);
-        2.0 * (time(first) + time(record))
+        let given = record.start || record.accumulation.is_some();
+        let lane = &self.lanes[check];
+        let later = lane.pending.first().is_some_and(|first| {
+            let apart = self.system.clock().between(first.at, record.at);
+            let arc = Arc::new(self.system, lane, first.at, self.period);
+            let [ours, next] = [first, record].map(|record| arc.uncertainty(record, STEPS));
+            apart > if check == SERIES { 2.0 * (ours + next) } else { TOLERANCE * arc.unit }
+        });
+        if given || later {
+            self.settle(check);
+        }
+        let lane = &mut self.lanes[check];
+        if given {
+            // The state at the end of an accumulation is that after its last impact.
+            lane.last.x.clone_from(&record.x_plus);
+            lane.last.jump = record.jump;
+            self.tallies[check].not_judged += u64::from(!record.start);
+        } else {
+            lane.pending.push(record.clone());
+        }
     }
 }
 
 impl<S: HybridSystem + ContactView> Observer for Verifier<'_, S> {
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
-        for check in 0..CHECKS.len() {
-            if record.graze {
-                self.lanes[check].touches.push((record.at, record.fired));
-                continue;
-            }
-            let first = self.lanes[check].pending.first();
-            let apart = first.map(|first| self.system.clock().between(first.at, record.at));
-            let given = record.start || record.accumulation.is_some();
-            if given || apart.is_some_and(|apart| apart > self.window(check, record)) {
-                self.settle(check);
-            }
-            let lane = &mut self.lanes[check];
-            if given {
-                // The state at the end of an accumulation is that after its last impact.
-                lane.last.x.clone_from(&record.x_plus);
-                lane.last.jump = record.jump;
-                lane.tally.not_judged += u64::from(!record.start);
-            } else {
-                lane.pending.push(record.clone());
-            }
-        }
+        (0..CHECKS.len()).for_each(|check| self.take(check, record));
         if self.difference.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }
 
 /// Contacts and what happens to them.
-fn words<S: ContactView>(system: &S, seen: impl Iterator<Item = Seen>) -> String {
-    let word = |seen: Seen| {
-        let (j, watch) = system.watch(seen.id);
-        let before = system.contact_mode(j, seen.mode);
-        let kind = match (before, watch) {
-            (ContactMode::Separated, _) if system.is_rigid(j) => "impact",
-            (ContactMode::Separated, Watch::DriveFlank) => "drive_contact",
-            (ContactMode::Separated, _) => "back_contact",
-            (_, Watch::Force) if before.is_closed() && system.is_rigid(j) => "release",
+fn words<S: ContactView>(system: &S, seen: impl IntoIterator<Item = Seen>) -> String {
+    let word = |(mode, id)| {
+        let (j, watch) = system.watch(id);
+        let kind = match (system.contact_mode(j, mode), watch) {
+            (before, Watch::Force) if system.is_rigid(j) && before.is_closed() => "release",
             // A flank is not watched at rest: what follows at the same instant.
             _ if system.is_rigid(j) => "impact",
-            (ContactMode::DriveDetached, Watch::Force) => "drive_contact",
-            (ContactMode::BackDetached, Watch::Force) => "back_contact",
-            _ if before.is_closed() => "separation",
+            (ContactMode::Separated, Watch::DriveFlank) | (ContactMode::DriveDetached, Watch::Force) => "drive_contact",
+            (ContactMode::Separated, _) | (ContactMode::BackDetached, Watch::Force) => "back_contact",
+            (before, _) if before.is_closed() => "separation",
             _ => "clear",
         };
         format!("{} {kind}", system.contact_name(j))
     };
-    let mut words: Vec<String> = seen.map(word).collect();
+    let mut words: Vec<String> = seen.into_iter().map(word).collect();
     words.dedup();
     if words.is_empty() { "no event".to_owned() } else { words.join(", ") }
 }

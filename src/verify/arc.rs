@@ -1,0 +1,128 @@
+//! One arc of a run, and the sizes of the terms in it: rounding is a few units of them.
+
+use super::{Lane, TOLERANCE};
+use crate::{
+    event::EventRecord,
+    hybrid::{Flow, Guard, GuardSet, HybridSystem, Instant, VectorField},
+};
+
+/// Rounding of a guard in units of its terms, in ε: a value below it counts as zero. Each step before adds two.
+const ROUNDING: f64 = 32.0;
+/// Terms of the exponential: couplings from a coordinate to a guard that are seen.
+const COUPLINGS: usize = 6;
+/// Relative change of a coordinate in a difference quotient, and one for coordinates that are zero and stay so.
+const CHANGE: f64 = 1e-3;
+const SMALLEST: f64 = 1e-9;
+
+/// An arc of a run, with what the run says of its end.
+pub(super) struct Arc<'a> {
+    pub system: &'a dyn HybridSystem,
+    pub lane: &'a Lane,
+    /// Its length, s.
+    pub length: f64,
+    /// Unit of the tolerance, s.
+    pub unit: f64,
+    pub guards: Vec<Guard>,
+    /// `|∂g/∂x_i|` at the start, `[guards · dim]`.
+    gradients: Vec<f64>,
+    /// `|∂f_i/∂x_k|` at the start, `[dim · dim]`.
+    jacobian: Vec<f64>,
+}
+
+impl<'a> Arc<'a> {
+    /// The arc from where a check stands to `end`; `period` is its unit of time, s, or else its own length.
+    pub fn new(system: &'a dyn HybridSystem, lane: &'a Lane, end: Instant, period: Option<f64>) -> Self {
+        let from = &lane.last;
+        let length = system.clock().between(from.at, end);
+        let unit = period.unwrap_or(length);
+        let (dim, mode) = (from.x.len(), from.jump.mode);
+        let mut guards = Vec::new();
+        system.guards(mode, &mut guards);
+        let (gradients, jacobian) = (vec![0.0; guards.len() * dim], vec![0.0; dim * dim]);
+        let mut arc = Self { system, lane, length, unit, guards, gradients, jacobian };
+        let (mut rate, mut column, mut direction) = (vec![0.0; dim], vec![0.0; dim], vec![0.0; dim]);
+        arc.field().eval(mode, from.at, 0.0, &from.x, &mut rate);
+        let mut moved = from.x.clone();
+        for i in 0..dim {
+            direction[i] = 1.0;
+            arc.field().jac_mul(mode, from.at, 0.0, &from.x, &direction, &mut column);
+            direction[i] = 0.0;
+            column.iter().enumerate().for_each(|(k, c)| arc.jacobian[k * dim + i] = c.abs());
+            let change = CHANGE * (from.x[i].abs() + unit * rate[i].abs());
+            moved[i] += if change > 0.0 { change } else { SMALLEST };
+            for g in 0..arc.guards.len() {
+                let difference = arc.guard(g, 0.0, &moved) - arc.guard(g, 0.0, &from.x);
+                arc.gradients[g * dim + i] = (difference / (moved[i] - from.x[i])).abs();
+            }
+            moved[i] = from.x[i];
+        }
+        arc
+    }
+
+    /// The field by values alone.
+    pub fn field(&self) -> &'a dyn VectorField {
+        match self.system.flow() {
+            Flow::Jet(_, field) | Flow::Smooth(field) => field,
+        }
+    }
+
+    /// Value of guard `g` at `x`, `t` s after the start.
+    pub fn guard(&self, g: usize, t: f64, x: &[f64]) -> f64 {
+        let at = self.system.clock().advance(self.lane.last.at, t);
+        self.system.guard(self.lane.last.jump.mode, self.guards[g].id, at, x)
+    }
+
+    /// The guards of the events at the end.
+    pub fn fired(&self) -> GuardSet {
+        GuardSet(self.lane.pending.iter().fold(0, |set, record| set | record.fired.0))
+    }
+
+    /// What two instants may differ by and still be one to the check by values, s.
+    pub fn tolerance(&self) -> f64 {
+        TOLERANCE * self.unit + self.resolution()
+    }
+
+    /// Rounding of the two instants that the arc lies between, s.
+    fn resolution(&self) -> f64 {
+        8.0 * f64::EPSILON * f64::EPSILON * self.system.clock().time(self.lane.last.at).hi.abs()
+    }
+
+    /// Size of the terms of guard `g` at `x`, where `x` moves with rate `f` for a time `h`.
+    pub fn size(&self, g: usize, (x, f): (&[f64], &[f64]), h: f64) -> f64 {
+        let gradient = &self.gradients[g * x.len()..];
+        gradient.iter().zip(x.iter().zip(f)).map(|(d, (x, f))| d * (x.abs() + h * f.abs())).sum()
+    }
+
+    /// What an error of each coordinate does to the guards within a time `h`, relative to their `sizes`:
+    /// `Σ_g |∂g/∂x| exp(h|J|)/size`. A coordinate that is zero by symmetry has no size of its own.
+    pub fn weights(&self, sizes: &[f64], h: f64) -> Vec<f64> {
+        let dim = self.lane.last.x.len();
+        let mut at_once = vec![0.0; dim];
+        for (gradient, size) in self.gradients.chunks_exact(dim).zip(sizes).filter(|(_, size)| **size > 0.0) {
+            at_once.iter_mut().zip(gradient).for_each(|(w, d)| *w += d / size);
+        }
+        (1..=COUPLINGS).rev().fold(at_once.clone(), |weights, k| {
+            let mut sum = at_once.clone();
+            for (row, w) in self.jacobian.chunks_exact(dim).zip(weights) {
+                sum.iter_mut().zip(row).for_each(|(s, j)| *s += w * j * h / k as f64);
+            }
+            sum
+        })
+    }
+
+    /// How well the time of `record` is known after `steps` steps of the arc, s.
+    ///
+    /// The error of its own step is on record. The steps before it leave the rounding of the state, the terms of the guard and
+    /// what their rates make of it until the end of the arc, over the slope of the guard; where that vanishes, half the
+    /// curvature times unit² stands for the size of the terms.
+    pub fn uncertainty(&self, record: &EventRecord, steps: u64) -> f64 {
+        let mut rate = vec![0.0; self.lane.last.x.len()];
+        self.field().eval(self.lane.last.jump.mode, record.at, 0.0, &record.x_minus, &mut rate);
+        let fired = (0..self.guards.len()).filter(|g| record.fired.contains(self.guards[*g].id));
+        let size = fired.fold(0.0, |m: f64, g| m.max(self.size(g, (&record.x_minus, &rate), self.length)));
+        let relative = (ROUNDING + 2.0 * steps as f64) * f64::EPSILON;
+        let by_slope = if size > 0.0 { relative * size / record.conditioning.slope.abs() } else { 0.0 };
+        let by_state = by_slope.min(2.0 * relative.sqrt() * self.unit);
+        record.conditioning.time + by_state + 2.0 * f64::EPSILON * self.length + self.resolution()
+    }
+}
