@@ -44,6 +44,8 @@ pub(super) struct Alarm {
     ends: Vec<(GuardId, f64, f64)>,
     /// The mode of that step.
     mode: Mode,
+    /// The largest of them of a guard of position; without one there is no scale to measure a displacement by.
+    length: Option<f64>,
     /// How far the state may be moved at the event at hand, in the guards' units.
     move_limit: f64,
 }
@@ -54,6 +56,7 @@ impl Default for Alarm {
             rounding: Box::new([0.0; GUARDS]),
             ends: Vec::with_capacity(GUARDS),
             mode: Mode::default(),
+            length: None,
             move_limit: f64::INFINITY,
         }
     }
@@ -86,6 +89,9 @@ impl Alarm {
         for (i, guard) in step.guards().iter().enumerate() {
             let rounding = &mut self.rounding[usize::from(guard.id.0)];
             *rounding = rounding.max(step.guard_rounding(i));
+            if system.is_continuous(guard.id) {
+                self.length = Some(self.length.map_or(*rounding, |length| length.max(*rounding)));
+            }
             let tested = ON && !step.is_estimate() && (!first || system.is_continuous(guard.id));
             let Some((_, value, error)) = self.ends.iter().find(|(id, ..)| tested && *id == guard.id) else { continue };
             let row = step.guard(i);
@@ -135,7 +141,7 @@ impl Alarm {
         located: &Located,
         (at, x): (Instant, &[f64]),
     ) -> Result<(), EngineError> {
-        self.move_limit = 0.0;
+        self.move_limit = self.length.map_or(f64::INFINITY, |length| GATHERED * length);
         if !ON {
             self.move_limit = f64::INFINITY;
             return Ok(());
@@ -145,7 +151,7 @@ impl Alarm {
             let (id, row) = (guard.id, step.guard(i));
             let (tail, _) = step.guard_error(i);
             let rounding = self.rounding[usize::from(id.0)];
-            if moved.contains(id) {
+            if moved.contains(id) && system.is_continuous(id) {
                 let limit = step.guard_in_time(i, located.theta).map_or(tail, |(_, error)| error);
                 self.move_limit = self.move_limit.max(MOVED * limit + GATHERED * rounding);
             }

@@ -255,8 +255,17 @@ impl Expansion<'_> {
             let forced = flow.forcing.sum * self.h * r;
             tolerance * first[0].max(first[1] * r).max(first[2] * r * r).max(forced)
         };
-        // Errors stay resolved to the tolerance of their own size: zᴺ⁺¹/(N+1)! ≤ tolerance.
-        let waves = root_below(tolerance / INVERSE_FACTORIAL[ORDER + 1], ORDER + 1) * self.s.forcing.span / self.h;
+        // Errors stay resolved to the tolerance of their own size, zᴺ⁺¹/(N+1)! ≤ tolerance, and so do stiffnesses that a force is
+        // watched or carried by.
+        let swings = self
+            .s
+            .contacts
+            .iter()
+            .enumerate()
+            .filter(|(j, _)| self.side(*j) != 0.0 || self.carried_damping(*j).is_some());
+        let swing = swings.fold(0.0, |m: f64, (_, c)| m.max(c.swing.1));
+        let resolved = root_below(tolerance / INVERSE_FACTORIAL[ORDER + 1], ORDER + 1) / self.h;
+        let waves = resolved * self.s.forcing.span.min(swing.recip());
         let proven = LARGEST_RATIO * steps / (self.h * growth.max(fastest));
         let most = waves.min(proven).min(1.0);
         let mut reach = most;
