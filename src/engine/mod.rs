@@ -6,6 +6,7 @@ mod chatter;
 mod observer;
 mod outcome;
 mod state;
+mod visit;
 
 pub use advance::Engine;
 pub use observer::Observer;
