@@ -149,6 +149,8 @@ impl<'s> Engine<'s> {
     ) -> Result<End, EngineError> {
         let Self { integrator, state, low, carried, end: [end, end_low], core, .. } = self;
         core.counters.arcs += 1;
+        // Stands if the arc ends before its first step.
+        core.left_carried.clone_from(carried);
         let place = Place { mode: state.jump.mode, switching, closing, bound };
         let arc = Arc {
             mode: place.mode,

@@ -99,7 +99,7 @@ impl Alarm {
             if amount > APART * (error + *rounding) {
                 let limit = APART * (error + *rounding + TERMS * terms(row, 1.0));
                 if amount > limit {
-                    let what = "the step before ends elsewhere than the next one starts";
+                    let what = "the end of a step differs from the start of the next";
                     return Err(raise(system, step.start(), guard.id, what, amount, limit));
                 }
             }

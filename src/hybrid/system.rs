@@ -15,7 +15,7 @@ pub enum ModelError {
         mode: String,
     },
     /// The simultaneous impacts have no solution.
-    #[error("no impulses open the flanks of {elements} together with the speeds that their restitution asks for")]
+    #[error("no impulses satisfy the restitution of {elements} at once")]
     ImpactUnsolvable {
         /// The contacts that struck together.
         elements: String,

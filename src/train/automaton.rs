@@ -163,18 +163,22 @@ impl Structure {
 }
 
 impl Structure {
-    /// The classes of equal displacements and of equal velocities.
-    fn equal(&self, x: &[f64]) -> [Equal; 2] {
-        [self.symmetry.equal(&x[..self.n]), self.symmetry.equal(&x[self.n..2 * self.n])]
+    /// The classes whose displacements and velocities are equal, and their values.
+    pub(super) fn equal(&self, x: &[f64]) -> [Equal; 2] {
+        let [mut q, mut v] = [self.symmetry.equal(&x[..self.n]), self.symmetry.equal(&x[self.n..2 * self.n])];
+        let both = |class: usize, others: &Equal| others.iter().any(|(other, _)| *other == class);
+        q.retain(|(class, _)| both(*class, &v));
+        v.retain(|(class, _)| both(*class, &q));
+        [q, v]
     }
 
     /// What was equal before a jump is equal after it.
-    fn restore_equal(&self, [displacements, velocities]: &[Equal; 2], x: &mut [f64], low: &mut [f64]) {
+    pub(super) fn restore_equal(&self, [displacements, velocities]: &[Equal; 2], x: &mut [f64], low: &mut [f64]) {
         self.symmetry.restore(displacements, &mut x[..self.n]);
         self.symmetry.restore(velocities, &mut x[self.n..2 * self.n]);
         if !low.is_empty() {
-            self.symmetry.share(displacements, &mut low[..self.n]);
-            self.symmetry.share(velocities, &mut low[self.n..2 * self.n]);
+            self.symmetry.share(displacements, &x[..self.n], &mut low[..self.n]);
+            self.symmetry.share(velocities, &x[self.n..2 * self.n], &mut low[self.n..2 * self.n]);
         }
     }
 

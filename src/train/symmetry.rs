@@ -114,12 +114,20 @@ impl Symmetry {
         self.contacts.iter().any(|class| class.contains(&i) && class.contains(&j))
     }
 
-    /// Gives the members of the classes in `equal` the value of the first.
-    pub fn share(&self, equal: &Equal, values: &mut [f64]) {
+    /// Gives the members of the classes in `equal` that are equal in `values` the low part of the first.
+    pub fn share(&self, equal: &Equal, values: &[f64], low: &mut [f64]) {
         for (class, _) in equal {
             let class = &self.freedoms[*class];
-            class.iter().for_each(|i| values[*i] = values[class[0]]);
+            if class.iter().any(|i| values[*i] != values[class[0]]) {
+                continue;
+            }
+            class.iter().for_each(|i| low[*i] = low[class[0]]);
         }
+    }
+
+    /// Whether all members of all classes are equal in `values`.
+    pub fn are_all_equal(&self, values: &[f64]) -> bool {
+        self.freedoms.iter().all(|class| class.iter().all(|i| values[*i] == values[class[0]]))
     }
 
     /// Makes the forces of the contacts of each class equal, where all of it is in `held` and they differ by rounding only.

@@ -204,7 +204,7 @@ impl Structure {
                 let id = guard_id(j, watch);
                 if fired.contains(id) {
                     let striker = contact(side, if settles { 0.0 } else { law.restitution });
-                    let speed = if from.still.contains(id) || settles { 0.0 } else { striker.speed.max(0.0) };
+                    let speed = if from.still.contains(id) || settles { 0.0 } else { striker.speed };
                     // A rebound lost in rounding is none: the contact comes to rest.
                     let lost = law.restitution * speed <= striker.error;
                     set.push(Touching { speed, restitution: if lost { 0.0 } else { striker.restitution }, ..striker });
@@ -298,10 +298,13 @@ impl Structure {
                 jump.mode = with_contact(jump.mode, t.contact, Self::resting(t.side));
             }
         }
-        // A multiplier that fell through zero leaves the gap without acceleration: the third derivative decides.
+        // A multiplier that fell through zero leaves the gap without acceleration, and the third derivative decides, unless an impulse
+        // or a contact that has come to rest with it changes the accelerations.
+        let comes_to_rest = |t: &Touching| !contact_mode(from.mode, t.contact).is_closed();
+        let undisturbed = jump.struck.is_empty() && !pressed.iter().any(comes_to_rest);
         for t in slow.iter().filter(|t| t.releases) {
             let force = guard_id(t.contact, Watch::Force);
-            if from.pinned.contains(force) {
+            if undisturbed && from.pinned.contains(force) {
                 jump.pinned.insert(force);
             }
         }
@@ -352,8 +355,10 @@ impl Structure {
             .filter(|(_, state)| state.is_closed())
             .map(|(j, state)| (j, state.side()));
         if resting.clone().next().is_some() {
+            let equal = self.equal(x);
             self.project(resting.clone(), at, x, &mut []);
             self.stop(resting.map(|(j, _)| j), at, x);
+            self.restore_equal(&equal, x, &mut []);
         }
     }
 

@@ -163,6 +163,8 @@ struct Flow {
     forcing: Amplitude,
     /// Norms and the forcing's top without the contacts at rest.
     free: [f64; 3],
+    /// Norm of the projection by contacts at rest; 1 without.
+    projection: f64,
 }
 
 impl Expansion<'_> {
@@ -203,13 +205,14 @@ impl Expansion<'_> {
         let largest = |r: &[f64]| r.iter().copied().fold(0.0, f64::max);
         let mut norms = [largest(by_q), largest(by_v)];
         let free = [norms[0], norms[1], total.top];
+        let mut projection = 1.0;
         if let Some(held) = Sticking::new(s, self.request.mode) {
-            let projection = 1.0 + self.project_norms(&held, |k, norm| norm * s.contacts[k].across);
+            projection = 1.0 + self.project_norms(&held, |k, norm| norm * s.contacts[k].across);
             norms = norms.map(|n| n * projection);
             total.sum = total.sum * projection + self.project_norms(&held, |k, norm| norm * forcing.errors[k][2].sum);
             total.top = total.top * projection + self.project_norms(&held, |k, norm| norm * forcing.errors[k][2].top);
         }
-        Flow { norms, forcing: total, free }
+        Flow { norms, forcing: total, free, projection }
     }
 
     /// Damping of contact `j` if a linear law carries force in the mode.
@@ -332,7 +335,7 @@ impl Expansion<'_> {
             .filter(|j| self.carried_damping(*j).is_some())
             .map(|j| self.s.contacts[j].push_norm * self.product_tail(j, ORDER, reach, out))
             .sum();
-        let defect = growth * last + flow.forcing.top * exponential_tail(z, ORDER, wave) + varying;
+        let defect = growth * last + flow.forcing.top * exponential_tail(z, ORDER, wave) + flow.projection * varying;
         let velocity = defect * h / steps / (1.0 - growth * h / steps);
         let displacement = h / steps * (self.velocity_size(ORDER, out) * reach.powi(ORDER as i32) + velocity);
         Tail { velocity, displacement, waves: [wave, wave * z / steps], free: flow.free, rooted: None }
@@ -388,14 +391,20 @@ impl Expansion<'_> {
     }
 
     /// What it adds to the force that holds contact `j` at rest, N: `|W⁻¹|` times the tails of the free accelerations.
-    pub(super) fn held_force_tail(&self, j: usize, tail: &Tail) -> f64 {
+    pub(super) fn held_force_tail(&self, j: usize, tail: &Tail, out: &Jet) -> f64 {
         if let Some(defect) = &tail.rooted {
             return defect.of_force(self.s, &self.s.contacts[j]);
         }
         let Some(held) = Sticking::new(self.s, self.request.mode) else { return 0.0 };
         let forcing = &self.s.forcing;
+        let carried = (0..self.s.contacts.len()).filter(|i| self.carried_damping(*i).is_some());
+        let varying: f64 =
+            carried.map(|i| self.s.contacts[i].push_norm * self.product_tail(i, ORDER + 1, out.reach, out)).sum();
         let free = |k: usize| {
-            let state = tail.free[0] * tail.displacement + tail.free[1] * tail.velocity + tail.free[2] * tail.waves[1];
+            let state = tail.free[0] * tail.displacement
+                + tail.free[1] * tail.velocity
+                + tail.free[2] * tail.waves[1]
+                + varying;
             self.s.contacts[k].across * state + forcing.errors[k][2].top * tail.waves[1]
         };
         let contacts = held.contacts();

@@ -17,7 +17,7 @@ use crate::{
     poly::{FirstRoot, first_root},
     train::{
         assemble::{Contact, MAX_CONTACTS, Spring, Structure, Wave},
-        contact_mode::contact_mode,
+        contact_mode::{contact_mode, piece},
         sticking::Sticking,
     },
 };
@@ -230,6 +230,10 @@ impl Expansion<'_> {
                 if let Spring::Waves(_, waves) = &c.spring {
                     forces.by_time += push * s.wave_size(waves, 1) * total(&penetration);
                 }
+                if let Spring::Scheduled(schedule) = &c.spring {
+                    let slope = schedule.law(piece(self.request.mode, j)).1;
+                    forces.by_time += push * slope.abs() * total(&penetration);
+                }
                 if !matches!(c.spring, Spring::Constant(_)) {
                     forces.missing += push * beyond(&row(layout.of(j, STIFFNESS)), &penetration, ORDER + 1);
                 }
@@ -242,7 +246,7 @@ impl Expansion<'_> {
             let chi = c.latch.map_or(0.0, |i| law.hysteresis / self.request.x[i]);
             let factor = Factor::new(row(layout.of(j, FACTOR)), 0.0);
             let p = Factor::new(penetration, 0.0);
-            let own = owner.contact == j && owner.root == law.exponent.q;
+            let own = (owner.contact == j || self.is_twin(owner, j, work)) && owner.root == law.exponent.q;
             let mut power = Factor::new(row(layout.of(j, POWER)), 0.0);
             if own {
                 let (a, r) = ((law.exponent.p / law.exponent.q) as i32, (law.exponent.p % law.exponent.q) as usize);

@@ -129,7 +129,7 @@ impl Expansion<'_> {
         let c = &self.s.contacts[j];
         match c.spec.law {
             Law::Power(l) => c.latch.map_or(0.0, |i| l.hysteresis / self.request.x[i]) * self.rate_tail(j, tail, out),
-            Law::Rigid(_) => self.held_force_tail(j, tail),
+            Law::Rigid(_) => self.held_force_tail(j, tail, out),
             Law::Bilateral(l) | Law::KelvinVoigt(l, _) => self.linear_force_tail(j, l.damping, tail, out),
         }
     }

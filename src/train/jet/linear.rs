@@ -1,7 +1,7 @@
 //! Linear modes in plain time: the fast path.
 //!
 //! With every closed law linear, the mode is `q̈ = A_q q + A_v q̇ + f(t)` up to the contacts whose stiffness
-//! is itself a series. The closed contacts are merged into the matrices, and the recurrence runs on
+//! is itself a series. The forces of closed contacts are formed from their deflections, and the recurrence runs on
 //! fixed-size columns that the compiler turns into vector instructions.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 

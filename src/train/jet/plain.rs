@@ -168,7 +168,10 @@ impl Expansion<'_> {
             }
         }
         held.solve(&mut forces);
-        s.symmetry.restore_forces(held.contacts(), &mut forces);
+        let (q, v) = self.request.x[..2 * s.n].split_at(s.n);
+        if s.symmetry.are_all_equal(q) && s.symmetry.are_all_equal(v) {
+            s.symmetry.restore_forces(held.contacts(), &mut forces);
+        }
         for (force, &j) in forces.iter().zip(held.contacts()) {
             work[self.layout.of(j, FORCE) + k] = *force;
             for (i, p) in &s.contacts[j].push {

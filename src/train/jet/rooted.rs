@@ -138,7 +138,7 @@ impl Expansion<'_> {
     }
 
     /// Whether contact `j` is equal to the owner, in its numbers and in its motion. The owner is the first of equals.
-    fn is_twin(&self, owner: Owner, j: usize, work: &[f64]) -> bool {
+    pub(super) fn is_twin(&self, owner: Owner, j: usize, work: &[f64]) -> bool {
         let (s, x, i) = (self.s, self.request.x, owner.contact);
         let latched = |j: usize| s.contacts[j].latch.map(|latch| x[latch]);
         j > i
