@@ -93,6 +93,13 @@ impl Balance {
         // OK to convert: a run has fewer than 2⁵³ steps.
         (64.0 + 8.0 * steps as f64) * f64::EPSILON
     }
+
+    /// The same with `energy`, J, beside the throughput: what the loads give free masses in a step, the rounding of which remains
+    /// where nothing moves.
+    #[must_use]
+    pub fn is_open(&self, energy: f64, steps: u64) -> bool {
+        self.residual.abs() > Self::rounding(steps) * (self.throughput + energy)
+    }
 }
 
 impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {

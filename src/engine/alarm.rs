@@ -19,8 +19,8 @@ use crate::{
     poly,
 };
 
-/// Times the bound that two values of one row may differ: each is off by it once, and their rounding is no larger.
-const APART: f64 = 3.0;
+/// Times the bound that two values of one row may differ: each is off by it, and both have gathered rounding over the steps of an arc.
+const APART: f64 = 10.0;
 /// Rounding of a polynomial relative to the sum of its terms: twice the unit roundoff for each of 25 terms, and the conversion.
 const TERMS: f64 = 1e-14;
 /// Times the bound that a state may be moved onto a flank. The flank's distance is a difference of displacements that have gathered

@@ -134,7 +134,11 @@ impl DenseStep for Step<'_> {
         }
     }
     fn carry(&self, theta: f64, carried: &mut Vec<f64>) {
-        self.field.carry(self.mode, self.jet, theta, carried);
+        carried.clear();
+        // In a root clock the time of an event is not known well enough for a gap to be better than the state.
+        if !self.jet.is_estimate {
+            self.field.carry(self.mode, self.jet, theta, carried);
+        }
     }
     fn guard_rounding(&self, i: usize) -> f64 {
         self.jet.afresh.get(i).copied().unwrap_or(self.jet.rounding[i])

@@ -1,6 +1,8 @@
 //! The train as a hybrid automaton: which guard leads where, and what it resets.
 
 use super::symmetry::Equal;
+use arrayvec::ArrayVec;
+
 use super::{
     assemble::{Contact, MAX_CONTACTS, Structure},
     contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, with_contact, with_piece},
@@ -118,7 +120,7 @@ impl Structure {
         (j, watch): (usize, Watch),
         is_zero: bool,
         at: Instant,
-        (x, low): (&mut [f64], &mut [f64]),
+        x: &mut [f64],
     ) -> Result<(), ModelError> {
         use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
         let c = &self.contacts[j];
@@ -150,10 +152,6 @@ impl Structure {
         if watch != Watch::Force || is_zero {
             jump.pinned.insert(guard_id(j, watch));
         }
-        if watch != Watch::Force {
-            let flank = std::iter::once((j, watch.side()));
-            jump.projected = jump.projected.max(self.project(flank, at, x, low));
-        }
         if let (Law::Power(l), Some(i), Separated) = (c.spec.law, c.latch, state) {
             let approach = next.side() * self.deflection(j, at, x).1;
             x[i] = approach.max(l.speed_floor);
@@ -170,6 +168,15 @@ impl Structure {
         q.retain(|(class, _)| both(*class, &v));
         v.retain(|(class, _)| both(*class, &q));
         [q, v]
+    }
+
+    /// Whether all that is equal by the numbers of the train is so in its state and mode.
+    pub(super) fn is_symmetric(&self, mode: Mode, x: &[f64]) -> bool {
+        let (q, v) = x[..2 * self.n].split_at(self.n);
+        let latched = |j: usize| self.contacts[j].latch.map(|latch| x[latch]);
+        self.symmetry.are_all_equal(q)
+            && self.symmetry.are_all_equal(v)
+            && self.symmetry.agree(|j| (contact_mode(mode, j), latched(j)))
     }
 
     /// What was equal before a jump is equal after it.
@@ -247,11 +254,14 @@ impl HybridSystem for Structure {
         let mut jump = Self::standing(from, fired);
         let equal = self.equal(x);
         let mut rigid = false;
+        let flanks: ArrayVec<(usize, f64), MAX_CONTACTS> =
+            fired.iter().map(|id| (guard_of(id).0, guard_of(id).1.side())).filter(|(_, side)| *side != 0.0).collect();
+        jump.projected = self.project(flanks.iter().copied(), at, x, low);
         for id in fired.iter() {
             let (j, watch) = guard_of(id);
             match self.contacts[j].spec.law {
                 Law::Rigid(_) => rigid = true,
-                _ => self.follow(&mut jump, (j, watch), from.pinned.contains(id), at, (x, low))?,
+                _ => self.follow(&mut jump, (j, watch), from.pinned.contains(id), at, x)?,
             }
         }
         if rigid {

@@ -114,6 +114,11 @@ impl Symmetry {
         self.contacts.iter().any(|class| class.contains(&i) && class.contains(&j))
     }
 
+    /// Whether all contacts of each class are in the same state, as `state` gives it.
+    pub fn agree<T: PartialEq>(&self, state: impl Fn(usize) -> T) -> bool {
+        self.contacts.iter().all(|class| class.iter().all(|j| state(*j) == state(class[0])))
+    }
+
     /// Gives the members of the classes in `equal` that are equal in `values` the low part of the first.
     pub fn share(&self, equal: &Equal, values: &[f64], low: &mut [f64]) {
         for (class, _) in equal {

@@ -46,7 +46,9 @@ pub(super) fn check(arc: &Arc<'_>) -> (Verdict, u64) {
     let last = pending.last().map_or(end, |record| record.at);
     let until = if pending.is_empty() { last } else { clock.advance(last, TOLERANCE * arc.unit) };
     let mut engine = Engine::new(arc.system, Box::new(Taylor::varied()), Options::default(), arc.lane.last.clone());
-    let mut found = Found { records: Vec::new(), touches: Vec::new(), steps: 0, most: pending.len() };
+    // What is one instant to the run may be as many to the replay as guards fire.
+    let most = pending.len().max(arc.fired().0.count_ones() as usize);
+    let mut found = Found { records: Vec::new(), touches: Vec::new(), steps: 0, most };
     let failed = engine.run(until, &mut found).is_err();
     let first = found.records.first();
     if found.steps > STEPS || failed && first.is_none() {

@@ -386,7 +386,10 @@ impl Expansion<'_> {
     /// What it adds to the force of contact `j`, N: `k δ + c δ̇` of a linear law.
     pub(super) fn linear_force_tail(&self, j: usize, damping: f64, tail: &Tail, out: &Jet) -> f64 {
         let c: &Contact = &self.s.contacts[j];
-        let varying = self.product_tail(j, ORDER + 1, out.reach, out);
+        let varying = match tail.rooted {
+            Some(_) => self.rooted_product_tail(j, out),
+            None => self.product_tail(j, ORDER + 1, out.reach, out),
+        };
         c.spec.stiffness.maximum() * self.deflection_tail(j, tail) + damping * self.rate_tail(j, tail, out) + varying
     }
 

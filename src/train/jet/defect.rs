@@ -344,6 +344,18 @@ impl Expansion<'_> {
         }
     }
 
+    /// What the product `k(t) p` of contact `j` leaves out in a root clock, N.
+    pub(super) fn rooted_product_tail(&self, j: usize, out: &Jet) -> f64 {
+        if matches!(self.s.contacts[j].spring, Spring::Constant(_)) {
+            return 0.0;
+        }
+        let sizes = |which: usize| -> Sizes {
+            let row = self.layout.of(j, which);
+            std::array::from_fn(|k| out.work[row + k].abs() * out.reach.powi(k as i32))
+        };
+        beyond(&sizes(STIFFNESS), &sizes(PENETRATION), ORDER + 1)
+    }
+
     /// The norm of the projector that holds the rigid contacts at rest, and the part of their flanks in `forces`.
     fn projector(&self, forces: &mut Forces) -> f64 {
         let s = self.s;

@@ -181,7 +181,7 @@ impl JetField for Structure {
         carried.extend(self.contacts.iter().enumerate().map(|(j, c)| {
             let is_closed = contact_mode(mode, j).side() != 0.0;
             let start = step.work[if is_closed { layout.stretches } else { layout.gaps } + j];
-            if start.is_nan() || matches!(c.spec.law, Law::Bilateral(_)) {
+            if start.is_nan() || matches!(c.spec.law, Law::Bilateral(_)) || !is_closed && step.is_estimate {
                 return f64::NAN;
             }
             let stretch = (1..=ORDER).rev().fold(0.0, |sum, k| (sum + step.work[layout.deflection(j, k)]) * s) + start;

@@ -168,8 +168,7 @@ impl Expansion<'_> {
             }
         }
         held.solve(&mut forces);
-        let (q, v) = self.request.x[..2 * s.n].split_at(s.n);
-        if s.symmetry.are_all_equal(q) && s.symmetry.are_all_equal(v) {
+        if s.is_symmetric(self.request.mode, self.request.x) {
             s.symmetry.restore_forces(held.contacts(), &mut forces);
         }
         for (force, &j) in forces.iter().zip(held.contacts()) {

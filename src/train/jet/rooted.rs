@@ -148,6 +148,8 @@ impl Expansion<'_> {
             && latched(i) == latched(j)
             && work[self.layout.stretches + i] == work[self.layout.stretches + j]
             && self.rate(i, 0, &x[s.n..], work) == self.rate(j, 0, &x[s.n..], work)
+            // What else moves their bodies is equal too.
+            && s.is_symmetric(self.request.mode, x)
     }
 
     /// `y`, its powers and `w = q y^(q−1)` at order `k`.
