@@ -5,8 +5,9 @@
 
 use super::{Expansion, Watch};
 use crate::{
+    gear::contact::Law,
     hybrid::{Jet, Wide},
-    train::assemble::MAX_CONTACTS,
+    train::assemble::{Contact, MAX_CONTACTS},
 };
 use arrayvec::ArrayVec;
 
@@ -23,9 +24,11 @@ fn residual(h: f64, y: Wide, k: f64, next: f64, inverse: f64) -> f64 {
 }
 
 impl Expansion<'_> {
-    /// Whether the state has a low part.
+    /// Whether the state has a low part: not while a power law is closed, where small penetrations are carried instead.
     pub(super) fn keeps_low(&self) -> bool {
-        self.s.is_conservative && !self.request.low.is_empty()
+        let is_power = |(j, c): (usize, &Contact)| matches!(c.spec.law, Law::Power(_)) && self.side(j) != 0.0;
+        let contacts = &self.s.contacts;
+        self.s.is_conservative && !self.request.low.is_empty() && !contacts.iter().enumerate().any(is_power)
     }
 
     /// `δ − σ b` of contact `j` at the start, by the state unless it is exactly zero.
