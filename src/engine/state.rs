@@ -16,7 +16,7 @@ pub struct State {
 /// What a run is allowed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Records after which the run ends with [`Outcome::EventBudgetSpent`].
+    /// Records after which the run ends with [`EventBudgetSpent`](super::Outcome::EventBudgetSpent).
     pub max_events: u64,
     /// A chatter is summed when the rebound speed has fallen to this fraction of the fastest in the sequence, `(0, 1)`.
     pub chatter_fraction: f64,
