@@ -150,13 +150,16 @@ impl Locator {
         let (residual, slope) = poly::eval_with_slope(step.guard(lead), theta);
         let (_, deflated_slope) = poly::eval_with_slope(series.p, theta);
         // To first order the error over the slope; where the slope vanishes, the curvature takes over.
-        let width = if theta == 0.0 {
-            0.0
-        } else {
+        let width = |gathered: f64| {
+            // From an exact zero on a guard that goes out does so at once.
+            if theta == 0.0 && series.order > 0 {
+                return 0.0;
+            }
             let curvature = curvature(series.p, theta).abs();
-            let error = series.error_at(theta);
+            let error = series.error_at(theta) + gathered / theta.powi(series.order as i32);
             (error / deflated_slope.abs()).min((2.0 * error / curvature).sqrt()).min(1.0)
         };
+        let reach = if theta == 0.0 { 0.0 } else { width(0.0) };
         let standstill = stands_still(step, theta, theta);
         let (mut fired, mut zero, mut near) = (GuardSet::EMPTY, GuardSet::EMPTY, GuardSet::EMPTY);
         for (i, guard) in step.guards().iter().enumerate() {
@@ -168,7 +171,7 @@ impl Locator {
                 poly::first_root(series.p, 1.0, series.error).root == FirstRoot::At(0.0)
             } else {
                 let (value, slope) = poly::eval_with_slope(series.p, theta);
-                let falls = slope < 0.0 && value <= series.error + slope.abs() * width;
+                let falls = slope < 0.0 && value <= series.error + slope.abs() * reach;
                 // Where a root clock stands still slopes mean nothing, and nothing but an end can be at zero.
                 falls || standstill && value.abs() <= series.error
             };
@@ -183,18 +186,22 @@ impl Locator {
         }
         // All of it in time and in the guard's own units; at the end of a contact a root clock stands still.
         let rate = step.rate(theta).abs();
+        let gathered = step.gathered(lead, theta, series.order);
+        // The place of the root is a double.
+        let place = f64::EPSILON * step.time(theta);
+        let estimated = step.is_estimate();
         let conditioning = match step.guard_in_time(lead, theta) {
             Some((in_time, error)) => Conditioning {
                 residual: if slope == 0.0 { 0.0 } else { residual / slope * rate * in_time },
                 slope: in_time,
-                time: if in_time == 0.0 { width * rate } else { error / in_time.abs() },
-                estimated: step.is_estimate(),
+                time: place + if in_time == 0.0 { width(0.0) * rate } else { (error + gathered) / in_time.abs() },
+                estimated,
             },
             None => Conditioning {
                 residual,
                 slope: if rate > 0.0 { slope / rate } else { 0.0 },
-                time: width * rate,
-                estimated: step.is_estimate(),
+                time: place + width(gathered) * rate,
+                estimated,
             },
         };
         Located { theta, fired, zero, near, conditioning }

@@ -1,4 +1,4 @@
-use super::{Guard, GuardSet, Instant, Mode, Wide};
+use super::{Guard, GuardId, GuardSet, Instant, Mode, Wide};
 
 /// The smooth motion inside one mode.
 #[derive(Clone, Copy)]
@@ -44,6 +44,13 @@ pub trait JetField {
     /// Puts the state at the end of a step back onto what `mode` holds fixed, where rounding has moved it: contacts at rest.
     fn restore(&self, mode: Mode, at: Instant, x: &mut [f64]) {
         let _ = (mode, at, x);
+    }
+
+    /// Sizes of the terms whose sums are the value, the rate and the acceleration of guard `id` at the start of `step`, in states
+    /// whose components are as large as those of `x`.
+    fn sizes(&self, mode: Mode, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
+        let _ = (mode, id, step, x);
+        [0.0; 3]
     }
 
     /// Keeps from `theta` on a step what the state alone holds with less precision, such as a penetration or a gap that is a

@@ -14,6 +14,8 @@ pub struct Taylor {
     jet: Jet,
     x: Vec<f64>,
     carried: Vec<f64>,
+    /// The largest size of each component at the starts of the arc's steps so far.
+    extent: Vec<f64>,
     varied: bool,
     /// Uncertainties of guards that come from before the arc's present part.
     pub(super) blur: Vec<(GuardId, f64)>,
@@ -79,10 +81,18 @@ const RESOLUTION: f64 = 4.0 * f64::EPSILON * f64::EPSILON;
 /// known to a few units in the last place.
 const ARRIVED: f64 = 8.0 * f64::EPSILON;
 
+/// Rounding of a sum relative to its terms: a few units for each. Over the steps of an arc it grows like their root.
+const GATHERED: f64 = 8.0 * f64::EPSILON;
+/// Times that of its value, whose terms are added up at every step and at its end.
+const VALUE: f64 = 4.0;
+
 struct Step<'a> {
     start: Instant,
     jet: &'a Jet,
     blur: &'a [(GuardId, f64)],
+    extent: &'a [f64],
+    /// Steps of the arc up to this one.
+    count: u32,
     field: &'a dyn JetField,
     mode: Mode,
 }
@@ -133,6 +143,14 @@ impl DenseStep for Step<'_> {
             None => self.jet.guard_derivatives_in_time(i),
         }
     }
+    fn gathered(&self, i: usize, theta: f64, zeros: usize) -> f64 {
+        let [value, rate, acceleration] = self.field.sizes(self.mode, self.jet.guards[i].id, self.jet, self.extent);
+        let t = self.time(theta);
+        let terms = [VALUE * value, rate * t, 0.5 * acceleration * t * t];
+        // Even an acceleration that is exactly zero is so at a moment that is known to rounding.
+        let known = if self.count == 1 { zeros.min(2) } else { 0 };
+        GATHERED * f64::from(self.count).sqrt() * terms.iter().skip(known).sum::<f64>()
+    }
     fn carry(&self, theta: f64, carried: &mut Vec<f64>) {
         carried.clear();
         // In a root clock the time of an event is not known well enough for a gap to be better than the state.
@@ -170,7 +188,7 @@ impl Integrator for Taylor {
     ) -> Result<(), IntegrateError> {
         let Flow::Jet(field, _) = system.flow() else { return Err(IntegrateError::NoJet) };
         let clock = system.clock();
-        let Self { jet, x, carried, blur, varied } = self;
+        let Self { jet, x, carried, extent, blur, varied } = self;
         let mut cuts = *varied;
         carried.clear();
         carried.extend_from_slice(arc.carried);
@@ -179,6 +197,9 @@ impl Integrator for Taylor {
         low.fill(0.0);
         low[..arc.low.len()].copy_from_slice(arc.low);
         let (mut at, mut pinned, mut still) = (arc.at, arc.pinned, arc.still);
+        extent.clear();
+        extent.resize(x.len(), 0.0);
+        let mut count = 0;
         loop {
             let span = clock.between(at, arc.bound);
             // Instants are pairs of doubles: what is left below their rounding is no time at all.
@@ -197,7 +218,9 @@ impl Integrator for Taylor {
                 cuts = !cuts;
             }
             let elapsed = jet.time_at(1.0);
-            if visit(&Step { start: at, jet, blur, field, mode: arc.mode }).is_break() {
+            extent.iter_mut().zip(&*x).for_each(|(e, x)| *e = e.max(x.abs()));
+            count += 1;
+            if visit(&Step { start: at, jet, blur, extent, count, field, mode }).is_break() {
                 return Ok(());
             }
             // Only now: a step that runs past the end of a contact in the root clock is cut by its event.

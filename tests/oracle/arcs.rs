@@ -30,15 +30,13 @@ pub struct Arc {
     /// Error of its time, and the uncertainty stated.
     pub error: f64,
     pub stated: f64,
-    /// Rounding of the time itself: a double's share of the arc.
-    pub rounding: f64,
     /// Another contact, or no event at all.
     pub other: Option<String>,
 }
 
 impl Arc {
     pub fn is_held(&self) -> bool {
-        self.other.is_none() && self.error <= self.stated + self.rounding
+        self.other.is_none() && self.error <= self.stated
     }
 }
 
@@ -121,12 +119,18 @@ pub fn arcs(value: &Value, most: usize) -> Vec<Arc> {
         let ended = engine.run(end, &mut each);
         let Some(record) = each.record.filter(|_| ended.is_ok()) else { return out };
         // The first decides the start; switches, sums and touches are no events that end an arc.
-        let is_event = !record.fired.is_empty() && !record.start && !record.graze && record.accumulation.is_none();
+        // One at the time of a switch has no uncertainty of its own.
+        let is_event = record.conditioning.time > 0.0
+            && !record.fired.is_empty()
+            && !record.start
+            && !record.graze
+            && record.accumulation.is_none();
         let is_arc = fresh && is_event;
         if is_arc {
             out.push(arc(&m, &case.structure, &from, &record));
         }
-        fresh = record.accumulation.is_none();
+        // After a touch the state is on a flank only to rounding.
+        fresh = record.accumulation.is_none() && !record.graze;
     }
     out
 }
@@ -136,7 +140,11 @@ fn arc(m: &Model, structure: &Structure, from: &FlankState, record: &EventRecord
     let state = taken(m, structure, from);
     let span = told - state.t;
     let stated = record.conditioning.time;
-    let mut arc = Arc { error: 0.0, stated, rounding: f64::EPSILON * near(span), other: None };
+    let mut arc = Arc { error: 0.0, stated, other: None };
+    // A flight hardly longer than its uncertainty is a touch to the oracle.
+    if near(span) <= 1e4 * stated {
+        return arc;
+    }
     let mut run = Runner::new(m, state);
     let limit = told + span * wide(0.01) + wide(2.0 * stated);
     while run.events.is_empty() {

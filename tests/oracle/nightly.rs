@@ -185,8 +185,7 @@ pub fn arcs(plan: &Plan) -> Vec<Arcs> {
         each(class, plan, |index, scene| {
             let found = super::arcs::arcs(&scene, plan.budget);
             if let Some(bad) = found.iter().find(|a| !a.is_held()).filter(|_| plan.tell) {
-                let words =
-                    format!("off by {:.2e}, stated {:.2e}, rounding {:.2e}", bad.error, bad.stated, bad.rounding);
+                let words = format!("off by {:.2e}, stated {:.2e}", bad.error, bad.stated);
                 say(&format!("{} {index} {}\n    {scene}", class.letter, bad.other.as_ref().unwrap_or(&words)));
             }
             if let Ok(mut all) = all.lock() {

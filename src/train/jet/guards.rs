@@ -1,20 +1,45 @@
 //! The guards of a mode as polynomials in the step's clock.
 
-use super::{Expansion, FACTOR, FORCE, LANES, RATE, ROW, bound::Tail, rooted::Owner};
+use super::{Expansion, FACTOR, FORCE, LANES, Layout, RATE, ROW, bound::Tail, rooted::Owner};
 use crate::{
     gear::contact::{Law, Release},
-    hybrid::{Guard, Jet},
+    hybrid::{Guard, GuardId, Jet, Mode},
     train::{
         assemble::{Contact, MAX_CONTACTS, Structure},
-        contact_mode::{ContactMode, Watch, contact_mode, guard_id, watches},
+        contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, watches},
     },
 };
 
 /// Rounding of a guard's value relative to the terms it is summed from: the sum itself, and what the state has
 /// gathered since the last event, a few units in the last place for each of some ten steps.
-const ROUNDING: f64 = 32.0 * f64::EPSILON;
+pub(super) const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 impl Structure {
+    /// Sizes of the terms of a guard's value, rate and acceleration: see [`JetField::sizes`](crate::hybrid::JetField::sizes).
+    pub(super) fn guard_sizes(&self, mode: Mode, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
+        let (j, watch) = guard_of(id);
+        let (c, layout) = (&self.contacts[j], Layout::new(self));
+        let force = |k: usize| step.work[layout.of(k, FORCE)];
+        let (deflection, rate) = (self.deflection_size(c, x), self.rate_size(c, x));
+        let acceleration = self.acceleration_size(j, mode, x, force);
+        match (watch, c.spec.law) {
+            (Watch::Force, Law::Bilateral(l) | Law::KelvinVoigt(l, _)) => {
+                let k = c.spec.stiffness.maximum();
+                [k * deflection + l.damping * rate, k * rate + l.damping * acceleration, k * acceleration]
+            }
+            (Watch::Force, Law::Power(l)) => {
+                let chi = c.latch.map_or(0.0, |i| l.hysteresis / x[i]);
+                [1.0 + chi * rate, chi * acceleration, 0.0]
+            }
+            (Watch::Force, Law::Rigid(_)) => [c.effective_mass() * acceleration, 0.0, 0.0],
+            // Where the force was zero last, the stretch is `c δ̇/k`.
+            (_, Law::KelvinVoigt(l, Release::Force)) => {
+                [deflection + l.damping * rate / c.spec.stiffness.maximum(), rate, acceleration]
+            }
+            _ => [deflection, rate, acceleration],
+        }
+    }
+
     /// What is watched on a contact in `state`, with the sign that makes it positive inside.
     pub(in crate::train) fn watched(&self, c: &Contact, state: ContactMode) -> &'static [(Watch, f64)] {
         match c.spec.law {

@@ -28,7 +28,7 @@ use super::{
 };
 use crate::{
     gear::contact::Law,
-    hybrid::{Instant, Jet, JetField, JetRequest, Mode},
+    hybrid::{GuardId, Instant, Jet, JetField, JetRequest, Mode},
 };
 
 /// Highest power of a step.
@@ -166,6 +166,10 @@ impl JetField for Structure {
         e.guards(owner, &tail, out);
     }
 
+    fn sizes(&self, mode: Mode, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
+        self.guard_sizes(mode, id, step, x)
+    }
+
     fn restore(&self, mode: Mode, at: Instant, x: &mut [f64]) {
         self.rest(mode, at, x);
     }
@@ -250,13 +254,19 @@ impl Expansion<'_> {
 
     /// `δ − σ b` where the force of contact `j` is exactly zero: `−c δ̇/k` under a linear law. Taken from the state it would
     /// be off by the rounding of the displacements, and times k that can be more than all else: the force would pull where
-    /// the contact is closed, and the mode without it press, each leading to the other.
+    /// the contact is closed, and the mode without it press, each leading to the other. What is more than that rounding comes
+    /// from the rounded time of the event, and the state is right.
     fn forceless(&self, j: usize, side: f64, work: &[f64]) -> f64 {
         let (c, request) = (&self.s.contacts[j], self.request);
         let k = self.s.stiffness(j, request.mode, request.at).0;
+        let stretch = work[self.layout.deflection(j, 0)] - side * c.offset();
         match c.spec.law {
-            Law::KelvinVoigt(l, _) if k > 0.0 => -l.damping * self.rate(j, 0, &request.x[self.s.n..], work) / k,
-            _ => work[self.layout.deflection(j, 0)] - side * c.offset(),
+            Law::KelvinVoigt(l, _) if k > 0.0 => {
+                let forceless = -l.damping * self.rate(j, 0, &request.x[self.s.n..], work) / k;
+                let rounding = guards::ROUNDING * self.s.deflection_size(c, request.x);
+                if (forceless - stretch).abs() <= rounding { forceless } else { stretch }
+            }
+            _ => stretch,
         }
     }
 
