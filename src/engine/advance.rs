@@ -15,8 +15,13 @@ use crate::{
     integrate::{Arc, Integrator},
 };
 
-/// Jumps allowed at one instant.
+/// Jumps without an impulse allowed at one instant: more go round in a circle.
 const MAX_CASCADE: usize = 64;
+/// Jumps with an impulse allowed at one instant: passed to and fro between contacts it shrinks by a factor, and 4096 rounds
+/// reach [`LOST`] at factors up to 0.991.
+const MAX_STRIKES: usize = 4096;
+/// Approach speed, relative to the fastest at the same instant, below which contacts come to rest instead of bouncing.
+const LOST: f64 = f64::EPSILON;
 
 /// Drives a hybrid system from event to event.
 pub struct Engine<'s> {
@@ -65,6 +70,8 @@ impl<'s> Engine<'s> {
             open,
             uncounted: GuardSet::EMPTY,
             cascade: Vec::with_capacity(MAX_CASCADE),
+            strikes: 0,
+            fastest: 0.0,
             left_at: state.at,
             left_x: vec![0.0; dim],
             left_low: vec![0.0; dim],
@@ -211,16 +218,12 @@ impl<'s> Engine<'s> {
             open.conditioning = located.conditioning;
         }
         core.cascade.push(state.jump.mode);
-        if core.cascade.len() > MAX_CASCADE {
-            let modes = &core.cascade;
-            let (last, before) = (modes[MAX_CASCADE], &modes[..MAX_CASCADE]);
+        let rounds = core.cascade.len() - 1;
+        if rounds >= MAX_CASCADE + core.strikes || core.strikes > MAX_STRIKES {
+            let (last, before) = (core.cascade[rounds], &core.cascade[..rounds]);
             let since = before.iter().rposition(|m| *m == last).unwrap_or(0);
             let cycle = before[since..].iter().map(|m| core.system.mode_in_words(*m)).collect();
-            return Err(EngineError::Cycle {
-                t: core.system.clock().time(state.at).value(),
-                rounds: MAX_CASCADE,
-                cycle,
-            });
+            return Err(EngineError::Cycle { t: core.system.clock().time(state.at).value(), rounds, cycle });
         }
         let before = state.jump.pinned;
         core.alarm.jumped();
@@ -230,8 +233,18 @@ impl<'s> Engine<'s> {
         touches.for_each(|id| state.jump.pinned.insert(id));
         // One that is known to touch carries an impulse without an impact.
         let near = located.near.0 & !before.0;
-        state.jump = core.system.jump(&state.jump, located.fired, state.at, &mut state.x, low).map_err(model)?;
+        let speed = located.conditioning.slope.abs();
+        core.fastest = core.fastest.max(speed);
+        let rebounds = |id| core.system.restitution(id).is_some_and(|e| e > 0.0);
+        state.jump = if speed < LOST * core.fastest && located.fired.iter().all(rebounds) {
+            low.fill(0.0);
+            core.system.settle(&state.jump, located.fired, state.at, &mut state.x)
+        } else {
+            core.system.jump(&state.jump, located.fired, state.at, &mut state.x, low)
+        }
+        .map_err(model)?;
         core.alarm.moved(core.system, state.at, located.fired, state.jump.projected)?;
+        core.strikes += usize::from(!state.jump.struck.is_empty());
         open.fired.0 |= near & state.jump.struck.0;
         open.projected = open.projected.max(state.jump.projected);
         open.jumps += 1;

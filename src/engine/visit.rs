@@ -31,6 +31,10 @@ pub(super) struct Core<'s> {
     pub uncounted: GuardSet,
     /// Modes visited at the current instant.
     pub cascade: Vec<Mode>,
+    /// Jumps at the current instant that had an impulse.
+    pub strikes: usize,
+    /// Their fastest approach, in the units of its guard's rate.
+    pub fastest: f64,
     /// Where the current arc was left.
     pub left_at: Instant,
     pub left_x: Vec<f64>,
@@ -68,6 +72,7 @@ impl Core<'_> {
         // An arc too short for the clock to tell leaves the instant what it was: its jumps go on counting.
         if open.at != state.at {
             self.cascade.clear();
+            (self.strikes, self.fastest) = (0, 0.0);
         }
         open.at = state.at;
         open.from = state.jump.mode;
@@ -121,7 +126,7 @@ impl Core<'_> {
         }
         let closes = !place.switching
             && self.system.clock().between(step.start(), place.bound) <= step.time(1.0) * (1.0 + 4.0 * f64::EPSILON);
-        let (located, touch) = self.locator.first(step, closes);
+        let (located, touch) = self.locator.first(step, first, closes);
         if first {
             if let Some(located) = located.filter(|l| l.theta == 0.0) {
                 return Some(self.fire(step, place, located));

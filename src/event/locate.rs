@@ -81,6 +81,11 @@ impl<'a> Deflated<'a> {
         series
     }
 
+    /// A bound on the size of all values up to `theta`.
+    fn largest(&self, theta: f64) -> f64 {
+        self.p.iter().rev().fold(0.0, |s, c| s * theta + c.abs())
+    }
+
     /// The error of a value between the start and `theta`: that of the start, and that of what the series adds.
     fn error_at(&self, theta: f64) -> f64 {
         let first = usize::from(self.order == 0);
@@ -112,8 +117,14 @@ fn is_tangent(step: &dyn DenseStep, i: usize, theta: f64, end: f64) -> bool {
 impl Locator {
     /// The first event on the step, and the first touch before it, if any.
     ///
-    /// `closed_end` makes an event exactly at the end of the step belong to it (the end of a run).
-    pub fn first(&mut self, step: &dyn DenseStep, closed_end: bool) -> (Option<Located>, Option<(f64, GuardId)>) {
+    /// `starts` says that an arc starts with the step: what cannot be told from zero from there on is no touch, but a flank
+    /// that is left. `closed_end` makes an event exactly at the end of the step belong to it (the end of a run).
+    pub fn first(
+        &mut self,
+        step: &dyn DenseStep,
+        starts: bool,
+        closed_end: bool,
+    ) -> (Option<Located>, Option<(f64, GuardId)>) {
         let mut first: Option<(f64, usize)> = None;
         let mut touch: Option<(f64, usize)> = None;
         let mut limit = 1.0;
@@ -134,6 +145,7 @@ impl Locator {
             }
             if let Some(theta) = found.touch
                 && touch.is_none_or(|(t, _)| theta < t)
+                && !(starts && series.largest(theta) <= 2.0 * series.error)
             {
                 touch = Some((theta, i));
             }

@@ -142,7 +142,7 @@ fn arc(m: &Model, structure: &Structure, from: &FlankState, record: &EventRecord
     let stated = record.conditioning.time;
     let mut arc = Arc { error: 0.0, stated, other: None };
     // A flight hardly longer than its uncertainty is a touch to the oracle.
-    if near(span) <= 1e4 * stated {
+    if near(span) <= 1e6 * stated {
         return arc;
     }
     let mut run = Runner::new(m, state);

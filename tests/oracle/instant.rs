@@ -20,8 +20,8 @@ pub struct Fired {
     pub zero: bool,
 }
 
-/// Rounds at one instant after which it has no end.
-const ROUNDS: usize = 64;
+/// Rounds at one instant after which it has no end. Blows that are passed to and fro get weaker by a factor.
+const ROUNDS: usize = 4096;
 /// Orders looked at.
 const ORDERS: usize = 10;
 

@@ -254,8 +254,8 @@ impl Expansion<'_> {
 
     /// `δ − σ b` where the force of contact `j` is exactly zero: `−c δ̇/k` under a linear law. Taken from the state it would
     /// be off by the rounding of the displacements, and times k that can be more than all else: the force would pull where
-    /// the contact is closed, and the mode without it press, each leading to the other. What is more than that rounding comes
-    /// from the rounded time of the event, and the state is right.
+    /// the contact is closed, and the mode without it press, each leading to the other. With damping, what is more than that
+    /// rounding comes from the rounded time of the event, and the state is right.
     fn forceless(&self, j: usize, side: f64, work: &[f64]) -> f64 {
         let (c, request) = (&self.s.contacts[j], self.request);
         let k = self.s.stiffness(j, request.mode, request.at).0;
@@ -264,7 +264,7 @@ impl Expansion<'_> {
             Law::KelvinVoigt(l, _) if k > 0.0 => {
                 let forceless = -l.damping * self.rate(j, 0, &request.x[self.s.n..], work) / k;
                 let rounding = guards::ROUNDING * self.s.deflection_size(c, request.x);
-                if (forceless - stretch).abs() <= rounding { forceless } else { stretch }
+                if l.damping == 0.0 || (forceless - stretch).abs() <= rounding { forceless } else { stretch }
             }
             _ => stretch,
         }
