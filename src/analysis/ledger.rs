@@ -94,8 +94,8 @@ impl Balance {
         (64.0 + 8.0 * steps as f64) * f64::EPSILON
     }
 
-    /// The same with `energy`, J, beside the throughput: what the loads give free masses in a step, the rounding of which remains
-    /// where nothing moves.
+    /// Whether the residual is more than the rounding of the throughput and of `energy`, J
+    /// ([`Structure::rounded_energy`](crate::train::Structure::rounded_energy)).
     #[must_use]
     pub fn is_open(&self, energy: f64, steps: u64) -> bool {
         self.residual.abs() > Self::rounding(steps) * (self.throughput + energy)

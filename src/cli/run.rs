@@ -124,12 +124,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let (spec, steps) = (structure.spec(), engine.counters().steps);
     let is_exact = summary.integrator.modes.iter().all(|(_, name)| *name == "taylor");
     let step = structure.clock().between(from, state.at) / steps.max(1) as f64;
-    let energy: f64 = (0..structure.freedoms())
-        .map(|i| {
-            let waves: f64 = spec.load_harmonics.iter().map(|load| load.vector[i].abs()).sum();
-            ((spec.load[i].abs() + waves) * step).powi(2) / spec.mass[(i, i)]
-        })
-        .sum();
+    let energy = structure.rounded_energy(step, summary.energy.throughput);
     let is_symmetric = spec.stiffness == spec.stiffness.transpose();
     if result.is_ok() && is_exact && is_symmetric && summary.energy.is_open(energy, steps) {
         let (closure, rounding) = (summary.energy.closure(), Balance::rounding(steps));

@@ -54,7 +54,7 @@ pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
         dropped += p[n].abs();
         n -= 1;
     }
-    let p = &p[..=n];
+    let (all, p) = (p, &p[..=n]);
     let mut search = Search { p, uncertainty: uncertainty + dropped, shallow: None, touch: None, splits: 0 };
     let start = if limit == 1.0 {
         Bernstein::from_power(p)
@@ -76,7 +76,22 @@ pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
         // It stays within the uncertainty up to the crossing: one crossing of high order.
         search.touch = None;
     }
+    let root = root.map(|root| if n + 1 < all.len() { closer(all, root, limit) } else { root });
     Isolation { root: root.map_or(FirstRoot::None, FirstRoot::At), touch: search.touch, splits: search.splits }
+}
+
+/// A root of the shortened polynomial, moved to that of `p`: by Newton's method, as long as the values shrink.
+fn closer(p: &[f64], root: f64, limit: f64) -> f64 {
+    let (mut x, (mut f, mut slope)) = (root, eval_with_slope(p, root));
+    while f != 0.0 && slope < 0.0 {
+        let next = (x - f / slope).clamp(0.0, limit);
+        let (value, rate) = eval_with_slope(p, next);
+        if value.abs() >= f.abs() {
+            break;
+        }
+        (x, f, slope) = (next, value, rate);
+    }
+    x
 }
 
 struct Search<'a> {

@@ -160,6 +160,25 @@ impl Structure {
     }
 }
 
+impl Structure {
+    /// Energy, J, the rounding of which a run with steps of `step` s leaves in its ledger beside that of its `throughput` E, J: what the
+    /// loads give free masses in a step, and `√(E k ℓ²)`. A penetration is rounded by ε of the flank's distance ℓ, and a motion of
+    /// amplitude a, `E = k a²`, does the work `ε k ℓ a` on that.
+    #[must_use]
+    pub fn rounded_energy(&self, step: f64, throughput: f64) -> f64 {
+        let of_loads = (0..self.n).map(|i| {
+            let waves: f64 = self.spec.load_harmonics.iter().map(|load| load.vector[i].abs()).sum();
+            ((self.spec.load[i].abs() + waves) * step).powi(2) / self.spec.mass[(i, i)]
+        });
+        let of_flanks = self.contacts.iter().map(|c| {
+            let distance = c.gap() + c.error.iter().map(|w| w.cosine.abs() + w.sine.abs()).sum::<f64>();
+            let power = if let Law::Power(l) = c.spec.law { l.exponent.value() + 1.0 } else { 2.0 };
+            c.spec.stiffness.maximum() * distance.powf(power)
+        });
+        of_loads.sum::<f64>() + (throughput * of_flanks.sum::<f64>()).sqrt()
+    }
+}
+
 impl PowerBalance for Structure {
     fn energy(&self, mode: Mode, at: Instant, x: &[f64]) -> f64 {
         let q = &x[..self.n];

@@ -46,8 +46,10 @@ struct Touching {
     speed: f64,
     /// Rounding of the speed, m/s.
     error: f64,
-    /// Its multiplier fell through zero, or below: it does not come back to rest at this instant.
+    /// Its multiplier fell through zero, or below, at this instant: it comes back to rest only where the motion after that brings it.
     releases: bool,
+    /// It was released at this instant, and the third derivative brings it back: its multiplier starts from zero.
+    returns: bool,
 }
 
 impl Touching {
@@ -193,8 +195,10 @@ impl Structure {
             let state = contact_mode(from.mode, j);
             let contact = |side, restitution| {
                 let speed = side * self.deflection(j, at, x).1;
-                Touching { contact: j, side, restitution, speed, error: self.speed_rounding(j, at, x), releases: false }
+                let error = self.speed_rounding(j, at, x);
+                Touching { contact: j, side, restitution, speed, error, releases: false, returns: false }
             };
+            let was_released = from.pinned.contains(guard_id(j, Watch::Force));
             if state.is_closed() {
                 let releases = fired.contains(guard_id(j, Watch::Force));
                 set.push(Touching { speed: 0.0, error: 0.0, releases, ..contact(state.side(), 0.0) });
@@ -207,12 +211,14 @@ impl Structure {
                     let speed = if from.still.contains(id) || settles { 0.0 } else { striker.speed };
                     // A rebound lost in rounding is none: the contact comes to rest.
                     let lost = law.restitution * speed <= striker.error;
-                    set.push(Touching { speed, restitution: if lost { 0.0 } else { striker.restitution }, ..striker });
+                    let restitution = if lost { 0.0 } else { striker.restitution };
+                    let returns = was_released && from.still.contains(id);
+                    set.push(Touching { speed, restitution, returns, ..striker });
                 } else if from.pinned.contains(id) && law.restitution == 0.0 {
                     let touching = contact(side, 0.0);
                     let still = from.still.contains(id);
                     let (speed, error) = if still { (0.0, 0.0) } else { (touching.speed, touching.error) };
-                    set.push(Touching { speed, error, ..touching });
+                    set.push(Touching { speed, error, releases: was_released && still, ..touching });
                 }
             }
         }
@@ -300,9 +306,9 @@ impl Structure {
         }
         // A multiplier that fell through zero leaves the gap without acceleration, and the third derivative decides, unless an impulse
         // or a contact that has come to rest with it changes the accelerations.
-        let comes_to_rest = |t: &Touching| !contact_mode(from.mode, t.contact).is_closed();
+        let comes_to_rest = |t: &Touching| !t.returns && !contact_mode(from.mode, t.contact).is_closed();
         let undisturbed = jump.struck.is_empty() && !pressed.iter().any(comes_to_rest);
-        for t in slow.iter().filter(|t| t.releases) {
+        for t in slow.iter().filter(|t| t.releases || t.returns) {
             let force = guard_id(t.contact, Watch::Force);
             if undisturbed && from.pinned.contains(force) {
                 jump.pinned.insert(force);

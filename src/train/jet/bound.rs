@@ -77,7 +77,7 @@ impl Amplitude {
 /// The forcing of a structure, in sums.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(in crate::train) struct Forcing {
-    /// The fastest frequency Ω, rad/s.
+    /// The fastest frequency Ω of loads and errors, rad/s.
     fastest: f64,
     /// Harmonic loads as weighted accelerations, `max_i √M_ii |a_i|`.
     load: Amplitude,
@@ -92,7 +92,9 @@ pub(in crate::train) struct Forcing {
 impl Forcing {
     pub fn new(s: &Structure) -> Self {
         let oscillators = &s.oscillators;
-        let fastest = oscillators.iter().fold(0.0, |m: f64, o| m.max(o.omega));
+        let errors = s.contacts.iter().flat_map(|c| &c.error).map(|w| w.index);
+        let waves = s.load_waves.iter().map(|w| w.index).chain(errors);
+        let fastest = waves.fold(0.0, |m: f64, i| m.max(oscillators[i].omega));
         let mut load = Amplitude::default();
         for w in &s.load_waves {
             let size =
