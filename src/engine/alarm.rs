@@ -173,6 +173,9 @@ impl Alarm {
                 continue;
             }
             let amount = (poly::eval(row, located.theta) - system.guard(mode, id, at, x)).abs();
+            if amount <= APART * (tail + rounding) {
+                continue;
+            }
             let limit = APART * (tail + rounding + TERMS * terms(row, located.theta));
             if amount > limit {
                 return Err(raise(system, at, id, "the series and the state differ at an event", amount, limit));

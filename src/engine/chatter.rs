@@ -34,8 +34,7 @@ pub(super) struct Chatter {
 
 /// The expansion in ε is used only where its neglected square is below rounding.
 const SMALL: f64 = 1e-8;
-/// What other contacts may have added to a rebound, relative to the last: as much is uncertain of a sum that is 1e-10 of the first
-/// flight.
+/// What other contacts may have added to a rebound, relative to it: as much is uncertain of a sum that is 1e-10 of the first flight.
 const OTHERS: f64 = 1e-3;
 /// Impacts that must have shrunk in a row before a sequence counts as one.
 const IN_A_ROW: u32 = 3;
@@ -65,7 +64,9 @@ impl Chatter {
             let Some([u, falling, j]) = step.guard_derivatives_in_time(i) else { continue };
             let a = -falling;
             let epsilon = j * u / (a * a);
-            let sequence = self.record(guard.id, u, e);
+            // Estimates are not good enough to tell.
+            let others = if step.is_estimate() { f64::INFINITY } else { OTHERS * e };
+            let sequence = self.record(guard.id, u, e, others);
             let slow = u <= options.chatter_fraction * sequence.fastest || u <= options.chatter_speed;
             let small = slow && sequence.impacts >= IN_A_ROW;
             if small && a > 0.0 && epsilon.abs() <= SMALL * (1.0 - e) {
@@ -79,7 +80,7 @@ impl Chatter {
     }
 
     /// A rebound belongs to the sequence if it is e times the last: other contacts have not had a part in it.
-    fn record(&mut self, guard: GuardId, speed: f64, e: f64) -> Sequence {
+    fn record(&mut self, guard: GuardId, speed: f64, e: f64, others: f64) -> Sequence {
         let i = self.sequences.iter().position(|s| s.guard == guard.0).unwrap_or_else(|| {
             self.sequences.push(Sequence { guard: guard.0, ..Sequence::default() });
             self.sequences.len() - 1
@@ -88,7 +89,7 @@ impl Chatter {
         *s = if s.impacts == 0 || speed >= s.last {
             Sequence { guard: guard.0, impacts: 1, fastest: speed, last: speed }
         } else {
-            let is_own = (speed - e * s.last).abs() <= OTHERS * s.last;
+            let is_own = (speed - e * s.last).abs() <= others * s.last;
             Sequence { impacts: if is_own { s.impacts + 1 } else { 1 }, last: speed, ..*s }
         };
         *s

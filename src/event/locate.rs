@@ -127,11 +127,17 @@ impl Locator {
     ) -> (Option<Located>, Option<(f64, GuardId)>) {
         let mut first: Option<(f64, usize)> = None;
         let mut touch: Option<(f64, usize)> = None;
+        // Rows that are not clearly positive.
+        let mut doubtful = GuardSet::EMPTY;
         let mut limit = 1.0;
         for i in 0..step.guards().len() {
             let series = Deflated::new(step, i);
             let found = poly::first_root(series.p, limit, series.error);
             self.splits += u64::from(found.splits);
+            if found.is_clear {
+                continue;
+            }
+            doubtful.insert(step.guards()[i].id);
             if let FirstRoot::At(theta) = found.root {
                 if first.is_none_or(|(t, _)| theta < t) {
                     first = Some((theta, i));
@@ -153,28 +159,31 @@ impl Locator {
         let end = first.map_or(1.0, |(theta, _)| theta);
         let touch = touch.filter(|(t, i)| *t < end && is_tangent(step, *i, *t, end));
         let touch = touch.and_then(|(t, i)| Some((lowest(step.guard(i), t, end)?, step.guards()[i].id)));
-        (first.map(|(theta, lead)| self.batch(step, theta, lead)), touch)
+        (first.map(|(theta, lead)| self.batch(step, theta, lead, doubtful)), touch)
     }
 
-    /// All guards that fire at `theta` together with guard `lead`.
-    fn batch(&self, step: &dyn DenseStep, theta: f64, lead: usize) -> Located {
+    /// All guards that fire at `theta` together with guard `lead`: some of `doubtful`.
+    fn batch(&self, step: &dyn DenseStep, theta: f64, lead: usize, doubtful: GuardSet) -> Located {
         let series = Deflated::new(step, lead);
-        let (residual, slope) = poly::eval_with_slope(step.guard(lead), theta);
-        let (_, deflated_slope) = poly::eval_with_slope(series.p, theta);
+        let (value, deflated_slope) = poly::eval_with_slope(series.p, theta);
+        let (residual, slope) = match series.order as i32 {
+            0 => (value, deflated_slope),
+            m => (value * theta.powi(m), theta.powi(m - 1) * (f64::from(m) * value + theta * deflated_slope)),
+        };
+        let (curvature, own_error) = (curvature(series.p, theta).abs(), series.error_at(theta));
         // To first order the error over the slope; where the slope vanishes, the curvature takes over.
         let width = |gathered: f64| {
             // From an exact zero on a guard that goes out does so at once.
             if theta == 0.0 && series.order > 0 {
                 return 0.0;
             }
-            let curvature = curvature(series.p, theta).abs();
-            let error = series.error_at(theta) + gathered / theta.powi(series.order as i32);
+            let error = own_error + gathered / theta.powi(series.order as i32);
             (error / deflated_slope.abs()).min((2.0 * error / curvature).sqrt()).min(1.0)
         };
         let reach = if theta == 0.0 { 0.0 } else { width(0.0) };
         let standstill = stands_still(step, theta, theta);
         let (mut fired, mut zero, mut near) = (GuardSet::EMPTY, GuardSet::EMPTY, GuardSet::EMPTY);
-        for (i, guard) in step.guards().iter().enumerate() {
+        for (i, guard) in step.guards().iter().enumerate().filter(|(_, guard)| doubtful.contains(guard.id)) {
             let series = Deflated::new(step, i);
             let fires = if i == lead {
                 true

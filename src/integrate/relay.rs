@@ -32,6 +32,9 @@ pub struct Relay {
     radau: Radau,
     pieces: Pieces,
     x: Vec<f64>,
+    from: Vec<f64>,
+    /// What steps of Radau may have hidden of each component.
+    unsure: Vec<f64>,
     sizes: Vec<f64>,
     ends: Vec<f64>,
     relieved: BTreeSet<Mode>,
@@ -118,7 +121,7 @@ impl Integrator for Relay {
         low: &mut [f64],
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError> {
-        let Self { taylor, radau, pieces, x, sizes, ends, relieved } = self;
+        let Self { taylor, radau, pieces, x, from, unsure, sizes, ends, relieved } = self;
         let clock = *system.clock();
         let worth = worth(arc.x.len());
         x.clear();
@@ -128,11 +131,12 @@ impl Integrator for Relay {
         let (mut own, mut carried) = (arc.low, arc.carried);
         let mut due = FIRST_TRIAL.max(worth as u64);
         taylor.blur.clear();
-        let mut unsure: Vec<f64> = vec![0.0; arc.x.len()];
+        unsure.clear();
+        unsure.resize(arc.x.len(), 0.0);
         loop {
             let (mut steps, mut elapsed, mut taken, mut ended) = (0, 0.0, None, false);
-            let from = x.clone();
-            let leg = Arc { at, x: &from, low: own, carried, pinned, still, ..*arc };
+            from.clone_from(x);
+            let leg = Arc { at, x: from, low: own, carried, pinned, still, ..*arc };
             taylor.integrate_arc(system, &leg, end, low, &mut |step| {
                 if visit(step).is_break() {
                     ended = true;
@@ -161,7 +165,7 @@ impl Integrator for Relay {
                 unsure.iter_mut().zip(&*sizes).for_each(|(u, s)| *u = u.max(HIDDEN * RESOLVED * s));
                 let leg = Arc { at: step.at, x, low: own, pinned: GuardSet::EMPTY, still: GuardSet::EMPTY, ..*arc };
                 let to = (step.h < left).then_some(step.h);
-                let place = Place { system, arc: &leg, rtol: RTOL, from: 0.0, to, unsure: &unsure };
+                let place = Place { system, arc: &leg, rtol: RTOL, from: 0.0, to, unsure };
                 pieces.begin(&place);
                 let powers = pieces.powers();
                 radau.write(x, |k, l| powers[k][l], &mut pieces.step);
@@ -180,7 +184,7 @@ impl Integrator for Relay {
                 unsure.iter_mut().for_each(|u| *u *= (step.rate / longest.rate).sqrt().max(1.0));
                 step = longest;
             }
-            taylor.blur = pieces.blurs(system, arc.mode, at, x, &unsure);
+            taylor.blur = pieces.blurs(system, arc.mode, at, x, unsure);
             (pinned, still) = (GuardSet::EMPTY, GuardSet::EMPTY);
         }
     }

@@ -25,10 +25,12 @@ pub struct Isolation {
     pub touch: Option<f64>,
     /// Subdivisions spent.
     pub splits: u32,
+    /// Proven by its coefficients alone: it is above the uncertainty on all of `[0, 1]`.
+    pub is_clear: bool,
 }
 
 impl Isolation {
-    const NOTHING: Self = Self { root: FirstRoot::None, touch: None, splits: 0 };
+    const CLEAR: Self = Self { root: FirstRoot::None, touch: None, splits: 0, is_clear: true };
 }
 
 /// Splitting stops at intervals of this many halvings: 2⁻⁵² of the step, one unit in its last place.
@@ -46,7 +48,7 @@ const MAX_DEPTH: u32 = 52;
 #[must_use]
 pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
     if bernstein::certainly_positive(p, uncertainty) {
-        return Isolation::NOTHING;
+        return Isolation::CLEAR;
     }
     // Trailing terms that together stay far below the uncertainty only make the polynomial longer.
     let (mut n, mut dropped) = (p.len() - 1, 0.0);
@@ -55,7 +57,7 @@ pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
         n -= 1;
     }
     let (all, p) = (p, &p[..=n]);
-    let mut search = Search { p, uncertainty: uncertainty + dropped, shallow: None, touch: None, splits: 0 };
+    let mut search = Search { p, limit, uncertainty: uncertainty + dropped, shallow: None, touch: None, splits: 0 };
     let start = if limit == 1.0 {
         Bernstein::from_power(p)
     } else {
@@ -77,7 +79,12 @@ pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
         search.touch = None;
     }
     let root = root.map(|root| if n + 1 < all.len() { closer(all, root, limit) } else { root });
-    Isolation { root: root.map_or(FirstRoot::None, FirstRoot::At), touch: search.touch, splits: search.splits }
+    Isolation {
+        root: root.map_or(FirstRoot::None, FirstRoot::At),
+        touch: search.touch,
+        splits: search.splits,
+        is_clear: false,
+    }
 }
 
 /// A root of the shortened polynomial, moved to that of `p`: by Newton's method, as long as the values shrink.
@@ -96,6 +103,7 @@ fn closer(p: &[f64], root: f64, limit: f64) -> f64 {
 
 struct Search<'a> {
     p: &'a [f64],
+    limit: f64,
     uncertainty: f64,
     /// Where it last fell through zero, as long as it has not gone below the uncertainty since, nor come back.
     shallow: Option<f64>,
@@ -146,6 +154,10 @@ impl Search<'_> {
     /// Without a change of sign: the first place where it cannot be told from zero is a touch.
     fn near(&mut self, mut b: Bernstein, lo: f64, hi: f64, depth: u32) {
         if self.touch.is_some() || b.first_sign() <= 0.0 || b.coefficients().iter().all(|c| *c > self.uncertainty) {
+            return;
+        }
+        // Falling all the way to the end, its lowest point is not before that.
+        if hi >= self.limit && b.coefficients().is_sorted_by(|a, b| a > b) {
             return;
         }
         if b.largest() <= self.uncertainty || depth >= MAX_DEPTH {

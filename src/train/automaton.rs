@@ -163,6 +163,9 @@ impl Structure {
 impl Structure {
     /// The classes whose displacements and velocities are equal, and their values.
     pub(super) fn equal(&self, x: &[f64]) -> [Equal; 2] {
+        if self.symmetry.is_empty() {
+            return [Equal::new(), Equal::new()];
+        }
         let [mut q, mut v] = [self.symmetry.equal(&x[..self.n]), self.symmetry.equal(&x[self.n..2 * self.n])];
         let both = |class: usize, others: &Equal| others.iter().any(|(other, _)| *other == class);
         q.retain(|(class, _)| both(*class, &v));

@@ -1,5 +1,7 @@
 //! Rigid contacts at rest: the multipliers that hold them.
 
+use arrayvec::ArrayVec;
+
 use super::{
     assemble::{MAX_CONTACTS, Structure},
     contact_mode::contact_mode,
@@ -14,7 +16,7 @@ use crate::{gear::contact::Law, hybrid::Mode};
 pub(super) struct Sticking {
     set: [usize; MAX_CONTACTS],
     len: usize,
-    factor: [[f64; MAX_CONTACTS]; MAX_CONTACTS],
+    factor: ArrayVec<[f64; MAX_CONTACTS], MAX_CONTACTS>,
     pivot: [f64; MAX_CONTACTS],
     /// Cholesky factor of S, where a contact is redundant.
     shared: Option<Box<[[f64; MAX_CONTACTS]; MAX_CONTACTS]>>,
@@ -40,20 +42,23 @@ impl Sticking {
 
     /// The given contacts, closed or not.
     pub fn of(s: &Structure, set: [usize; MAX_CONTACTS], len: usize) -> Self {
-        let mut factor = [[0.0; MAX_CONTACTS]; MAX_CONTACTS];
+        let mut factor: ArrayVec<[f64; MAX_CONTACTS], MAX_CONTACTS> = ArrayVec::new();
         let mut pivot = [0.0; MAX_CONTACTS];
         for i in 0..len {
+            let mut row = [0.0; MAX_CONTACTS];
             for j in 0..=i {
                 let w = s.coupling(set[i], set[j]);
-                let known: f64 = (0..j).map(|k| factor[i][k] * factor[j][k] * pivot[k]).sum();
+                let other = factor.get(j).unwrap_or(&row);
+                let known: f64 = (0..j).map(|k| row[k] * other[k] * pivot[k]).sum();
                 if i == j {
                     let p = w - known;
                     pivot[i] = if p > REDUNDANT * w { p } else { 0.0 };
-                    factor[i][i] = 1.0;
+                    row[i] = 1.0;
                 } else {
-                    factor[i][j] = if pivot[j] > 0.0 { (w - known) / pivot[j] } else { 0.0 };
+                    row[j] = if pivot[j] > 0.0 { (w - known) / pivot[j] } else { 0.0 };
                 }
             }
+            factor.push(row);
         }
         let mut sticking = Self { set, len, factor, pivot, shared: None };
         if sticking.pivot[..len].contains(&0.0) {

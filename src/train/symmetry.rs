@@ -15,7 +15,7 @@ use super::Spec;
 const ROUNDING: f64 = 256.0 * f64::EPSILON;
 
 /// Classes that are looked at.
-const LARGEST: usize = 128;
+const LARGEST: usize = 32;
 
 /// Numbers of classes, and the value that their members share.
 pub(super) type Equal = ArrayVec<(usize, f64), LARGEST>;
@@ -93,6 +93,11 @@ impl Symmetry {
                 return Self { freedoms: classes(&freedoms), contacts: classes(&contacts) };
             }
         }
+    }
+
+    /// Whether no two degrees of freedom are equal.
+    pub fn is_empty(&self) -> bool {
+        self.freedoms.is_empty()
     }
 
     /// The classes of degrees of freedom whose members are equal in `values`, and their values.

@@ -60,6 +60,7 @@ impl Touching {
 
 type Set = ArrayVec<Touching, MAX_CONTACTS>;
 type Row = [f64; MAX_CONTACTS];
+type Matrix = ArrayVec<Row, MAX_CONTACTS>;
 
 /// What a complementarity problem comes to.
 struct Solution {
@@ -138,13 +139,16 @@ fn complement(w: &[Row], d: &Row, noise: &Row) -> Option<Solution> {
 /// Solves `W_AA r = r` in place by `L D Lᵀ`; the rows of A are independent.
 fn solve(w: &[Row], active: &[usize], r: &mut Row) {
     let n = active.len();
-    let (mut l, mut pivot) = ([[0.0; MAX_CONTACTS]; MAX_CONTACTS], [0.0; MAX_CONTACTS]);
+    let (mut l, mut pivot) = (Matrix::new(), [0.0; MAX_CONTACTS]);
     for i in 0..n {
+        let mut row = [0.0; MAX_CONTACTS];
         for j in 0..=i {
-            let known: f64 = (0..j).map(|k| l[i][k] * l[j][k] * pivot[k]).sum();
+            let other = l.get(j).unwrap_or(&row);
+            let known: f64 = (0..j).map(|k| row[k] * other[k] * pivot[k]).sum();
             let entry = w[active[i]][active[j]] - known;
-            if i == j { pivot[i] = entry } else { l[i][j] = entry / pivot[j] }
+            if i == j { pivot[i] = entry } else { row[j] = entry / pivot[j] }
         }
+        l.push(row);
     }
     for i in 0..n {
         r[i] -= (0..i).map(|k| l[i][k] * r[k]).sum::<f64>();
@@ -170,21 +174,27 @@ impl Structure {
         (x, low): (&mut [f64], &mut [f64]),
     ) -> Result<(), ModelError> {
         let set = self.touching(from, fired, settles, at, x);
-        let mut w = [[0.0; MAX_CONTACTS]; MAX_CONTACTS];
-        for (i, a) in set.iter().enumerate() {
-            for (j, b) in set.iter().enumerate() {
-                w[i][j] = a.side * b.side * self.coupling(a.contact, b.contact);
-            }
-        }
-        let w = &w[..set.len()];
+        let w = self.mobility(&set);
         jump.projected = jump.projected.max(self.project(set.iter().map(|t| (t.contact, t.side)), at, x, low));
         let rates = self.rates_in_two(set.iter().map(|t| t.contact), at, x, low);
-        let rests = self.strike(jump, &set, w, settles, x)?;
+        let rests = self.strike(jump, &set, &w, settles, x)?;
         let struck = set.iter().zip(&rates).filter(|(t, _)| jump.struck.contains(guard_id(t.contact, t.flank())));
         let wanted = struck.map(|(t, u)| (t.contact, *u * if t.speed > 0.0 { -t.restitution } else { 0.0 }));
         self.refine(wanted, at, x, low);
         self.stop(set.iter().zip(&rests).filter(|(_, rests)| **rests).map(|(t, _)| t.contact), at, x);
         self.hold(jump, from, &set, &rests, at, x)
+    }
+
+    /// `W` of the contacts in `set`.
+    fn mobility(&self, set: &Set) -> Matrix {
+        let row = |a: &Touching| {
+            let mut row = [0.0; MAX_CONTACTS];
+            for (w, b) in row.iter_mut().zip(set) {
+                *w = a.side * b.side * self.coupling(a.contact, b.contact);
+            }
+            row
+        };
+        set.iter().map(row).collect()
     }
 
     /// The rigid contacts on their flanks that take part.
@@ -289,16 +299,12 @@ impl Structure {
         let pressed: Set = slow.iter().filter(|t| !t.releases).copied().collect();
         let (mut forces, mut a) = ([0.0; MAX_CONTACTS], vec![0.0; self.n]);
         self.dynamics(jump.mode, at, x, &mut forces, &mut a);
-        let mut w = [[0.0; MAX_CONTACTS]; MAX_CONTACTS];
         let (mut d, mut noise) = ([0.0; MAX_CONTACTS], [0.0; MAX_CONTACTS]);
         for (i, t) in pressed.iter().enumerate() {
             d[i] = t.side * (dot(&self.contacts[t.contact].direction, &a) - self.error(t.contact, at).2);
             noise[i] = ROUNDING * self.acceleration_size(t.contact, jump.mode, x, |k| forces[k]);
-            for (j, b) in pressed.iter().enumerate() {
-                w[i][j] = t.side * b.side * self.coupling(t.contact, b.contact);
-            }
         }
-        let solution = complement(&w[..pressed.len()], &d, &noise).ok_or_else(|| self.unsolvable(&pressed))?;
+        let solution = complement(&self.mobility(&pressed), &d, &noise).ok_or_else(|| self.unsolvable(&pressed))?;
         for (i, t) in pressed.iter().enumerate() {
             if solution.rest[i] >= -solution.slack[i] {
                 jump.mode = with_contact(jump.mode, t.contact, Self::resting(t.side));

@@ -198,12 +198,18 @@ fn at_start(truth: &Truth, zero: &[EventRow]) -> Option<String> {
 /// The first difference.
 fn compare(truth: &Truth, got: &[(Wide, usize, Kind)], out: &mut Judged) -> Option<String> {
     let limit = truth.until - 1e-9 * truth.period - truth.tolerance;
-    let slow = |t: Wide, j: usize, kind: Kind| {
-        kind == Kind::Impact
-            && truth.sequence.tails.iter().any(|(i, a, b)| {
-                *i == j && t >= *a - (*b - *a) / wide(10.0) - wide(truth.tolerance) && t <= *b + wide(truth.tolerance)
-            })
+    // What is allowed at the end of a tail, the motion's own amplification included.
+    let margin = |j: usize, end: Wide| {
+        let before = truth.sequence.events.iter().zip(&truth.sensitivity).filter(|(e, _)| e.contact == j && e.t <= end);
+        wide(truth.tolerance + INHERITED * before.fold(0.0, |m: f64, (_, s)| m.max(*s)))
     };
+    let slow =
+        |t: Wide, j: usize, kind: Kind| {
+            kind == Kind::Impact
+                && truth.sequence.tails.iter().any(|(i, a, b)| {
+                    *i == j && t >= *a - (*b - *a) / wide(10.0) - margin(j, *b) && t <= *b + margin(j, *b)
+                })
+        };
     let mut first: Option<(f64, String)> = None;
     let mut meet = |t: f64, words: String| {
         if first.as_ref().is_none_or(|f| t < f.0) {

@@ -11,7 +11,7 @@
 //! F is the forcing by harmonics, k the part of the stiffnesses that varies, p the penetrations. This is a proof: `docs/EVENTS.md`
 //! has the derivation.
 
-use super::{Expansion, ORDER, ROW, defect::Defect};
+use super::{Expansion, LANES, ORDER, ROW, defect::Defect};
 use crate::{
     gear::contact::Law,
     hybrid::Jet,
@@ -355,17 +355,23 @@ impl Expansion<'_> {
             Spring::Waves(..) => 0.0,
         };
         let z = c.swing.1 * h;
-        let (mut sum, mut power, mut term) = (0.0, reach.powi(ORDER as i32), 1.0);
-        for m in 0..=from {
-            // Terms k_l with l ≥ m meet the penetration at order `from − m`.
-            let varied = c.swing.0 * exponential_tail(z, m, term) + if m <= 1 { slope } else { 0.0 };
-            if from - m <= ORDER {
-                sum += self.stretch(j, from - m, &out.work).abs() * power * varied;
-                power /= reach;
-            }
-            term *= z / (m + 1) as f64;
+        let mut terms = [1.0; ORDER + 3];
+        for m in 1..=from + 1 {
+            terms[m] = terms[m - 1] * z / m as f64;
         }
-        sum
+        // Terms k_l with l ≥ m meet the penetration at order `from − m`.
+        let mut varied = c.swing.0 * exponential_tail(z, from + 1, terms[from + 1]);
+        let (mut sum, mut power) = (0.0, 1.0);
+        let rows = out.work[self.layout.deflection(j, 1)..].iter().step_by(LANES);
+        let stretches = std::iter::once(&out.work[self.layout.stretches + j]).chain(rows);
+        for (stretch, term) in stretches.zip(terms[..=from].iter().rev()).take(ORDER + 1) {
+            varied += c.swing.0 * term;
+            sum += stretch.abs() * power * varied;
+            power *= reach;
+        }
+        // A slope is the term k₁, which meets orders `from − 1` and more.
+        let last = |k: usize| self.stretch(j, k, &out.work).abs() * reach.powi(k as i32);
+        sum + if slope == 0.0 { 0.0 } else { slope * (from - 1..=ORDER).map(last).sum::<f64>() }
     }
 
     /// What the tail adds to the deflection of contact `j`, m.

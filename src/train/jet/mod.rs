@@ -188,7 +188,8 @@ impl JetField for Structure {
             if start.is_nan() || matches!(c.spec.law, Law::Bilateral(_)) || !is_closed && step.is_estimate {
                 return f64::NAN;
             }
-            let stretch = (1..=ORDER).rev().fold(0.0, |sum, k| (sum + step.work[layout.deflection(j, k)]) * s) + start;
+            let highest = layout.deflection(j, ORDER);
+            let stretch = (0..ORDER).fold(0.0, |sum, k| (sum + step.work[highest - k * LANES]) * s) + start;
             let is_small = stretch.abs() < SMALL_STRETCH * self.deflection_size(c, &step.state);
             if is_small { stretch } else { f64::NAN }
         }));
