@@ -127,7 +127,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let energy = structure.rounded_energy(step, summary.energy.throughput);
     let is_symmetric = spec.stiffness == spec.stiffness.transpose();
     if result.is_ok() && is_exact && is_symmetric && summary.energy.is_open(energy, steps) {
-        let (closure, rounding) = (summary.energy.closure(), Balance::rounding(steps));
+        let (closure, throughput) = (summary.energy.closure(), summary.energy.throughput);
+        let beside = if throughput > 0.0 { energy / throughput } else { 0.0 };
+        let rounding = Balance::rounding(steps) * (1.0 + beside);
         return Err(CliError::Energy { closure, rounding });
     }
     // A run that failed says so itself.

@@ -15,10 +15,9 @@ use crate::{
     integrate::{Arc, Integrator},
 };
 
-/// Jumps without an impulse allowed at one instant: more go round in a circle.
+/// Jumps without an impulse allowed at one instant; more are a cycle.
 const MAX_CASCADE: usize = 64;
-/// Jumps with an impulse allowed at one instant: passed to and fro between contacts it shrinks by a factor, and 4096 rounds
-/// reach [`LOST`] at factors up to 0.991.
+/// Jumps with an impulse allowed at one instant. A factor of 0.991 a round reaches [`LOST`] in as many.
 const MAX_STRIKES: usize = 4096;
 /// Approach speed, relative to the fastest at the same instant, below which contacts come to rest instead of bouncing.
 const LOST: f64 = f64::EPSILON;
@@ -219,7 +218,7 @@ impl<'s> Engine<'s> {
         }
         core.cascade.push(state.jump.mode);
         let rounds = core.cascade.len() - 1;
-        if rounds >= MAX_CASCADE + core.strikes || core.strikes > MAX_STRIKES {
+        if rounds >= MAX_CASCADE + core.strikes || core.strikes >= MAX_STRIKES {
             let (last, before) = (core.cascade[rounds], &core.cascade[..rounds]);
             let since = before.iter().rposition(|m| *m == last).unwrap_or(0);
             let cycle = before[since..].iter().map(|m| core.system.mode_in_words(*m)).collect();
@@ -233,10 +232,9 @@ impl<'s> Engine<'s> {
         touches.for_each(|id| state.jump.pinned.insert(id));
         // One that is known to touch carries an impulse without an impact.
         let near = located.near.0 & !before.0;
-        let speed = located.conditioning.slope.abs();
-        core.fastest = core.fastest.max(speed);
         let rebounds = |id| core.system.restitution(id).is_some_and(|e| e > 0.0);
-        state.jump = if speed < LOST * core.fastest && located.fired.iter().all(rebounds) {
+        let speed = if located.fired.iter().all(rebounds) { located.conditioning.slope.abs() } else { 0.0 };
+        state.jump = if speed > 0.0 && speed < LOST * core.fastest {
             low.fill(0.0);
             core.system.settle(&state.jump, located.fired, state.at, &mut state.x)
         } else {
@@ -244,7 +242,10 @@ impl<'s> Engine<'s> {
         }
         .map_err(model)?;
         core.alarm.moved(core.system, state.at, located.fired, state.jump.projected)?;
-        core.strikes += usize::from(!state.jump.struck.is_empty());
+        if !state.jump.struck.is_empty() {
+            core.strikes += 1;
+            core.fastest = core.fastest.max(speed);
+        }
         open.fired.0 |= near & state.jump.struck.0;
         open.projected = open.projected.max(state.jump.projected);
         open.jumps += 1;

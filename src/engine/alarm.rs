@@ -73,11 +73,6 @@ fn raise(
     EngineError::Alarm { t: system.clock().time(at).value(), guard: system.guard_in_words(id), what, amount, limit }
 }
 
-/// Sum of the sizes of a row's terms at `theta`.
-fn terms(row: &[f64], theta: f64) -> f64 {
-    row.iter().rev().fold(0.0, |sum, c| sum * theta + c.abs())
-}
-
 impl Alarm {
     /// A jump makes another motion: nothing carries over from the last step.
     pub fn jumped(&mut self) {
@@ -97,7 +92,7 @@ impl Alarm {
             let row = step.guard(i);
             let amount = (row[0] - value).abs();
             if amount > APART * (error + *rounding) {
-                let limit = APART * (error + *rounding + TERMS * terms(row, 1.0));
+                let limit = APART * (error + *rounding + TERMS * poly::terms(row, 1.0));
                 if amount > limit {
                     let what = "the end of a step differs from the start of the next";
                     return Err(raise(system, step.start(), guard.id, what, amount, limit));
@@ -176,7 +171,7 @@ impl Alarm {
             if amount <= APART * (tail + rounding) {
                 continue;
             }
-            let limit = APART * (tail + rounding + TERMS * terms(row, located.theta));
+            let limit = APART * (tail + rounding + TERMS * poly::terms(row, located.theta));
             if amount > limit {
                 return Err(raise(system, at, id, "the series and the state differ at an event", amount, limit));
             }

@@ -22,6 +22,8 @@ use crate::{
 struct Sequence {
     guard: u16,
     impacts: u32,
+    /// Of these the last in which no other contact had a part.
+    own: u32,
     fastest: f64,
     last: f64,
 }
@@ -34,7 +36,7 @@ pub(super) struct Chatter {
 
 /// The expansion in ε is used only where its neglected square is below rounding.
 const SMALL: f64 = 1e-8;
-/// What other contacts may have added to a rebound, relative to it: as much is uncertain of a sum that is 1e-10 of the first flight.
+/// Largest share of a rebound that other contacts may have. The time summed is about 1e-10 of the first flight: 1e-13 is uncertain.
 const OTHERS: f64 = 1e-3;
 /// Impacts that must have shrunk in a row before a sequence counts as one.
 const IN_A_ROW: u32 = 3;
@@ -64,11 +66,11 @@ impl Chatter {
             let Some([u, falling, j]) = step.guard_derivatives_in_time(i) else { continue };
             let a = -falling;
             let epsilon = j * u / (a * a);
-            // Estimates are not good enough to tell.
+            // On estimated steps a rebound is not known well enough to test this.
             let others = if step.is_estimate() { f64::INFINITY } else { OTHERS * e };
             let sequence = self.record(guard.id, u, e, others);
             let slow = u <= options.chatter_fraction * sequence.fastest || u <= options.chatter_speed;
-            let small = slow && sequence.impacts >= IN_A_ROW;
+            let small = slow && sequence.own >= IN_A_ROW;
             if small && a > 0.0 && epsilon.abs() <= SMALL * (1.0 - e) {
                 ending.insert(guard.id);
                 let remaining = 2.0 * u / (a * (1.0 - e)) * (1.0 + 2.0 * epsilon / (3.0 * (1.0 - e)));
@@ -87,10 +89,10 @@ impl Chatter {
         });
         let s = &mut self.sequences[i];
         *s = if s.impacts == 0 || speed >= s.last {
-            Sequence { guard: guard.0, impacts: 1, fastest: speed, last: speed }
+            Sequence { guard: guard.0, impacts: 1, own: 1, fastest: speed, last: speed }
         } else {
             let is_own = (speed - e * s.last).abs() <= others * s.last;
-            Sequence { impacts: if is_own { s.impacts + 1 } else { 1 }, last: speed, ..*s }
+            Sequence { impacts: s.impacts + 1, own: if is_own { s.own + 1 } else { 1 }, last: speed, ..*s }
         };
         *s
     }

@@ -33,7 +33,7 @@ pub(super) struct Core<'s> {
     pub cascade: Vec<Mode>,
     /// Jumps at the current instant that had an impulse.
     pub strikes: usize,
-    /// Their fastest approach, in the units of its guard's rate.
+    /// Their fastest approach, where all that fired rebounds, m/s.
     pub fastest: f64,
     /// Where the current arc was left.
     pub left_at: Instant,

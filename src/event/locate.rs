@@ -81,15 +81,15 @@ impl<'a> Deflated<'a> {
         series
     }
 
-    /// A bound on the size of all values up to `theta`.
+    /// A bound on the size of the values of `p` up to `theta`.
     fn largest(&self, theta: f64) -> f64 {
-        self.p.iter().rev().fold(0.0, |s, c| s * theta + c.abs())
+        poly::terms(self.p, theta)
     }
 
     /// The error of a value between the start and `theta`: that of the start, and that of what the series adds.
     fn error_at(&self, theta: f64) -> f64 {
         let first = usize::from(self.order == 0);
-        self.start + ADDED * self.p[first..].iter().rev().fold(0.0, |s, c| s * theta + c.abs())
+        self.start + ADDED * poly::terms(&self.p[first..], theta)
     }
 }
 
@@ -117,8 +117,8 @@ fn is_tangent(step: &dyn DenseStep, i: usize, theta: f64, end: f64) -> bool {
 impl Locator {
     /// The first event on the step, and the first touch before it, if any.
     ///
-    /// `starts` says that an arc starts with the step: what cannot be told from zero from there on is no touch, but a flank
-    /// that is left. `closed_end` makes an event exactly at the end of the step belong to it (the end of a run).
+    /// `starts` says that the step is the first of its arc: a row that stays within twice its error up to the touch has just
+    /// left its flank, and is no graze. `closed_end` makes an event exactly at the end of the step belong to it (the end of a run).
     pub fn first(
         &mut self,
         step: &dyn DenseStep,
@@ -134,10 +134,14 @@ impl Locator {
             let series = Deflated::new(step, i);
             let found = poly::first_root(series.p, limit, series.error);
             self.splits += u64::from(found.splits);
-            if found.is_clear {
+            // A row that starts at an exact zero may be clear of it and near it all the same.
+            if found.is_clear && series.order == 0 {
                 continue;
             }
             doubtful.insert(step.guards()[i].id);
+            if found.is_clear {
+                continue;
+            }
             if let FirstRoot::At(theta) = found.root {
                 if first.is_none_or(|(t, _)| theta < t) {
                     first = Some((theta, i));
@@ -173,7 +177,7 @@ impl Locator {
         let (curvature, own_error) = (curvature(series.p, theta).abs(), series.error_at(theta));
         // To first order the error over the slope; where the slope vanishes, the curvature takes over.
         let width = |gathered: f64| {
-            // From an exact zero on a guard that goes out does so at once.
+            // A guard that is exactly zero at the start and leaves does so at once: no uncertainty.
             if theta == 0.0 && series.order > 0 {
                 return 0.0;
             }
@@ -192,7 +196,8 @@ impl Locator {
                 poly::first_root(series.p, 1.0, series.error).root == FirstRoot::At(0.0)
             } else {
                 let (value, slope) = poly::eval_with_slope(series.p, theta);
-                let falls = slope < 0.0 && value <= series.error + slope.abs() * reach;
+                // Where the lead comes slowly its time says little: the other must be within the rounding of its own state too.
+                let falls = slope < 0.0 && value <= series.error + (slope.abs() * reach).min(step.guard_rounding(i));
                 // Where a root clock stands still slopes mean nothing, and nothing but an end can be at zero.
                 falls || standstill && value.abs() <= series.error
             };

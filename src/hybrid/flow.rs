@@ -46,9 +46,9 @@ pub trait JetField {
         let _ = (mode, at, x);
     }
 
-    /// Sizes of the terms whose sums are the value, the rate and the acceleration of guard `id` at the start of `step`, in states
-    /// whose components are as large as those of `x`.
-    fn sizes(&self, mode: Mode, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
+    /// Sizes of the terms whose sums are the value, the rate and the acceleration of guard `id` at the start of `step`, for a
+    /// state with components of the sizes in `x`.
+    fn term_sizes(&self, mode: Mode, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
         let _ = (mode, id, step, x);
         [0.0; 3]
     }

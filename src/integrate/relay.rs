@@ -32,7 +32,8 @@ pub struct Relay {
     radau: Radau,
     pieces: Pieces,
     x: Vec<f64>,
-    from: Vec<f64>,
+    /// Where a leg of Taylor steps starts.
+    leg_start: Vec<f64>,
     /// What steps of Radau may have hidden of each component.
     unsure: Vec<f64>,
     sizes: Vec<f64>,
@@ -121,7 +122,7 @@ impl Integrator for Relay {
         low: &mut [f64],
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError> {
-        let Self { taylor, radau, pieces, x, from, unsure, sizes, ends, relieved } = self;
+        let Self { taylor, radau, pieces, x, leg_start, unsure, sizes, ends, relieved } = self;
         let clock = *system.clock();
         let worth = worth(arc.x.len());
         x.clear();
@@ -135,8 +136,8 @@ impl Integrator for Relay {
         unsure.resize(arc.x.len(), 0.0);
         loop {
             let (mut steps, mut elapsed, mut taken, mut ended) = (0, 0.0, None, false);
-            from.clone_from(x);
-            let leg = Arc { at, x: from, low: own, carried, pinned, still, ..*arc };
+            leg_start.clone_from(x);
+            let leg = Arc { at, x: leg_start, low: own, carried, pinned, still, ..*arc };
             taylor.integrate_arc(system, &leg, end, low, &mut |step| {
                 if visit(step).is_break() {
                     ended = true;

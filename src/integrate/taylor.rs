@@ -82,9 +82,9 @@ const RESOLUTION: f64 = 4.0 * f64::EPSILON * f64::EPSILON;
 const ARRIVED: f64 = 8.0 * f64::EPSILON;
 
 /// Rounding of a sum relative to its terms: a few units for each. Over the steps of an arc it grows like their root.
-const GATHERED: f64 = 8.0 * f64::EPSILON;
-/// Times that of its value, whose terms are added up at every step and at its end.
-const VALUE: f64 = 4.0;
+const ARC_ROUNDING: f64 = 8.0 * f64::EPSILON;
+/// Weight of the value: its terms are summed at every step and again at the event.
+const VALUE_WEIGHT: f64 = 4.0;
 
 struct Step<'a> {
     start: Instant,
@@ -144,12 +144,13 @@ impl DenseStep for Step<'_> {
         }
     }
     fn gathered(&self, i: usize, theta: f64, zeros: usize) -> f64 {
-        let [value, rate, acceleration] = self.field.sizes(self.mode, self.jet.guards[i].id, self.jet, self.extent);
+        let [value, rate, acceleration] =
+            self.field.term_sizes(self.mode, self.jet.guards[i].id, self.jet, self.extent);
         let t = self.time(theta);
-        let terms = [VALUE * value, rate * t, 0.5 * acceleration * t * t];
-        // Even an acceleration that is exactly zero is so at a moment that is known to rounding.
+        let terms = [VALUE_WEIGHT * value, rate * t, 0.5 * acceleration * t * t];
+        // The third derivative is never known exactly: the time at which an acceleration is zero is rounded.
         let known = if self.count == 1 { zeros.min(2) } else { 0 };
-        GATHERED * f64::from(self.count).sqrt() * terms.iter().skip(known).sum::<f64>()
+        ARC_ROUNDING * f64::from(self.count).sqrt() * terms.iter().skip(known).sum::<f64>()
     }
     fn carry(&self, theta: f64, carried: &mut Vec<f64>) {
         carried.clear();

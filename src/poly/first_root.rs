@@ -78,7 +78,7 @@ pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
         // It stays within the uncertainty up to the crossing: one crossing of high order.
         search.touch = None;
     }
-    let root = root.map(|root| if n + 1 < all.len() { closer(all, root, limit) } else { root });
+    let root = root.map(|root| if n + 1 < all.len() { closer(all, root, limit, dropped) } else { root });
     Isolation {
         root: root.map_or(FirstRoot::None, FirstRoot::At),
         touch: search.touch,
@@ -87,13 +87,14 @@ pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
     }
 }
 
-/// A root of the shortened polynomial, moved to that of `p`: by Newton's method, as long as the values shrink.
-fn closer(p: &[f64], root: f64, limit: f64) -> f64 {
+/// A root of the shortened polynomial, moved to that of `p`: by Newton's method, as long as the values shrink and it stays where what was
+/// `dropped` explains it.
+fn closer(p: &[f64], root: f64, limit: f64, dropped: f64) -> f64 {
     let (mut x, (mut f, mut slope)) = (root, eval_with_slope(p, root));
     while f != 0.0 && slope < 0.0 {
         let next = (x - f / slope).clamp(0.0, limit);
         let (value, rate) = eval_with_slope(p, next);
-        if value.abs() >= f.abs() {
+        if value.abs() >= f.abs() || (next - root).abs() > 4.0 * dropped / slope.abs() {
             break;
         }
         (x, f, slope) = (next, value, rate);
@@ -156,7 +157,7 @@ impl Search<'_> {
         if self.touch.is_some() || b.first_sign() <= 0.0 || b.coefficients().iter().all(|c| *c > self.uncertainty) {
             return;
         }
-        // Falling all the way to the end, its lowest point is not before that.
+        // Strictly falling to the end of the search: its minimum is not inside.
         if hi >= self.limit && b.coefficients().is_sorted_by(|a, b| a > b) {
             return;
         }

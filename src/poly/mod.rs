@@ -14,6 +14,11 @@ pub fn eval(p: &[f64], x: f64) -> f64 {
     p.iter().rev().fold(0.0, |s, c| s * x + c)
 }
 
+/// `Σ |p_k| xᵏ`: the sum of the sizes of the terms at `x ≥ 0`.
+pub(crate) fn terms(p: &[f64], x: f64) -> f64 {
+    p.iter().rev().fold(0.0, |s, c| s * x + c.abs())
+}
+
 /// `(p(x), p′(x))` by Horner's rule.
 #[must_use]
 pub fn eval_with_slope(p: &[f64], x: f64) -> (f64, f64) {

@@ -161,8 +161,8 @@ impl Structure {
 }
 
 impl Structure {
-    /// Energy, J, the rounding of which a run with steps of `step` s leaves in its ledger beside that of its `throughput` E, J: what the
-    /// loads give free masses in a step, and `√(E k ℓ²)`. A penetration is rounded by ε of the flank's distance ℓ, and a motion of
+    /// Energies whose rounding the ledger shows beside that of its `throughput` E, J: the work of the loads on free masses in one step of
+    /// `step` seconds, and `√(E k ℓ²)` of the contacts. A penetration is rounded by ε of the flank's distance ℓ, and a motion of
     /// amplitude a, `E = k a²`, does the work `ε k ℓ a` on that.
     #[must_use]
     pub fn rounded_energy(&self, step: f64, throughput: f64) -> f64 {
@@ -171,7 +171,9 @@ impl Structure {
             ((self.spec.load[i].abs() + waves) * step).powi(2) / self.spec.mass[(i, i)]
         });
         let of_flanks = self.contacts.iter().map(|c| {
-            let distance = c.gap() + c.error.iter().map(|w| w.cosine.abs() + w.sine.abs()).sum::<f64>();
+            let distance = c.gap().abs()
+                + c.spec.error_offset.abs()
+                + c.error.iter().map(|w| w.cosine.abs() + w.sine.abs()).sum::<f64>();
             let power = if let Law::Power(l) = c.spec.law { l.exponent.value() + 1.0 } else { 2.0 };
             c.spec.stiffness.maximum() * distance.powf(power)
         });

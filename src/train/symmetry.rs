@@ -14,7 +14,7 @@ use super::Spec;
 /// Differences below this fraction of a value are rounding of a solved system.
 const ROUNDING: f64 = 256.0 * f64::EPSILON;
 
-/// Classes that are looked at.
+/// Number of classes that are kept equal.
 const LARGEST: usize = 32;
 
 /// Numbers of classes, and the value that their members share.

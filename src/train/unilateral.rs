@@ -46,9 +46,9 @@ struct Touching {
     speed: f64,
     /// Rounding of the speed, m/s.
     error: f64,
-    /// Its multiplier fell through zero, or below, at this instant: it comes back to rest only where the motion after that brings it.
+    /// Released at this instant: its multiplier is not tested again, the third derivative decides.
     releases: bool,
-    /// It was released at this instant, and the third derivative brings it back: its multiplier starts from zero.
+    /// Released and back on its flank at this instant, without speed: its multiplier starts from exactly zero.
     returns: bool,
 }
 

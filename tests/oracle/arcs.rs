@@ -127,7 +127,7 @@ pub fn arcs(value: &Value, most: usize) -> Vec<Arc> {
             && record.accumulation.is_none();
         let is_arc = fresh && is_event;
         if is_arc {
-            out.push(arc(&m, &case.structure, &from, &record));
+            out.extend(arc(&m, &case.structure, &from, &record));
         }
         // After a touch the state is on a flank only to rounding.
         fresh = record.accumulation.is_none() && !record.graze;
@@ -135,26 +135,26 @@ pub fn arcs(value: &Value, most: usize) -> Vec<Arc> {
     out
 }
 
-fn arc(m: &Model, structure: &Structure, from: &FlankState, record: &EventRecord) -> Arc {
+/// `None` if it cannot be told.
+fn arc(m: &Model, structure: &Structure, from: &FlankState, record: &EventRecord) -> Option<Arc> {
     let told = time(structure, record.at);
     let state = taken(m, structure, from);
     let span = told - state.t;
     let stated = record.conditioning.time;
     let mut arc = Arc { error: 0.0, stated, other: None };
-    // A flight hardly longer than its uncertainty is a touch to the oracle.
+    // So short a flight is a touch to the oracle, which holds speeds below 1e-13 of their terms for rest.
     if near(span) <= 1e6 * stated {
-        return arc;
+        return None;
     }
     let mut run = Runner::new(m, state);
     let limit = told + span * wide(0.01) + wide(2.0 * stated);
     while run.events.is_empty() {
         match run.advance(limit) {
             Ok(false) => {}
-            // What cannot be told is not held against a run.
-            Err(_) => return arc,
+            Err(_) => return None,
             Ok(true) => {
                 arc.other = Some(format!("no event near {:e}", near(told)));
-                return arc;
+                return Some(arc);
             }
         }
     }
@@ -165,5 +165,5 @@ fn arc(m: &Model, structure: &Structure, from: &FlankState, record: &EventRecord
         arc.other = Some(format!("contact {} at {:e}, not at {:e}", first.contact, near(first.t), near(told)));
     }
     arc.error = size(first.t - told);
-    arc
+    Some(arc)
 }

@@ -76,7 +76,7 @@ fn inner(scene: &Scene, deadline: Instant, out: &mut Run) -> Result<(), Failure>
     let result = engine.run(end, &mut (&mut log, &mut watch));
     for row in rows {
         let t = decimal(&row.t);
-        if t <= wide(0.0) {
+        if t <= wide(0.0) || row.start {
             out.zero.push(row);
             continue;
         }

@@ -63,7 +63,7 @@ fn exponential_tail(z: f64, m: usize, first: f64) -> f64 {
 pub(in crate::train) struct Amplitude {
     /// `Σ |a|`.
     pub sum: f64,
-    /// `Σ |a| (ω/Ω)^16` with Ω the train's fastest frequency: the terms of order N ≥ 16 are at most `top (ΩH)ᴺ/N!`.
+    /// `Σ |a| (ω/Ω)^16` with Ω the fastest frequency of loads and errors: the terms of order N ≥ 16 are at most `top (ΩH)ᴺ/N!`.
     pub top: f64,
 }
 
@@ -149,7 +149,8 @@ pub(super) struct Tail {
     pub velocity: f64,
     /// To the weighted displacements, `√M_ii |q_i|`.
     pub displacement: f64,
-    /// `zᴺ/N!` and `zᴺ⁺¹/(N+1)!` of the fastest oscillator: what a cosine leaves out after order N − 1 and N.
+    /// `zᴺ/N!` and `zᴺ⁺¹/(N+1)!` of the fastest load or error: what a cosine leaves out after order N − 1 and N. Stiffness waves have their own
+    /// ([`product_tail`](Expansion::product_tail)).
     pub waves: [f64; 2],
     /// `‖A_q‖`, `‖A_v‖` and the forcing's top amplitude, without the contacts at rest.
     pub free: [f64; 3],

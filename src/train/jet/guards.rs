@@ -15,7 +15,7 @@ use crate::{
 pub(super) const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 impl Structure {
-    /// Sizes of the terms of a guard's value, rate and acceleration: see [`JetField::sizes`](crate::hybrid::JetField::sizes).
+    /// Sizes of the terms of a guard's value, rate and acceleration: see [`JetField::term_sizes`](crate::hybrid::JetField::term_sizes).
     pub(super) fn guard_sizes(&self, mode: Mode, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
         let (j, watch) = guard_of(id);
         let (c, layout) = (&self.contacts[j], Layout::new(self));

@@ -166,7 +166,7 @@ impl JetField for Structure {
         e.guards(owner, &tail, out);
     }
 
-    fn sizes(&self, mode: Mode, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
+    fn term_sizes(&self, mode: Mode, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
         self.guard_sizes(mode, id, step, x)
     }
 
