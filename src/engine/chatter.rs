@@ -13,7 +13,7 @@
 use super::Options;
 use crate::{
     event::Accumulation,
-    hybrid::{GuardId, GuardSet, HybridSystem},
+    hybrid::{GuardId, GuardSet, HybridSystem, Instant},
     integrate::DenseStep,
 };
 
@@ -26,6 +26,11 @@ struct Sequence {
     own: u32,
     fastest: f64,
     last: f64,
+    /// When the last was, and how long after the one before, s.
+    at: Instant,
+    interval: f64,
+    /// The last rebound speed over the one before, and that one over the one before it.
+    ratios: [f64; 2],
 }
 
 /// Watches impact sequences.
@@ -38,6 +43,11 @@ pub(super) struct Chatter {
 const SMALL: f64 = 1e-8;
 /// Largest share of a rebound that other contacts may have. The time summed is about 1e-10 of the first flight: 1e-13 is uncertain.
 const OTHERS: f64 = 1e-3;
+/// A sequence in which several contacts have a part is summed with the factor by which its rebounds shrink, if that is steady to this
+/// share, where its flights are no higher than the rounding of the gap.
+const STEADY: f64 = 1e-5;
+/// Where flights are that low and rebounds shrink no more than this, rounding keeps them up: the sequence is over.
+const STALLED: f64 = 0.99;
 /// Impacts that must have shrunk in a row before a sequence counts as one.
 const IN_A_ROW: u32 = 3;
 
@@ -68,31 +78,84 @@ impl Chatter {
             let epsilon = j * u / (a * a);
             // On estimated steps a rebound is not known well enough to test this.
             let others = if step.is_estimate() { f64::INFINITY } else { OTHERS * e };
-            let sequence = self.record(guard.id, u, e, others);
+            let now = step.start();
+            let since = |before| system.clock().between(before, now);
+            let sequence = self.record(guard.id, (now, since), u, e, others);
             let slow = u <= options.chatter_fraction * sequence.fastest || u <= options.chatter_speed;
-            let small = slow && sequence.own >= IN_A_ROW;
-            if small && a > 0.0 && epsilon.abs() <= SMALL * (1.0 - e) {
-                ending.insert(guard.id);
-                let remaining = 2.0 * u / (a * (1.0 - e)) * (1.0 + 2.0 * epsilon / (3.0 * (1.0 - e)));
-                end.remaining = end.remaining.max(remaining);
-                end.resolved = end.resolved.max(sequence.impacts);
+            // The height of a flight is `u²/2A`.
+            let is_flat = u * u <= 2.0 * a.abs() * step.guard_rounding(i);
+            let [ratio, before] = sequence.ratios;
+            let remaining = if sequence.impacts > IN_A_ROW && is_flat && ratio >= STALLED {
+                Some(0.0)
+            } else if sequence.own >= IN_A_ROW {
+                let is_small = slow && a > 0.0 && epsilon.abs() <= SMALL * (1.0 - e);
+                is_small.then(|| 2.0 * u / (a * (1.0 - e)) * (1.0 + 2.0 * epsilon / (3.0 * (1.0 - e))))
+            } else {
+                let is_steady = (ratio - before).abs() <= STEADY * ratio;
+                let is_joint = sequence.impacts > IN_A_ROW && (slow || is_flat && is_steady);
+                is_joint.then(|| sequence.interval * ratio / (1.0 - ratio))
+            };
+            let Some(remaining) = remaining else { continue };
+            ending.insert(guard.id);
+            end.remaining = end.remaining.max(remaining);
+            end.resolved = end.resolved.max(sequence.impacts);
+            if sequence.own < IN_A_ROW {
+                let watched = |id: GuardId| step.guards().iter().any(|guard| guard.id == id);
+                self.alternating(system, now, &sequence)
+                    .iter()
+                    .filter(|id| watched(*id))
+                    .for_each(|id| ending.insert(id));
             }
         }
         (!ending.is_empty()).then_some((ending, end))
     }
 
-    /// A rebound belongs to the sequence if it is e times the last: other contacts have not had a part in it.
-    fn record(&mut self, guard: GuardId, speed: f64, e: f64, others: f64) -> Sequence {
+    /// The guards that have had an impact between the last two of `sequence`, at `now`: they end with it.
+    fn alternating(&self, system: &dyn HybridSystem, now: Instant, sequence: &Sequence) -> GuardSet {
+        let mut set = GuardSet::EMPTY;
+        let is_between = |s: &&Sequence| s.impacts >= IN_A_ROW && system.clock().between(s.at, now) < sequence.interval;
+        self.sequences.iter().filter(is_between).for_each(|s| set.insert(GuardId(s.guard)));
+        set
+    }
+
+    /// Another impact, with rebound `speed`. It is the sequence's own if it is e times the last, to within `others` of it: no other
+    /// contact has had a part in it.
+    fn record(
+        &mut self,
+        guard: GuardId,
+        (at, since): (Instant, impl Fn(Instant) -> f64),
+        speed: f64,
+        e: f64,
+        others: f64,
+    ) -> Sequence {
         let i = self.sequences.iter().position(|s| s.guard == guard.0).unwrap_or_else(|| {
             self.sequences.push(Sequence { guard: guard.0, ..Sequence::default() });
             self.sequences.len() - 1
         });
         let s = &mut self.sequences[i];
-        *s = if s.impacts == 0 || speed >= s.last {
-            Sequence { guard: guard.0, impacts: 1, own: 1, fastest: speed, last: speed }
+        let ratio = speed / s.last;
+        *s = if s.impacts == 0 || ratio >= 1.0 / STALLED {
+            Sequence {
+                guard: guard.0,
+                impacts: 1,
+                own: 1,
+                fastest: speed,
+                last: speed,
+                at,
+                interval: 0.0,
+                ratios: [0.0; 2],
+            }
         } else {
             let is_own = (speed - e * s.last).abs() <= others * s.last;
-            Sequence { impacts: s.impacts + 1, own: if is_own { s.own + 1 } else { 1 }, last: speed, ..*s }
+            Sequence {
+                impacts: s.impacts + 1,
+                own: if is_own { s.own + 1 } else { 1 },
+                interval: since(s.at),
+                ratios: [ratio, s.ratios[0]],
+                last: speed,
+                at,
+                ..*s
+            }
         };
         *s
     }
