@@ -278,6 +278,65 @@ fn c4_impacts_that_time_cannot_tell_apart_are_jumps_at_one_instant() {
     assert!((53..=53 + 64 + 64).contains(&engine.counters().events), "{}", engine.counters().events);
 }
 
+/// A train of a scene, and its run to the end.
+fn run_scene(scene: serde_json::Value, look: impl FnOnce(&Structure, &Log, flank::engine::Counters)) {
+    let built = Scene::from_value(scene, "row").unwrap().build().unwrap();
+    let s = Structure::new(built.spec).unwrap();
+    let mut log = Log::default();
+    let options = Options { max_events: 5000, ..Options::default() };
+    let mut engine = engine(&s, state(&s, &built.q0, &built.v0), options);
+    let outcome = engine.run(built.run.instants(s.clock())[2], &mut log).unwrap();
+    assert_eq!(outcome, Outcome::ReachedEnd);
+    look(&s, &log, engine.counters());
+}
+
+/// C5. Two bodies that a load presses against each other and a wall: their impacts alternate, and end at rest together. The time of the
+/// rest is from a simulation in quadruple precision.
+#[test]
+fn c5_two_contacts_that_share_a_body_come_to_rest_together() {
+    let scene = json!({"flank": 1, "train": {"kind": "matrices", "mass_kg": [2.0, 1.0], "load_n": [1.436, 1.535], "contacts": [
+        {"name": "bodies", "direction": [1, -1], "half_backlash_m": 0.125, "law": {"kind": "rigid", "restitution": 0.2}, "flanks": "drive"},
+        {"name": "wall", "direction": [0, 1], "half_backlash_m": 0.0, "law": {"kind": "rigid", "restitution": 0.8}, "flanks": "drive"}]},
+        "initial": {"q": [0.0, 0.0], "v": [0.0, 1.29]}, "run": {"t_end_s": 6.0}});
+    run_scene(scene, |s, log, counters| {
+        let last = log.records.last().unwrap();
+        assert!(contact_mode(last.to, 0).is_closed() && contact_mode(last.to, 1).is_closed());
+        // Ten digits are known.
+        assert!((s.clock().time(last.at).value() - 1.3546550538).abs() <= 1e-10);
+        assert!(counters.events < 100, "{counters:?}");
+    });
+}
+
+/// C5. Three bodies in a row, one at rest on a wall, pass a blow to and fro: some 130 rounds of one instant, each weaker than the last
+/// by a factor of 0.8.
+#[test]
+fn c5_a_blow_that_is_passed_to_and_fro_dies_away() {
+    let contact = |name: &str, direction: [f64; 3], amplitude: f64, phase: f64| {
+        json!({"name": name, "direction": direction, "half_backlash_m": 0.5, "law": {"kind": "rigid", "restitution": 0.133},
+            "error": [{"amplitude_m": amplitude, "frequency_rad_per_s": 1.0, "phase_rad": phase}]})
+    };
+    let scene = json!({"flank": 1, "train": {"kind": "matrices", "base_frequency_rad_per_s": 1.0, "mass_kg": [0.8585, 0.7252, 1.981],
+        "contacts": [contact("wall", [1.0, 0.0, 0.0], 0.0559, FRAC_PI_2), contact("first", [-1.0, 1.0, 0.0], 0.2638, 0.0),
+            contact("second", [0.0, -1.0, 1.0], 0.08471, 1.5 * PI)],
+        "load_n": [0.5196, 0.0, 0.0],
+        "load_harmonics": [{"frequency_rad_per_s": 1.0, "phase_rad": 1.5 * PI, "vector_n": [0.2289, 0.5886, 0.5733]}]},
+        "initial": "rest", "run": {"t_end_s": 30.0}});
+    run_scene(scene, |_, log, _| assert!(log.records.iter().any(|r| (100..1000).contains(&r.jumps))));
+}
+
+/// C5. Where a flank with e = 0 touches beside one with e > 0 that strikes, the law leaves more than one outcome: the run counts it.
+#[test]
+fn c5_a_flank_that_only_touches_beside_a_strike_is_counted() {
+    let row = |second: f64| {
+        json!({"flank": 1, "train": {"kind": "matrices", "mass_kg": [1.0, 1.0, 1.0], "contacts": [
+            {"name": "a", "direction": [1, -1, 0], "half_backlash_m": 0.125, "law": {"kind": "rigid", "restitution": 0.5}, "flanks": "drive"},
+            {"name": "b", "direction": [0, 1, -1], "half_backlash_m": 0.0, "law": {"kind": "rigid", "restitution": second}, "flanks": "drive"}]},
+            "initial": {"q": [0.0, 0.0, 0.0], "v": [1.0, 0.0, 0.0]}, "run": {"t_end_s": 1.0}})
+    };
+    run_scene(row(0.5), |_, _, counters| assert_eq!(counters.open_supports, 0));
+    run_scene(row(0.0), |_, _, counters| assert_eq!(counters.open_supports, 1));
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
