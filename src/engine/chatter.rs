@@ -9,6 +9,9 @@
 //!
 //! (both orders of ε from the flight equation: the k-th flight is `(2u_k/A_k)(1 + 2ε_k/3)`, with
 //! `u_{k+1} = e u_k (1 − 2ε_k/3)` and `A_{k+1} = A_k (1 − 2ε_k)`).
+//!
+//! Where several contacts have a part in a sequence its rebounds shrink by another factor r. It ends after `Δt r/(1 − r)`, Δt the last
+//! interval, and the contacts whose impacts alternate with its own end with it.
 
 use super::Options;
 use crate::{
@@ -85,11 +88,11 @@ impl Chatter {
             // The height of a flight is `u²/2A`.
             let is_flat = u * u <= 2.0 * a.abs() * step.guard_rounding(i);
             let [ratio, before] = sequence.ratios;
-            let remaining = if sequence.impacts > IN_A_ROW && is_flat && ratio >= STALLED {
-                Some(0.0)
-            } else if sequence.own >= IN_A_ROW {
+            let remaining = if sequence.own >= IN_A_ROW {
                 let is_small = slow && a > 0.0 && epsilon.abs() <= SMALL * (1.0 - e);
                 is_small.then(|| 2.0 * u / (a * (1.0 - e)) * (1.0 + 2.0 * epsilon / (3.0 * (1.0 - e))))
+            } else if ratio >= STALLED {
+                (is_flat && sequence.impacts > IN_A_ROW).then_some(0.0)
             } else {
                 let is_steady = (ratio - before).abs() <= STEADY * ratio;
                 let is_joint = sequence.impacts > IN_A_ROW && (slow || is_flat && is_steady);

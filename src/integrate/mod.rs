@@ -52,7 +52,8 @@ pub trait DenseStep {
         self.guard_error(i).1
     }
     /// Rounding that guard `i` may have gathered by `theta` since the arc, or the part of it that one method integrates, began,
-    /// in its physical units: an estimate from the sizes of its terms; zero where the step does not know. The first `zeros` derivatives of it are exactly zero at the step's start, its value the zeroth.
+    /// in its physical units: an estimate from the sizes of its terms; zero where the step does not know. The
+    /// first `zeros` derivatives of it are exactly zero at the step's start, its value the zeroth.
     fn gathered(&self, i: usize, theta: f64, zeros: usize) -> f64 {
         let _ = (i, theta, zeros);
         0.0
