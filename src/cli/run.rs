@@ -57,7 +57,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let run = &session.case.built.run;
     let most = run.event_budget.min(arguments.events.unwrap_or(u64::MAX));
     let (mut engine, why) = session.engine(most)?;
-    let mut warnings: Vec<String> = session.case.built.warnings.iter().map(ToString::to_string).collect();
+    let warnings: Vec<String> = session.case.built.warnings.iter().map(ToString::to_string).collect();
 
     let sampled = arguments.trajectory || run.samples_per_cycle > 0;
     let files = [Some(EVENTS), sampled.then_some(TRAJECTORY), Some(SUMMARY)];
@@ -92,13 +92,6 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         let _ = trajectory.finish(state);
     }
     let verified = check.as_mut().map_or(Ok(()), |check| check.finish(state.at));
-    let supports = engine.counters().open_supports;
-    if supports > 0 {
-        warnings.push(format!(
-            "in {supports} strikes of flanks with e > 0 a flank with e = 0 took part because it touched: if the two struck in turn before, \
-             the motion after that may be wrong (docs/LIMITS.md, accumulating impacts)"
-        ));
-    }
     let summary = Summary {
         flank: env!("CARGO_PKG_VERSION"),
         scene: Provenance::of(&session),

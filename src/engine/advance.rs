@@ -224,7 +224,7 @@ impl<'s> Engine<'s> {
             let cycle = before[since..].iter().map(|m| core.system.mode_in_words(*m)).collect();
             return Err(EngineError::Cycle { t: core.system.clock().time(state.at).value(), rounds, cycle });
         }
-        let (before, from) = (state.jump.pinned, state.jump.mode);
+        let before = state.jump.pinned;
         core.alarm.jumped();
         state.jump.pinned.0 |= located.zero.0;
         // Events closer together than their uncertainties are one instant: a rigid flank that does not give back touches.
@@ -243,18 +243,6 @@ impl<'s> Engine<'s> {
         .map_err(model)?;
         core.alarm.moved(core.system, state.at, located.fired, state.jump.projected)?;
         if !state.jump.struck.is_empty() {
-            let mut supports = state
-                .jump
-                .struck
-                .iter()
-                .filter(|id| !located.fired.contains(*id) && core.system.restitution(*id) == Some(0.0));
-            // A closed one at rest watches its force only.
-            let is_open = |id| {
-                let mut watched = Vec::new();
-                core.system.guards(from, &mut watched);
-                watched.iter().any(|guard| guard.id == id)
-            };
-            core.counters.open_supports += u64::from(located.fired.iter().any(rebounds) && supports.any(is_open));
             core.strikes += 1;
             core.fastest = core.fastest.max(speed);
         }

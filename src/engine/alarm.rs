@@ -14,7 +14,7 @@
 use super::EngineError;
 use crate::{
     event::Located,
-    hybrid::{GuardId, GuardSet, HybridSystem, Instant, Mode},
+    hybrid::{Guard, GuardId, GuardSet, HybridSystem, Instant, Mode},
     integrate::DenseStep,
     poly,
 };
@@ -46,6 +46,8 @@ pub(super) struct Alarm {
     mode: Mode,
     /// The largest of them of a guard of position; without one there is no scale to measure a displacement by.
     length: Option<f64>,
+    /// How far beyond its guard an event that waits for a switch takes the state, in the guard's units.
+    waited: f64,
     /// How far the state may be moved at the event at hand, in the guards' units.
     move_limit: f64,
 }
@@ -57,6 +59,7 @@ impl Default for Alarm {
             ends: Vec::with_capacity(GUARDS),
             mode: Mode::default(),
             length: None,
+            waited: 0.0,
             move_limit: f64::INFINITY,
         }
     }
@@ -100,6 +103,9 @@ impl Alarm {
             }
         }
         self.ends.clear();
+        if !first {
+            self.waited = 0.0;
+        }
         Ok(())
     }
 
@@ -115,15 +121,25 @@ impl Alarm {
         Ok(())
     }
 
-    /// Remembers the end of a step that goes on.
-    pub fn end(&mut self, mode: Mode, step: &dyn DenseStep) {
+    /// Remembers that an event so near a switch that time cannot tell them apart waits for it, at the end of `step`.
+    pub fn wait(&mut self, step: &dyn DenseStep, located: &Located) {
+        let beyond = |(i, guard): (usize, &Guard)| {
+            if located.fired.contains(guard.id) { -step.guard(i).iter().sum::<f64>() } else { 0.0 }
+        };
+        self.waited = step.guards().iter().enumerate().map(beyond).fold(0.0, f64::max);
+    }
+
+    /// Remembers the end of a step that goes on; `closes` the run, so that the state there is tested next and not another step.
+    pub fn end(&mut self, mode: Mode, step: &dyn DenseStep, closes: bool) {
         self.mode = mode;
         if step.is_estimate() {
             return;
         }
         for (i, guard) in step.guards().iter().enumerate() {
             let (tail, _) = step.guard_error(i);
-            self.ends.push((guard.id, step.guard(i).iter().sum(), tail + self.rounding[usize::from(guard.id.0)]));
+            let gathered = if closes { step.gathered(i, 1.0, 0) } else { 0.0 };
+            let error = tail + self.rounding[usize::from(guard.id.0)] + gathered;
+            self.ends.push((guard.id, step.guard(i).iter().sum(), error));
         }
     }
 
@@ -148,12 +164,12 @@ impl Alarm {
             let rounding = self.rounding[usize::from(id.0)];
             if moved.contains(id) && system.is_continuous(id) {
                 let limit = step.guard_in_time(i, located.theta).map_or(tail, |(_, error)| error);
-                self.move_limit = self.move_limit.max(MOVED * limit + GATHERED * rounding);
+                self.move_limit = self.move_limit.max(MOVED * limit + GATHERED * rounding + self.waited);
             }
             if step.is_estimate() {
                 continue;
             }
-            let limit = MOVED * tail + GATHERED * rounding;
+            let limit = MOVED * tail + GATHERED * rounding + self.waited;
             if located.theta == 0.0 {
                 if row[0] < -limit && located.fired.contains(id) && system.is_continuous(id) {
                     return Err(raise(
@@ -171,7 +187,9 @@ impl Alarm {
             if amount <= APART * (tail + rounding) {
                 continue;
             }
-            let limit = APART * (tail + rounding + TERMS * poly::terms(row, located.theta));
+            // The state's own rounding: a flank may be far from where the step started.
+            let gathered = step.gathered(i, located.theta, 0);
+            let limit = APART * (tail + rounding + gathered + TERMS * poly::terms(row, located.theta));
             if amount > limit {
                 return Err(raise(system, at, id, "the series and the state differ at an event", amount, limit));
             }

@@ -49,7 +49,4 @@ pub struct Counters {
     pub accumulations: u64,
     /// Interval subdivisions of the root isolation.
     pub splits: u64,
-    /// Strikes of flanks with e > 0 in which an open one with e = 0 took part because it touched. The law leaves other outcomes: in the
-    /// limit of strikes in turn both come to rest.
-    pub open_supports: u64,
 }

@@ -162,19 +162,21 @@ impl Core<'_> {
             return Some(End::Observer);
         }
         // A state event at a switching time waits for the switch: it fires at the start of the next arc.
-        let located = located.filter(|l| {
-            !place.switching || {
-                let left = self.system.clock().between(step.start(), place.bound) - step.time(l.theta);
-                left > l.conditioning.time
-            }
-        });
+        let waits = |l: &Located| {
+            let left = self.system.clock().between(step.start(), place.bound) - step.time(l.theta);
+            place.switching && left <= l.conditioning.time
+        };
+        if let Some(l) = located.filter(waits) {
+            self.alarm.wait(step, &l);
+        }
+        let located = located.filter(|l| !waits(l));
         let until = located.map_or(1.0, |l| l.theta);
         if observer.step(place.mode, step, until).is_break() {
             self.leave(step, until);
             return Some(End::Observer);
         }
         let Some(located) = located else {
-            self.alarm.end(place.mode, step);
+            self.alarm.end(place.mode, step, closes);
             step.carry(1.0, &mut self.left_carried);
             return None;
         };

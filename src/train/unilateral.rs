@@ -8,7 +8,8 @@
 //! ```
 //!
 //! - velocities: z are impulses, `d = (1 + e) u` for a contact that closes with speed u > 0, and `d = u` for one that only
-//!   touches. It takes part if it strikes, rests, or touches with e = 0.
+//!   touches. It takes part if it strikes or rests, and if it touches with e = 0 where nothing that strikes rebounds. Elsewhere one
+//!   that touches is struck in turn, as with a small gap; to join it would be another limit.
 //! - accelerations: z are multipliers, d is the closing acceleration without them. Contacts with no speed after the impulses
 //!   take part: they rest where `s = 0` and let go where `s < 0`.
 //!
@@ -199,7 +200,7 @@ impl Structure {
 
     /// The rigid contacts on their flanks that take part.
     fn touching(&self, from: &Jump, fired: GuardSet, settles: bool, at: Instant, x: &[f64]) -> Set {
-        let mut set = Set::new();
+        let (mut set, mut supports, mut rebounds) = (Set::new(), Set::new(), false);
         for (j, c) in self.contacts.iter().enumerate() {
             let Law::Rigid(law) = c.spec.law else { continue };
             let state = contact_mode(from.mode, j);
@@ -223,14 +224,19 @@ impl Structure {
                     let lost = law.restitution * speed <= striker.error;
                     let restitution = if lost { 0.0 } else { striker.restitution };
                     let returns = was_released && from.still.contains(id);
+                    rebounds |= restitution > 0.0 && speed > 0.0;
                     set.push(Touching { speed, restitution, returns, ..striker });
                 } else if from.pinned.contains(id) && law.restitution == 0.0 {
                     let touching = contact(side, 0.0);
                     let still = from.still.contains(id);
                     let (speed, error) = if still { (0.0, 0.0) } else { (touching.speed, touching.error) };
-                    set.push(Touching { speed, error, releases: was_released && still, ..touching });
+                    supports.push(Touching { speed, error, releases: was_released && still, ..touching });
                 }
             }
+        }
+        if !rebounds {
+            set.extend(supports);
+            set.sort_unstable_by_key(|t| t.contact);
         }
         set
     }
