@@ -206,7 +206,9 @@ impl Locator {
                 if theta > 0.0 || series.order > 0 {
                     zero.insert(guard.id);
                 }
-            } else if series.value(theta).abs() <= step.guard_rounding(i).max(series.error * theta.powi(series.order as i32)) {
+            } else if series.value(theta).abs()
+                <= step.guard_rounding(i).max(series.error * theta.powi(series.order as i32))
+            {
                 near.insert(guard.id);
             }
         }

@@ -83,8 +83,9 @@ const ARRIVED: f64 = 8.0 * f64::EPSILON;
 
 /// Rounding of a sum relative to its terms: a few units for each. Over the steps of an arc it grows like their root.
 const ARC_ROUNDING: f64 = 8.0 * f64::EPSILON;
-/// Weight of the value: its terms are summed at every step and again at the event.
-const VALUE_WEIGHT: f64 = 4.0;
+/// Weights of value, rate and acceleration: the value's terms are summed at every step and again at the event, the others at every
+/// step, and each term of an acceleration is a product.
+const WEIGHTS: [f64; 3] = [4.0, 2.0, 2.0];
 
 struct Step<'a> {
     start: Instant,
@@ -147,7 +148,7 @@ impl DenseStep for Step<'_> {
         let [value, rate, acceleration] =
             self.field.term_sizes(self.mode, self.jet.guards[i].id, self.jet, self.extent);
         let t = self.time(theta);
-        let terms = [VALUE_WEIGHT * value, rate * t, 0.5 * acceleration * t * t];
+        let terms = [WEIGHTS[0] * value, WEIGHTS[1] * rate * t, WEIGHTS[2] * 0.5 * acceleration * t * t];
         // The third derivative is never known exactly: the time at which an acceleration is zero is rounded.
         let known = if self.count == 1 { zeros.min(2) } else { 0 };
         ARC_ROUNDING * f64::from(self.count).sqrt() * terms.iter().skip(known).sum::<f64>()

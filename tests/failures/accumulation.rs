@@ -360,7 +360,11 @@ fn c4_blows_between_a_dead_and_a_lively_flank_end_in_rest() {
             run_scene(scene, |_, log, counters| {
                 let last = log.records.last().unwrap();
                 // A speed lost in the rounding of the first.
-                assert!(last.x_plus[2..].iter().all(|v| v.abs() <= 1e-15), "{restitution} {gap} {load}: {:?}", last.x_plus);
+                assert!(
+                    last.x_plus[2..].iter().all(|v| v.abs() <= 1e-15),
+                    "{restitution} {gap} {load}: {:?}",
+                    last.x_plus
+                );
                 assert!(counters.events < 100, "{counters:?}");
             });
         }

@@ -1,4 +1,4 @@
-//! Impacts: all rigid contacts that strike at one instant, those at rest, and those without restitution that touch.
+//! Impacts: all rigid contacts that strike at one instant, those at rest, and where nothing rebounds those that touch.
 
 use super::{
     linear::{complementary, least},
@@ -40,8 +40,9 @@ fn push(m: &Model, s: &mut State, set: &[(usize, f64)], impulses: &[Wide]) {
 /// Applies the impulses. `strikers` are at their flanks, with `side` set.
 pub fn strike(m: &Model, s: &mut State, strikers: &[usize]) -> Result<Vec<Bounce>, String> {
     let mut set: Vec<(usize, f64)> = Vec::new();
+    let is_dead = |j: &usize| restitution(m, *j) == wide(0.0);
     for (j, status) in s.contacts.iter().enumerate().filter(|(j, _)| is_rigid(m, *j)) {
-        let touches = status.mode.is_closed() || status.zeros > 0 && restitution(m, j) == wide(0.0);
+        let touches = status.mode.is_closed() || status.zeros > 0 && is_dead(&j) && strikers.iter().all(is_dead);
         if strikers.contains(&j) || touches {
             set.push((j, status.side));
         }

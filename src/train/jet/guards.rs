@@ -19,7 +19,13 @@ impl Structure {
     pub(super) fn guard_sizes(&self, mode: Mode, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
         let (j, watch) = guard_of(id);
         let (c, layout) = (&self.contacts[j], Layout::new(self));
-        let force = |k: usize| step.work[layout.of(k, FORCE)];
+        // The force of a spring is rounded as the deflection is that it is formed from.
+        let force = |k: usize| match (&self.contacts[k], self.contacts[k].spec.law) {
+            (c, Law::Bilateral(l) | Law::KelvinVoigt(l, _)) => {
+                c.spec.stiffness.maximum() * self.deflection_size(c, x) + l.damping * self.rate_size(c, x)
+            }
+            _ => step.work[layout.of(k, FORCE)],
+        };
         let (deflection, rate) = (self.deflection_size(c, x), self.rate_size(c, x));
         let acceleration = self.acceleration_size(j, mode, x, force);
         match (watch, c.spec.law) {
