@@ -14,7 +14,7 @@ pub struct Located {
     pub theta: f64,
     /// All guards that fire there.
     pub fired: GuardSet,
-    /// Those of them that are zero there: all that fell through zero, but none that is outside from the start of an arc.
+    /// Those of them that are zero there: all that fell through zero, but none that is outside from the start of an arc on.
     pub zero: GuardSet,
     /// Those that do not fire, but cannot be told from zero there.
     pub near: GuardSet,
@@ -163,11 +163,11 @@ impl Locator {
         let end = first.map_or(1.0, |(theta, _)| theta);
         let touch = touch.filter(|(t, i)| *t < end && is_tangent(step, *i, *t, end));
         let touch = touch.and_then(|(t, i)| Some((lowest(step.guard(i), t, end)?, step.guards()[i].id)));
-        (first.map(|(theta, lead)| self.batch(step, theta, lead, doubtful)), touch)
+        (first.map(|(theta, lead)| self.batch(step, starts, theta, lead, doubtful)), touch)
     }
 
     /// All guards that fire at `theta` together with guard `lead`: some of `doubtful`.
-    fn batch(&self, step: &dyn DenseStep, theta: f64, lead: usize, doubtful: GuardSet) -> Located {
+    fn batch(&self, step: &dyn DenseStep, starts: bool, theta: f64, lead: usize, doubtful: GuardSet) -> Located {
         let series = Deflated::new(step, lead);
         let (value, deflated_slope) = poly::eval_with_slope(series.p, theta);
         let (residual, slope) = match series.order as i32 {
@@ -203,7 +203,8 @@ impl Locator {
             };
             if fires {
                 fired.insert(guard.id);
-                if theta > 0.0 || series.order > 0 {
+                // At the start of a later step it fell through zero in between.
+                if theta > 0.0 || series.order > 0 || !starts {
                     zero.insert(guard.id);
                 }
             } else if series.value(theta).abs()

@@ -129,8 +129,8 @@ pub fn arcs(value: &Value, most: usize) -> Vec<Arc> {
         if is_arc {
             out.extend(arc(&m, &case.structure, &from, &record));
         }
-        // After a touch the state is on a flank only to rounding.
-        fresh = record.accumulation.is_none() && !record.graze;
+        // After a touch the state is on a flank only to rounding; where a switch fires a guard, the oracle starts before the switch.
+        fresh = record.accumulation.is_none() && !record.graze && !(record.switched && !record.fired.is_empty());
     }
     out
 }
