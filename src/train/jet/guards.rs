@@ -14,20 +14,27 @@ use crate::{
 /// gathered since the last event, a few units in the last place for each of some ten steps.
 pub(super) const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
+/// One rounding, relative to the eight that a size stands for.
+const ONCE: f64 = 0.125;
+
 impl Structure {
     /// Sizes of the terms of a guard's value, rate and acceleration: see [`JetField::term_sizes`](crate::hybrid::JetField::term_sizes).
     pub(super) fn guard_sizes(&self, mode: Mode, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
         let (j, watch) = guard_of(id);
         let (c, layout) = (&self.contacts[j], Layout::new(self));
-        // The force of a spring is rounded as the deflection is that it is formed from.
+        // A force is rounded as what it is formed from: a spring's as its deflection, a multiplier as the accelerations that it balances.
         let force = |k: usize| match (&self.contacts[k], self.contacts[k].spec.law) {
             (c, Law::Bilateral(l) | Law::KelvinVoigt(l, _)) => {
                 c.spec.stiffness.maximum() * self.deflection_size(c, x) + l.damping * self.rate_size(c, x)
             }
-            _ => step.work[layout.of(k, FORCE)],
+            (c, Law::Rigid(_)) => c.effective_mass() * self.acceleration_size(k, mode, x, |_| 0.0),
+            (_, Law::Power(_)) => step.work[layout.of(k, FORCE)],
         };
         let (deflection, rate) = (self.deflection_size(c, x), self.rate_size(c, x));
-        let acceleration = self.acceleration_size(j, mode, x, force);
+        // Flanks are reached to the rounding of the deflection, once: the springs of the bodies feel it.
+        let springs = |i: u32| self.rows[i as usize].iter().map(|(_, k, _)| k.abs()).sum::<f64>();
+        let displaced: f64 = c.direction.iter().map(|(i, g)| g.abs() * springs(*i)).sum::<f64>() * deflection;
+        let acceleration = self.acceleration_size(j, mode, x, force) + ONCE * displaced;
         match (watch, c.spec.law) {
             (Watch::Force, Law::Bilateral(l) | Law::KelvinVoigt(l, _)) => {
                 let k = c.spec.stiffness.maximum();
