@@ -153,7 +153,7 @@ impl Structure {
         if rhs[..len].iter().all(|r| *r == 0.0) {
             return;
         }
-        Sticking::of(self, set, len).solve(&mut rhs);
+        Sticking::of(self, set[..len].iter().copied()).solve(&mut rhs);
         for (p, j) in rhs.iter().zip(&set[..len]) {
             out[*j] = *p;
         }

@@ -31,17 +31,17 @@ impl Sticking {
     pub fn new(s: &Structure, mode: Mode) -> Option<Self> {
         let resting =
             |j: &usize| matches!(s.contacts[*j].spec.law, Law::Rigid(_)) && contact_mode(mode, *j).is_closed();
-        let mut set = [0; MAX_CONTACTS];
-        let mut len = 0;
-        for j in (0..s.contacts.len()).filter(resting) {
-            set[len] = j;
-            len += 1;
-        }
-        (len > 0).then(|| Self::of(s, set, len))
+        let sticking = Self::of(s, (0..s.contacts.len()).filter(resting));
+        (sticking.len > 0).then_some(sticking)
     }
 
     /// The given contacts, closed or not.
-    pub fn of(s: &Structure, set: [usize; MAX_CONTACTS], len: usize) -> Self {
+    pub fn of(s: &Structure, contacts: impl Iterator<Item = usize>) -> Self {
+        let (mut set, mut len) = ([0; MAX_CONTACTS], 0);
+        for j in contacts {
+            set[len] = j;
+            len += 1;
+        }
         let mut factor: ArrayVec<[f64; MAX_CONTACTS], MAX_CONTACTS> = ArrayVec::new();
         let mut pivot = [0.0; MAX_CONTACTS];
         for i in 0..len {
@@ -107,6 +107,25 @@ impl Sticking {
         for (i, r) in r[..n].iter_mut().enumerate() {
             *r = (0..=i).map(|j| self.half(i, j) * y[j]).sum();
         }
+    }
+
+    /// Whether some of the contacts hold others.
+    pub fn is_redundant(&self) -> bool {
+        self.shared.is_some()
+    }
+
+    /// Whether these contacts hold contact `j`: its direction is a combination of theirs.
+    pub fn holds(&self, s: &Structure, j: usize) -> bool {
+        let mut row = [0.0; MAX_CONTACTS];
+        let mut left = s.coupling(j, j);
+        for i in 0..self.len {
+            let known: f64 = (0..i).map(|k| self.factor[i][k] * row[k] * self.pivot[k]).sum();
+            if self.pivot[i] > 0.0 {
+                row[i] = (s.coupling(j, self.set[i]) - known) / self.pivot[i];
+                left -= row[i] * row[i] * self.pivot[i];
+            }
+        }
+        left <= REDUNDANT * s.coupling(j, j)
     }
 
     pub fn contacts(&self) -> &[usize] {

@@ -210,8 +210,8 @@ impl Structure {
                 Touching { contact: j, side, restitution, speed, error, releases: false, returns: false }
             };
             let was_released = from.pinned.contains(guard_id(j, Watch::Force));
-            if state.is_closed() {
-                let releases = fired.contains(guard_id(j, Watch::Force));
+            if state.side() != 0.0 {
+                let releases = if state.is_closed() { fired.contains(guard_id(j, Watch::Force)) } else { was_released };
                 set.push(Touching { speed: 0.0, error: 0.0, releases, ..contact(state.side(), 0.0) });
                 continue;
             }
@@ -310,15 +310,23 @@ impl Structure {
             d[i] = t.side * (dot(&self.contacts[t.contact].direction, &a) - self.error(t.contact, at).2);
             noise[i] = ROUNDING * self.acceleration_size(t.contact, jump.mode, x, |k| forces[k]);
         }
-        let solution = complement(&self.mobility(&pressed), &d, &noise).ok_or_else(|| self.unsolvable(&pressed))?;
-        for (i, t) in pressed.iter().enumerate() {
-            if solution.rest[i] >= -solution.slack[i] {
-                jump.mode = with_contact(jump.mode, t.contact, Self::resting(t.side));
+        let w = self.mobility(&pressed);
+        let solution = complement(&w, &d, &noise).ok_or_else(|| self.unsolvable(&pressed))?;
+        let held = self.sharing(&pressed, &w, &d, &solution);
+        for j in held.contacts() {
+            let side = pressed.iter().find(|t| t.contact == *j).map_or(0.0, |t| t.side);
+            jump.mode = with_contact(jump.mode, *j, Self::resting(side));
+        }
+        // One whose gap those at rest keep at zero carries nothing and stays on its flank.
+        for t in slow.iter().filter(|t| !held.contacts().contains(&t.contact)) {
+            let moves = |j: &usize| !self.contacts[*j].error.is_empty();
+            if held.holds(self, t.contact) && !held.contacts().iter().chain([&t.contact]).any(moves) {
+                jump.mode = with_contact(jump.mode, t.contact, Self::touching_only(t.side));
             }
         }
         // A multiplier that fell through zero leaves the gap without acceleration, and the third derivative decides, unless an impulse
         // or a contact that has come to rest with it changes the accelerations.
-        let comes_to_rest = |t: &Touching| !t.returns && !contact_mode(from.mode, t.contact).is_closed();
+        let comes_to_rest = |t: &Touching| !t.returns && contact_mode(from.mode, t.contact).side() == 0.0;
         let undisturbed = jump.struck.is_empty() && !pressed.iter().any(comes_to_rest);
         for t in slow.iter().filter(|t| t.releases || t.returns) {
             let force = guard_id(t.contact, Watch::Force);
@@ -327,6 +335,30 @@ impl Structure {
             }
         }
         Ok(())
+    }
+
+    /// The contacts of `pressed` that carry the load. With the multipliers of least norm all that rest share it; if one of these
+    /// would pull, only those do that carry it in the solution, and what moves independently of them.
+    fn sharing(&self, pressed: &Set, w: &[Row], d: &Row, solution: &Solution) -> Sticking {
+        let of = |set: &[usize]| Sticking::of(self, set.iter().map(|i| pressed[*i].contact));
+        let rests = |i: &usize| solution.rest[*i] >= -solution.slack[*i];
+        let all: ArrayVec<usize, MAX_CONTACTS> = (0..pressed.len()).filter(rests).collect();
+        let together = of(&all);
+        let mut multipliers: Row = [0.0; MAX_CONTACTS];
+        multipliers.iter_mut().zip(&all).for_each(|(m, i)| *m = pressed[*i].side * d[*i]);
+        together.solve(&mut multipliers);
+        let pushes = |(m, i): (&f64, &usize)| pressed[*i].side * m >= -solution.slack[*i] / w[*i][*i];
+        if !together.is_redundant() || multipliers.iter().zip(&all).all(pushes) {
+            return together;
+        }
+        let mut basis: ArrayVec<usize, MAX_CONTACTS> = all.iter().copied().filter(|i| solution.z[*i] > 0.0).collect();
+        for i in all {
+            if solution.z[i] == 0.0 && !of(&basis).holds(self, pressed[i].contact) {
+                basis.push(i);
+            }
+        }
+        basis.sort_unstable();
+        of(&basis)
     }
 
     fn unsolvable(&self, set: &[Touching]) -> ModelError {
@@ -399,7 +431,7 @@ impl Structure {
         }
         set.iter_mut().zip(contacts.clone()).for_each(|(s, j)| *s = j);
         y[..by.len()].copy_from_slice(by);
-        Sticking::of(self, set, by.len()).solve(&mut y);
+        Sticking::of(self, contacts.clone()).solve(&mut y);
         for (j, y) in contacts.zip(&y) {
             self.contacts[j].push.iter().for_each(|(i, p)| values[*i as usize] += p * y);
         }
@@ -408,5 +440,10 @@ impl Structure {
     /// The state a rigid contact is in while it rests on `side`.
     pub(super) fn resting(side: f64) -> ContactMode {
         if side > 0.0 { ContactMode::Drive } else { ContactMode::Back }
+    }
+
+    /// The state of one that others hold on its flank, without load.
+    fn touching_only(side: f64) -> ContactMode {
+        if side > 0.0 { ContactMode::DriveDetached } else { ContactMode::BackDetached }
     }
 }

@@ -371,6 +371,27 @@ fn c4_blows_between_a_dead_and_a_lively_flank_end_in_rest() {
     }
 }
 
+/// C4. Three walls hold a body of two degrees of freedom in a corner. The third direction lies between the other two, so the body lets
+/// go of the second wall exactly when the load `0.2 + cos t` towards it changes sign, however the walls share the load.
+#[test]
+fn c4_redundant_walls_let_go_when_no_sharing_of_the_load_holds() {
+    let wall = |name: &str, direction: [i32; 2]| json!({"name": name, "direction": direction, "half_backlash_m": 0.0, "flanks": "drive", "law": {"kind": "rigid", "restitution": 0.3}});
+    let (first, second, third) = (wall("first", [1, 0]), wall("second", [0, 1]), wall("third", [1, 2]));
+    for walls in [[&first, &second, &third], [&third, &first, &second], [&second, &third, &first]] {
+        let scene = json!({"flank": 1, "train": {"kind": "matrices", "base_frequency_rad_per_s": 1.0, "mass_kg": [1.0, 1.7],
+            "load_n": [1.0, 0.2], "contacts": walls, "load_harmonics": [
+                {"vector_n": [0.0, 1.0], "frequency_rad_per_s": 1.0}, {"vector_n": [0.9, 0.0], "frequency_rad_per_s": 3.0, "phase_rad": 0.4}]},
+            "initial": "rest", "run": {"t_end_s": 6.0}});
+        run_scene(scene, |s, log, _| {
+            let parted =
+                log.records.iter().find(|r| (0..3).any(|j| !r.start && contact_mode(r.to, j).side() == 0.0)).unwrap();
+            assert!((s.clock().time(parted.at).value() - f64::acos(-0.2)).abs() <= 1e-14);
+            let still = &log.records.last().unwrap().x_plus;
+            assert!(still.iter().all(|x| x.abs() <= f64::EPSILON), "{still:?}");
+        });
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 

@@ -64,6 +64,8 @@ impl Structure {
             },
             Law::KelvinVoigt(_, Release::Deflection) => watches(state, false, false, c.has_back()),
             Law::Power(_) => watches(state, c.latch.is_some(), false, c.has_back()),
+            // Held on its flank by others.
+            Law::Rigid(_) if state.side() != 0.0 && !state.is_closed() => &[],
             Law::Rigid(_) => watches(state, false, true, c.has_back()),
         }
     }
