@@ -57,6 +57,9 @@ struct Deflated<'a> {
     error: f64,
 }
 
+/// What a state resolves of a guard's value, relative to the rounding that the value may have gathered.
+const RESOLVED: f64 = 1.0 / 32.0;
+
 /// Rounding of what a series adds to its start, relative to the sum of its terms: a few units for each.
 const ADDED: f64 = 8.0 * f64::EPSILON;
 
@@ -207,10 +210,12 @@ impl Locator {
                 if theta > 0.0 || series.order > 0 || !starts {
                     zero.insert(guard.id);
                 }
-            } else if series.value(theta).abs()
-                <= step.guard_rounding(i).max(series.error * theta.powi(series.order as i32))
-            {
-                near.insert(guard.id);
+            } else {
+                // From an exact zero on a value may be known better than the state can hold it.
+                let held = RESOLVED * step.guard_rounding(i);
+                if series.value(theta).abs() <= held.max(series.error * theta.powi(series.order as i32)) {
+                    near.insert(guard.id);
+                }
             }
         }
         // All of it in time and in the guard's own units; at the end of a contact a root clock stands still.

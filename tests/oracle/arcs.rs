@@ -130,7 +130,12 @@ pub fn arcs(value: &Value, most: usize) -> Vec<Arc> {
             out.extend(arc(&m, &case.structure, &from, &record));
         }
         // After a touch the state is on a flank only to rounding; where a switch fires a guard, the oracle starts before the switch.
-        fresh = record.accumulation.is_none() && !record.graze && !(record.switched && !record.fired.is_empty());
+        // Strikes in turn leave speeds that are rounding of the first ones.
+        let in_turn = record.jumps > 8;
+        fresh = record.accumulation.is_none()
+            && !record.graze
+            && !in_turn
+            && !(record.switched && !record.fired.is_empty());
     }
     out
 }
