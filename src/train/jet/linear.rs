@@ -244,6 +244,10 @@ impl Expansion<'_> {
             for l in 0..LANES {
                 force[l] = fused(four.stiffness[l], d[l], four.damping[l] * r[l]);
             }
+            if k == 0 && !self.request.pinned.is_empty() {
+                let j = |l: usize| LANES * chunk + l;
+                (0..LANES).filter(|l| self.pinned(j(*l), Watch::Force)).for_each(|l| force[l] = 0.0);
+            }
             for l in 0..LANES {
                 if four.closed[l]
                     && let Some(push) = columns.pushes[l].first_chunk::<N>()

@@ -6,7 +6,7 @@ use crate::{
     hybrid::Jet,
     train::{
         assemble::{MAX_CONTACTS, Spring},
-        contact_mode::{contact_mode, piece},
+        contact_mode::{Watch, contact_mode, piece},
         sticking::Sticking,
     },
 };
@@ -48,6 +48,9 @@ impl Expansion<'_> {
                     work[layout.deflection(j, k)] = h / k as f64 * work[r + k - 1];
                 }
                 self.part_force(j, part, k, rate, work);
+                if k == 0 && self.pinned(j, Watch::Force) {
+                    work[layout.of(j, FORCE)] = 0.0;
+                }
             }
             let a = layout.accelerations + k * n;
             self.accelerations(k, q, v, work);
