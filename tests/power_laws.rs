@@ -14,7 +14,8 @@ use flank::{
     hybrid::{GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode},
     integrate::{Arc, Choice, Integrator, Tableau, Taylor, build},
     train::{
-        ContactMode, ContactSpec, Flanks, LoadHarmonic, Spec, Structure, Watch, equilibrium, guard_id, with_contact,
+        ContactMode, ContactSpec, Flanks, LoadHarmonic, Spec, Structure, Watch, damped_restitution, equilibrium,
+        guard_id, with_contact,
     },
 };
 use nalgebra::DMatrix;
@@ -522,4 +523,14 @@ fn stiff_columns_are_relieved() {
         }
     }
     assert!(relieved >= 20 && events > 0, "{relieved} relieved, {events} events");
+}
+
+#[test]
+fn damped_impacts_return_their_closed_forms() {
+    // Independent: integrated contact equations, six digits.
+    for (zeta, geometric, no_tension) in [(0.05, 0.854_468, 0.858_758), (0.5, 0.163_034, 0.298_436)] {
+        assert!((damped_restitution(zeta, Release::Deflection) - geometric).abs() < 1e-6);
+        assert!((damped_restitution(zeta, Release::Force) - no_tension).abs() < 1e-6);
+    }
+    assert!((damped_restitution(1.0 + 1e-9, Release::Force) - (-2.0f64).exp()).abs() < 1e-6);
 }

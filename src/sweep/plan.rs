@@ -127,29 +127,3 @@ impl Plan {
         })
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn chains(seeding: Seeding) -> Vec<Vec<usize>> {
-        let plan = Plan::new(Grid::parse(&["/a=1,2", "/b=1,2,3"]).unwrap(), seeding);
-        (0..plan.chains()).map(|chain| plan.chain(chain).collect()).collect()
-    }
-
-    #[test]
-    fn chains_run_along_the_last_axis() {
-        assert_eq!(chains(Seeding::Fresh), [[0], [1], [2], [3], [4], [5]]);
-        assert_eq!(chains(Seeding::Up), [[0, 1, 2], [3, 4, 5]]);
-        assert_eq!(chains(Seeding::Down), [[2, 1, 0], [5, 4, 3]]);
-        assert_eq!(chains(Seeding::Both), [[0, 2, 4], [5, 3, 1], [6, 8, 10], [11, 9, 7]]);
-    }
-
-    #[test]
-    fn with_both_directions_a_point_has_two_rows() {
-        let plan = Plan::new(Grid::parse(&["/a=1,2"]).unwrap(), Seeding::Both);
-        let rows: Vec<(f64, Direction)> =
-            (0..plan.rows()).map(|i| (plan.cell(i).values[0], plan.cell(i).direction)).collect();
-        assert_eq!(rows, [(1.0, Direction::Up), (1.0, Direction::Down), (2.0, Direction::Up), (2.0, Direction::Down)]);
-    }
-}

@@ -83,18 +83,3 @@ impl ContactView for Structure {
         self.impulses_of(transition, out);
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn damped_impacts_return_their_closed_forms() {
-        // Independent: integrated contact equations, six digits.
-        for (zeta, geometric, no_tension) in [(0.05, 0.854_468, 0.858_758), (0.5, 0.163_034, 0.298_436)] {
-            assert!((damped_restitution(zeta, Release::Deflection) - geometric).abs() < 1e-6);
-            assert!((damped_restitution(zeta, Release::Force) - no_tension).abs() < 1e-6);
-        }
-        assert!((damped_restitution(1.0 + 1e-9, Release::Force) - (-2.0f64).exp()).abs() < 1e-6);
-    }
-}

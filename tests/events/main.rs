@@ -2,10 +2,12 @@
 #![allow(clippy::unwrap_used)] // helpers of tests are not recognised as tests
 
 mod causes;
+mod clock;
 mod crossing;
 mod decimal;
 mod drift;
 mod endings;
+mod first_root;
 mod frequencies;
 mod isolation;
 mod release;

@@ -1,7 +1,10 @@
-//! Measures of runs: energy ledgers, contact statistics, sampled trajectories, event rows.
+//! Measures of runs: energy ledgers, contact statistics, sampled trajectories, event rows, spectra.
 #![allow(clippy::unwrap_used)] // helpers of tests are not recognised as tests
 
 mod contacts;
 mod ledger;
 mod rows;
+mod scaled;
+mod settle;
+mod spectrum;
 mod trains;

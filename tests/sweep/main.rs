@@ -3,4 +3,5 @@
 
 #[cfg(all(feature = "cli", unix))]
 mod command;
+mod grid;
 mod map;
