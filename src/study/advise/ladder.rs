@@ -11,6 +11,7 @@ use crate::{
     gear::contact::Law,
     scene::Scene,
     study::{Case, StudyError},
+    train::Quantity,
 };
 
 /// What a ladder makes simpler. On each ladder a rung takes the steps of those before it; ladders start from the scene.
@@ -178,7 +179,7 @@ impl Rungs {
                 Err(error) => self.leave("linear law", error.to_string()),
             }
         }
-        if simplify::has_damping(self.case.structure.spec()) {
+        if self.case.structure.spec().has(Quantity::Damping) {
             // A rung of its own: damping taken from the scene's own law.
             self.add(Ladder::Law, "no damping in the contacts", vec![Step::Undamped]);
         }

@@ -10,7 +10,7 @@ use crate::{
         Piece, Stiffness,
         contact::{Law, Linear, Release, restitution},
     },
-    train::{ContactSpec, Spec, Structure, TrainError, damped_restitution, equilibrium, tangent_stiffness},
+    train::{ContactSpec, Quantity, Spec, Structure, TrainError, damped_restitution, equilibrium, tangent_stiffness},
 };
 
 /// A spring and a damper that stand for a power law.
@@ -75,23 +75,7 @@ pub fn linear(spec: &mut Spec, laws: &[LinearLaw]) {
 
 /// Contacts lose their damping.
 pub fn undamped(spec: &mut Spec) {
-    for contact in &mut spec.contacts {
-        match &mut contact.law {
-            Law::Bilateral(linear) | Law::KelvinVoigt(linear, _) => linear.damping = 0.0,
-            Law::Power(power) => power.hysteresis = 0.0,
-            Law::Rigid(_) => {}
-        }
-    }
-}
-
-/// Whether any contact has damping that [`undamped`] takes away.
-#[must_use]
-pub fn has_damping(spec: &Spec) -> bool {
-    spec.contacts.iter().any(|contact| match contact.law {
-        Law::Bilateral(linear) | Law::KelvinVoigt(linear, _) => linear.damping > 0.0,
-        Law::Power(power) => power.hysteresis > 0.0,
-        Law::Rigid(_) => false,
-    })
+    *spec = spec.scaled(Quantity::Damping, 0.0);
 }
 
 /// Drops errors and harmonic loads of frequency `omega` and above, rad/s.
