@@ -206,14 +206,14 @@ impl Scene {
     /// SHA-256 of the resolved scene, hexadecimal. Name and note do not enter.
     #[must_use]
     pub fn hash(&self) -> String {
-        let mut text = String::new();
         let mut scene = self.resolved.clone();
         if let Value::Object(object) = &mut scene {
             object.remove("name");
             object.remove("note");
         }
-        canonical(&scene, &mut text);
-        Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+        // JSON without spaces, keys sorted: the same scene is the same text.
+        scene.sort_all_objects();
+        Sha256::digest(scene.to_string().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
     /// Builds the train, the start and the run.
@@ -250,35 +250,4 @@ impl Scene {
 #[must_use]
 pub fn schema() -> Value {
     build::schema()
-}
-
-/// JSON without spaces, keys sorted: the same scene is the same text.
-fn canonical(value: &Value, text: &mut String) {
-    match value {
-        Value::Object(map) => {
-            let mut keys: Vec<&String> = map.keys().collect();
-            keys.sort();
-            text.push('{');
-            for (i, key) in keys.into_iter().enumerate() {
-                if i > 0 {
-                    text.push(',');
-                }
-                text.push_str(&Value::from(key.as_str()).to_string());
-                text.push(':');
-                canonical(&map[key], text);
-            }
-            text.push('}');
-        }
-        Value::Array(items) => {
-            text.push('[');
-            for (i, item) in items.iter().enumerate() {
-                if i > 0 {
-                    text.push(',');
-                }
-                canonical(item, text);
-            }
-            text.push(']');
-        }
-        other => text.push_str(&other.to_string()),
-    }
 }
