@@ -5,6 +5,7 @@ use serde_json::json;
 use super::{
     build, contact, law,
     node::Node,
+    schedule::tooth_pairs,
     shape::{Object, Shape, Units, at_least, between, choice, list, number, positive, within},
 };
 use crate::{
@@ -67,36 +68,21 @@ fn stiffness_shape() -> Shape {
         .needed("high", positive(), "Stiffness at the start of the period.")
         .needed("low", at_least(0.0), "Stiffness in the rest of the period.")
         .needed("duty", between(0.0, 1.0), "Fraction of the period at high.");
-    let ramps = pairs("Number of tooth pairs in contact, each entry and exit a ramp.").needed(
-        "ramp",
-        between(0.0, 0.5),
-        "Half width of a ramp, fraction of the period.",
-    );
     let hertz = Object::new("Hertz stiffness of the flanks at the pitch point, N/m^1.5, taken as spheres.")
         .with_default("young_pa", Material::STEEL.young, positive(), "Young's modulus of both gears.")
         .with_default("poisson", Material::STEEL.poisson, within(0.0, 0.5), "Poisson's ratio of both gears.");
     let iso = Object::new("Mean stiffness of ISO 6336-1, method B, of steel gears.")
         .needed("face_width_m", positive(), "Face width.")
         .free("line_load_n_per_m", positive(), "Load per face width: below 1e5 N/m the stiffness falls with it.");
-    let fourier = pairs("Fourier series of the number of tooth pairs in contact, cut off.").needed(
-        "orders",
-        Shape::Whole { min: 1, max: 1000 },
-        "Harmonics kept.",
-    );
     Shape::Either(vec![
         positive(),
         Shape::Variant {
             tag: "kind",
-            cases: vec![
-                ("constant", constant),
-                ("harmonic", harmonic),
-                ("rectangular", rectangular),
-                ("tooth-pairs", pairs("Number of tooth pairs in contact, rectangular.")),
-                ("tooth-pairs-trapezoidal", ramps),
-                ("fourier", fourier),
-                ("hertz", hertz),
-                ("iso-6336", iso),
-            ],
+            cases: [("constant", constant), ("harmonic", harmonic), ("rectangular", rectangular)]
+                .into_iter()
+                .chain(tooth_pairs(pairs))
+                .chain([("hertz", hertz), ("iso-6336", iso)])
+                .collect(),
         },
     ])
 }

@@ -39,32 +39,32 @@ pub(super) fn shape(units: Units) -> Shape {
         positive(),
         Shape::Variant {
             tag: "kind",
-            cases: vec![
+            cases: [
                 ("constant", constant),
                 ("harmonic", harmonic),
                 ("rectangular", rectangular),
                 ("trapezoidal", trapezoidal),
                 ("switched", switched),
-                ("tooth-pairs", pairs(units, "Number of tooth pairs in contact, rectangular.")),
-                (
-                    "tooth-pairs-trapezoidal",
-                    pairs(units, "Number of tooth pairs in contact, each entry and exit a ramp.").needed(
-                        "ramp",
-                        between(0.0, 0.5),
-                        "Half width of a ramp, fraction of the period.",
-                    ),
-                ),
-                (
-                    "fourier",
-                    pairs(units, "Fourier series of the number of tooth pairs in contact, cut off.").needed(
-                        "orders",
-                        Shape::Whole { min: 1, max: 1000 },
-                        "Harmonics kept.",
-                    ),
-                ),
-            ],
+            ]
+            .into_iter()
+            .chain(tooth_pairs(|about| pairs(units, about)))
+            .collect(),
         },
     ])
+}
+
+/// The schedules that follow the number of tooth pairs; `pairs` has what they share.
+pub(super) fn tooth_pairs(pairs: impl Fn(&'static str) -> Object) -> [(&'static str, Object); 3] {
+    let ramps = pairs("Number of tooth pairs in contact, each entry and exit a ramp.");
+    let fourier = pairs("Fourier series of the number of tooth pairs in contact, cut off.");
+    [
+        ("tooth-pairs", pairs("Number of tooth pairs in contact, rectangular.")),
+        (
+            "tooth-pairs-trapezoidal",
+            ramps.needed("ramp", between(0.0, 0.5), "Half width of a ramp, fraction of the period."),
+        ),
+        ("fourier", fourier.needed("orders", Shape::Whole { min: 1, max: 1000 }, "Harmonics kept.")),
+    ]
 }
 
 fn pairs(units: Units, about: &'static str) -> Object {
