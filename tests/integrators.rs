@@ -186,9 +186,6 @@ impl Ball {
 }
 
 impl VectorField for Ball {
-    fn dim(&self) -> usize {
-        2
-    }
     fn eval(&self, _: Mode, _: Instant, _: f64, x: &[f64], dx: &mut [f64]) {
         dx[0] = x[1];
         dx[1] = -self.gravity - self.drag * x[1];
@@ -494,9 +491,6 @@ struct Dip {
 }
 
 impl VectorField for Dip {
-    fn dim(&self) -> usize {
-        2
-    }
     fn eval(&self, _: Mode, _: Instant, _: f64, x: &[f64], dx: &mut [f64]) {
         (dx[0], dx[1]) = (x[1], 2.0);
     }
@@ -558,9 +552,6 @@ fn two_crossings_within_one_step_are_found() {
 struct Blowup(Ball);
 
 impl VectorField for Blowup {
-    fn dim(&self) -> usize {
-        2
-    }
     fn eval(&self, _: Mode, _: Instant, _: f64, x: &[f64], dx: &mut [f64]) {
         dx[0] = if x[0] < 1e6 { x[0] * x[0] } else { f64::NAN };
         dx[1] = 0.0;

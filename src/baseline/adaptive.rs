@@ -27,10 +27,6 @@ struct Scratch {
 }
 
 impl VectorField for Through<'_> {
-    fn dim(&self) -> usize {
-        2 * self.model.n
-    }
-
     fn eval(&self, _: Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]) {
         let Scratch { forcing, moment, force, touches, evaluations } = &mut *self.scratch.borrow_mut();
         *evaluations += 1;

@@ -34,9 +34,6 @@ pub struct JetRequest<'a> {
 
 /// A flow that knows its own Taylor series.
 pub trait JetField {
-    /// Length of the state.
-    fn dim(&self) -> usize;
-
     /// Expands the solution through `request.x`: fills `out` with the coefficients of state, clock and
     /// guards in the step's own clock `θ`, and the largest `θ` up to which they hold to tolerance.
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet);
@@ -71,8 +68,6 @@ pub fn normalise(x: &mut [f64], low: &mut [f64]) {
 
 /// A vector field `ẋ = f(t, x)` with its Jacobian.
 pub trait VectorField {
-    /// Length of the state.
-    fn dim(&self) -> usize;
     /// `dx = f(t, x)` in `mode`, `dx` `[dim]`. `t` is measured from `base`, s.
     fn eval(&self, mode: Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]);
     /// `jv = (∂f/∂x) v` in `mode`, `v` and `jv` `[dim]`.

@@ -133,10 +133,6 @@ impl Integrator for PerMode {
         "auto"
     }
 
-    fn order(&self) -> Option<u32> {
-        None
-    }
-
     fn integrate_arc(
         &mut self,
         system: &dyn HybridSystem,

@@ -180,14 +180,6 @@ impl Integrator for Diffsol {
         self.method.name()
     }
 
-    fn order(&self) -> Option<u32> {
-        match self.method {
-            Method::Bdf => None,
-            Method::Sdirk => Some(3),
-            Method::Explicit => Some(5),
-        }
-    }
-
     fn integrate_arc(
         &mut self,
         system: &dyn HybridSystem,

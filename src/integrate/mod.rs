@@ -152,8 +152,6 @@ pub enum IntegrateError {
 pub trait Integrator {
     /// Name for logs.
     fn name(&self) -> &'static str;
-    /// Order of the method, if it has a fixed one.
-    fn order(&self) -> Option<u32>;
     /// Integrates one arc, handing every step to `visit`, until the bound or until the visitor breaks off.
     /// On return at the bound, `end + low` is the state there, each `[dim]`; an empty `low` asks for no low part.
     ///

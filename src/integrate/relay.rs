@@ -106,10 +106,6 @@ impl Integrator for Relay {
         "taylor"
     }
 
-    fn order(&self) -> Option<u32> {
-        None
-    }
-
     fn chosen(&self) -> Vec<(Mode, &'static str)> {
         self.relieved.iter().map(|mode| (*mode, "taylor and radau")).collect()
     }

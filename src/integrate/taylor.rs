@@ -176,10 +176,6 @@ impl Integrator for Taylor {
         "taylor"
     }
 
-    fn order(&self) -> Option<u32> {
-        None
-    }
-
     fn integrate_arc(
         &mut self,
         system: &dyn HybridSystem,

@@ -228,10 +228,6 @@ impl Structure {
 }
 
 impl VectorField for Structure {
-    fn dim(&self) -> usize {
-        self.dim
-    }
-
     fn eval(&self, mode: Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]) {
         let mut forces = [0.0; MAX_CONTACTS];
         let (dq, rest) = dx.split_at_mut(self.n);

@@ -248,9 +248,6 @@ struct Liar {
 }
 
 impl JetField for Liar {
-    fn dim(&self) -> usize {
-        1
-    }
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet) {
         self.course.jet(request, out);
         out.is_estimate = false;
@@ -258,9 +255,6 @@ impl JetField for Liar {
 }
 
 impl VectorField for Liar {
-    fn dim(&self) -> usize {
-        1
-    }
     fn eval(&self, mode: Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]) {
         self.course.eval(mode, base, t, x, dx);
     }

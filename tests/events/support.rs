@@ -195,10 +195,6 @@ pub fn product(lead: f64, roots: &[f64]) -> Vec<f64> {
 }
 
 impl JetField for Course {
-    fn dim(&self) -> usize {
-        1
-    }
-
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet) {
         let (n, t) = (self.c.len() - 1, request.at.phase.value());
         (out.order, out.dim, out.span, out.reach) = (n, 1, request.span, 1.0);
@@ -228,9 +224,6 @@ impl JetField for Course {
 }
 
 impl VectorField for Course {
-    fn dim(&self) -> usize {
-        1
-    }
     fn eval(&self, _: Mode, base: Instant, t: f64, _: &[f64], dx: &mut [f64]) {
         dx[0] = flank::poly::eval_with_slope(&self.c, base.phase.value() + t).1;
     }

@@ -172,9 +172,6 @@ struct Scaled {
 }
 
 impl JetField for Scaled {
-    fn dim(&self) -> usize {
-        1
-    }
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet) {
         self.course.jet(request, out);
         out.guard_series.iter_mut().for_each(|c| *c *= self.scale);
@@ -183,9 +180,6 @@ impl JetField for Scaled {
 }
 
 impl VectorField for Scaled {
-    fn dim(&self) -> usize {
-        1
-    }
     fn eval(&self, mode: Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]) {
         self.course.eval(mode, base, t, x, dx);
     }

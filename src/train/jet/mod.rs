@@ -123,10 +123,6 @@ struct Expansion<'a> {
 }
 
 impl JetField for Structure {
-    fn dim(&self) -> usize {
-        self.dim
-    }
-
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet) {
         let layout = Layout::new(self);
         out.order = ORDER;
