@@ -13,8 +13,11 @@ use super::{
     twofold::conserves,
 };
 use crate::{
-    gear::{Harmonic, Stiffness, contact::Law},
-    hybrid::{Clock, Instant},
+    gear::{
+        Harmonic, Stiffness,
+        contact::{Law, Linear},
+    },
+    hybrid::{Clock, ContactMode, Instant},
 };
 
 /// Contacts a mode has room for.
@@ -54,6 +57,14 @@ pub(super) struct LoadWave {
     pub index: usize,
     pub cosine: Vec<f64>,
     pub sine: Vec<f64>,
+}
+
+impl LoadWave {
+    /// `max_i √M_ii |a_i|` with `√M_ii` in `weights`.
+    pub fn size(&self, weights: &[f64]) -> f64 {
+        let amplitudes = self.cosine.iter().zip(&self.sine).map(|(c, s)| c.hypot(*s));
+        amplitudes.zip(weights).fold(0.0, |m: f64, (a, w)| m.max(a * w))
+    }
 }
 
 /// The stiffness of one contact, ready to be expanded.
@@ -111,6 +122,15 @@ impl Contact {
     /// Where the spring is unstretched on its flank's side: the gap, but a bilateral mesh has none.
     pub(super) fn offset(&self) -> f64 {
         if matches!(self.spec.law, Law::Bilateral(_)) { 0.0 } else { self.gap() }
+    }
+
+    /// The linear law whose force it carries in `state`, if it has one.
+    pub(super) fn carried_linear(&self, state: ContactMode) -> Option<Linear> {
+        match self.spec.law {
+            Law::Bilateral(l) => Some(l),
+            Law::KelvinVoigt(l, _) if state.is_closed() => Some(l),
+            _ => None,
+        }
     }
 
     pub(super) fn has_back(&self) -> bool {

@@ -166,12 +166,7 @@ impl Structure {
             meet(-by_q, -by_v);
         }
         for (j, c) in self.contacts.iter().enumerate() {
-            let linear = match c.spec.law {
-                Law::Bilateral(l) => Some(l),
-                Law::KelvinVoigt(l, _) if contact_mode(mode, j).is_closed() => Some(l),
-                _ => None,
-            };
-            if let Some(l) = linear {
+            if let Some(l) = c.carried_linear(contact_mode(mode, j)) {
                 meet(c.spec.stiffness.maximum() * c.mobility, l.damping * c.mobility);
             }
         }

@@ -97,9 +97,7 @@ impl Forcing {
         let fastest = waves.fold(0.0, |m: f64, i| m.max(oscillators[i].omega));
         let mut load = Amplitude::default();
         for w in &s.load_waves {
-            let size =
-                w.cosine.iter().zip(&w.sine).zip(&s.weights).fold(0.0, |m: f64, ((c, s), w)| m.max(c.hypot(*s) * w));
-            load.add(size, oscillators[w.index], fastest);
+            load.add(w.size(&s.weights), oscillators[w.index], fastest);
         }
         let mut span = f64::INFINITY;
         let mut errors = Vec::with_capacity(s.contacts.len());
@@ -180,7 +178,7 @@ impl Expansion<'_> {
         })
     }
 
-    fn velocity_size(&self, k: usize, out: &Jet) -> f64 {
+    pub(super) fn velocity_size(&self, k: usize, out: &Jet) -> f64 {
         let s = self.s;
         let v = &out.state[k * s.dim + s.n..k * s.dim + 2 * s.n];
         v.iter().zip(&s.weights).fold(0.0, |m: f64, (v, w)| m.max(v.abs() * w))
@@ -220,11 +218,7 @@ impl Expansion<'_> {
 
     /// Damping of contact `j` if a linear law carries force in the mode.
     fn carried_damping(&self, j: usize) -> Option<f64> {
-        match self.s.contacts[j].spec.law {
-            Law::Bilateral(l) => Some(l.damping),
-            Law::KelvinVoigt(l, _) if contact_mode(self.request.mode, j).is_closed() => Some(l.damping),
-            _ => None,
-        }
+        self.s.contacts[j].carried_linear(contact_mode(self.request.mode, j)).map(|l| l.damping)
     }
 
     /// Sums `term` over the contacts at rest; `norm` is the weighted acceleration that the multipliers answer a unit of

@@ -206,24 +206,13 @@ impl Expansion<'_> {
         let [by_stretch, by_rate] = s.forcing.norms();
         let mut forces = Forces { by_stretch, by_rate, ..Forces::default() };
         for l in &s.load_waves {
-            let a = s
-                .weights
-                .iter()
-                .zip(l.cosine.iter().zip(&l.sine))
-                .fold(0.0, |m: f64, (w, (c, s))| m.max(w * c.hypot(*s)));
-            forces.by_time += a * s.oscillators[l.index].omega;
+            forces.by_time += l.size(&s.weights) * s.oscillators[l.index].omega;
         }
         let mut least = f64::INFINITY;
         for (j, c) in s.contacts.iter().enumerate() {
             let penetration = row(layout.of(j, PENETRATION));
-            let closed = contact_mode(self.request.mode, j).is_closed();
-            let push = c.push.iter().fold(0.0, |m: f64, (i, p)| m.max(p.abs() * s.weights[*i as usize]));
-            let linear = match c.spec.law {
-                Law::Bilateral(l) => Some(l),
-                Law::KelvinVoigt(l, _) if closed => Some(l),
-                _ => None,
-            };
-            if let Some(l) = linear {
+            let (state, push) = (contact_mode(self.request.mode, j), c.push_norm);
+            if let Some(l) = c.carried_linear(state) {
                 forces.by_stretch += push * c.across * c.spec.stiffness.maximum();
                 forces.by_rate += push * c.across * l.damping;
                 forces.by_time += push * l.damping * s.wave_size(&c.error, 2);
@@ -239,7 +228,7 @@ impl Expansion<'_> {
                 }
             }
             let Law::Power(law) = c.spec.law else { continue };
-            if !closed {
+            if !state.is_closed() {
                 continue;
             }
             let (k, e) = (push * c.spec.stiffness.mean(), law.exponent.value());
@@ -308,12 +297,10 @@ impl Expansion<'_> {
     /// A guess of the step's length by the root test: as the coefficients fall over the last p + q orders (in a free
     /// contact no others are there) they reach the tolerance, relative to the largest of the first ones.
     fn guess(&self, owner: Owner, out: &Jet) -> f64 {
-        let s = self.s;
         let size = |k: usize| {
-            let v = &out.state[k * s.dim + s.n..k * s.dim + 2 * s.n];
-            let size = v.iter().zip(&s.weights).fold(0.0, |m: f64, (v, w)| m.max(v.abs() * w));
             let rate = |j: usize| out.work[self.layout.of(j, RATE) + k].abs();
-            s.contacts.iter().enumerate().fold(size, |m, (j, c)| m.max(rate(j) * c.weight))
+            let contacts = self.s.contacts.iter().enumerate();
+            contacts.fold(self.velocity_size(k, out), |m, (j, c)| m.max(rate(j) * c.weight))
         };
         let first: [f64; 17] = std::array::from_fn(|k| if k <= owner.root as usize { size(k) } else { 0.0 });
         let window = ((owner.law.exponent.p + owner.root) as usize).min(ORDER);
@@ -366,8 +353,7 @@ impl Expansion<'_> {
             f[k] = 1.0;
             held.solve(&mut f);
             for (f, &i) in f.iter().zip(held.contacts()) {
-                let push =
-                    s.contacts[i].push.iter().fold(0.0, |m: f64, (i, p)| m.max(p.abs() * s.weights[*i as usize]));
+                let push = s.contacts[i].push_norm;
                 norm += push * f.abs() * s.contacts[j].across;
                 forces.by_time += push * f.abs() * s.wave_size(&s.contacts[j].error, 3);
             }

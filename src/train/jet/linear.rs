@@ -5,7 +5,7 @@
 //! fixed-size columns that the compiler turns into vector instructions.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use super::{Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STIFFNESS, product};
+use super::{Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STIFFNESS, product, waves};
 use crate::{
     gear::contact::Law,
     hybrid::Jet,
@@ -22,16 +22,16 @@ fn fused(a: f64, b: f64, c: f64) -> f64 {
 }
 
 /// The linear law of a contact in a mode: `F = k (δ − σ b) + c δ̇`.
-#[derive(Clone, Copy)]
-struct LinearPart {
+#[derive(Clone, Copy, Default)]
+pub(super) struct LinearPart {
     stiffness: f64,
-    damping: f64,
+    pub damping: f64,
     /// The force acts (else it is only watched).
-    carried: bool,
+    pub carried: bool,
     /// The stiffness is a series in `STIFFNESS`; `stiffness` is then zero.
     varying: bool,
     /// There is a law in this mode.
-    present: bool,
+    pub present: bool,
 }
 
 /// The laws of four contacts, as `F = stiffness · (δ − σ b) + damping · δ̇`; zero where none is carried.
@@ -50,8 +50,7 @@ const FOURS: usize = MAX_CONTACTS.div_ceil(LANES);
 impl Expansion<'_> {
     /// All coefficients of a linear mode; `false` if the mode is not linear or has too many freedoms.
     pub(super) fn linear(&self, out: &mut Jet) -> bool {
-        let mut parts =
-            [LinearPart { stiffness: 0.0, damping: 0.0, carried: false, varying: false, present: false }; MAX_CONTACTS];
+        let mut parts = [LinearPart::default(); MAX_CONTACTS];
         let parts = &mut parts[..self.s.contacts.len()];
         for (j, part) in parts.iter_mut().enumerate() {
             match self.linear_part(j, &mut out.work) {
@@ -76,34 +75,45 @@ impl Expansion<'_> {
 
     /// The law of contact `j` in the mode; `None` if it is not linear. A varying stiffness is written as a series
     /// where it does not follow an oscillator.
-    fn linear_part(&self, j: usize, work: &mut [f64]) -> Option<LinearPart> {
+    pub(super) fn linear_part(&self, j: usize, work: &mut [f64]) -> Option<LinearPart> {
         let c = &self.s.contacts[j];
         let mode = contact_mode(self.request.mode, j);
-        let open = LinearPart { stiffness: 0.0, damping: 0.0, carried: false, varying: false, present: false };
-        let part = match c.spec.law {
-            Law::Bilateral(l) => LinearPart { damping: l.damping, carried: true, present: true, ..open },
-            Law::KelvinVoigt(l, _) if mode.side() != 0.0 => {
-                LinearPart { damping: l.damping, carried: mode.is_closed(), present: true, ..open }
-            }
+        let (damping, carried) = match c.spec.law {
+            Law::Bilateral(l) => (l.damping, true),
+            Law::KelvinVoigt(l, _) if mode.side() != 0.0 => (l.damping, mode.is_closed()),
             Law::Power(_) | Law::Rigid(_) if mode.side() != 0.0 => return None,
-            _ => return Some(open),
+            _ => return Some(LinearPart::default()),
         };
+        let part = LinearPart { damping, carried, present: true, ..LinearPart::default() };
         Some(match &c.spring {
             Spring::Constant(k) => LinearPart { stiffness: *k, ..part },
             Spring::Waves(..) => LinearPart { varying: true, ..part },
             Spring::Scheduled(schedule) => {
                 let (value, slope) = schedule.law(piece(self.request.mode, j));
                 if slope == 0.0 {
-                    LinearPart { stiffness: value, ..part }
-                } else {
-                    let s = self.layout.of(j, STIFFNESS);
-                    work[s..s + ROW].fill(0.0);
-                    work[s] = value + slope * schedule.piece(&self.s.clock, self.request.at).1;
-                    work[s + 1] = slope * self.h;
-                    LinearPart { varying: true, ..part }
+                    return Some(LinearPart { stiffness: value, ..part });
                 }
+                let s = self.layout.of(j, STIFFNESS);
+                work[s..s + ROW].fill(0.0);
+                work[s] = value + slope * schedule.piece(&self.s.clock, self.request.at).1;
+                work[s + 1] = slope * self.h;
+                LinearPart { varying: true, ..part }
             }
         })
+    }
+
+    /// `k (δ − σ b)` of contact `j` at order `k`.
+    pub(super) fn linear_spring(&self, j: usize, part: &LinearPart, k: usize, work: &mut [f64]) -> f64 {
+        let stretch = self.stretch(j, k, work);
+        if !part.varying {
+            return part.stiffness * stretch;
+        }
+        let (s, p) = (self.layout.of(j, STIFFNESS), self.layout.of(j, PENETRATION));
+        if let Spring::Waves(mean, stiffness) = &self.s.contacts[j].spring {
+            work[s + k] = waves(if k == 0 { *mean } else { 0.0 }, stiffness, k, work);
+        }
+        work[p + k] = stretch;
+        product(work, s, p, k)
     }
 
     #[inline(never)]
@@ -278,24 +288,8 @@ impl Expansion<'_> {
     /// Adds the forces of contacts whose stiffness is a series, at order `k`.
     fn varying_forces(&self, parts: &[LinearPart], k: usize, v: &[f64], a: &mut [f64], work: &mut [f64]) {
         for (j, part) in parts.iter().enumerate().filter(|(_, p)| p.varying && p.carried) {
-            let c = &self.s.contacts[j];
-            let (s, p) = (self.layout.of(j, STIFFNESS), self.layout.of(j, PENETRATION));
-            self.stiffness_wave(j, k, work);
-            let rate = self.rate(j, k, v, work);
-            work[p + k] = self.stretch(j, k, work);
-            let force = product(work, s, p, k) + part.damping * rate;
-            c.push.iter().for_each(|(i, p)| a[*i as usize] -= p * force);
-        }
-    }
-
-    /// `k(t)` at order `k` where it follows oscillators.
-    fn stiffness_wave(&self, j: usize, k: usize, work: &mut [f64]) {
-        if let Spring::Waves(mean, waves) = &self.s.contacts[j].spring {
-            let start = if k == 0 { *mean } else { 0.0 };
-            work[self.layout.of(j, STIFFNESS) + k] = waves.iter().fold(start, |sum, w| {
-                let o = Layout::oscillator(w.index) + k;
-                sum + w.cosine * work[o] + w.sine * work[o + ROW]
-            });
+            let force = self.linear_spring(j, part, k, work) + part.damping * self.rate(j, k, v, work);
+            self.s.contacts[j].push.iter().for_each(|(i, p)| a[*i as usize] -= p * force);
         }
     }
 
@@ -311,19 +305,10 @@ impl Expansion<'_> {
 
     /// `F = k (δ − σ b) + c δ̇` as a series, with `(δ̇)_k = (k+1) δ_{k+1}/h`.
     fn watched_force(&self, j: usize, part: &LinearPart, work: &mut [f64]) {
-        let (f, s, p) = (self.layout.of(j, FORCE), self.layout.of(j, STIFFNESS), self.layout.of(j, PENETRATION));
         let d = |k: usize| self.layout.deflection(j, k);
         for k in 0..=ORDER {
             let rate = if k < ORDER { work[d(k + 1)] * (k + 1) as f64 / self.h } else { 0.0 };
-            let stretch = self.stretch(j, k, work);
-            let spring = if part.varying {
-                self.stiffness_wave(j, k, work);
-                work[p + k] = stretch;
-                product(work, s, p, k)
-            } else {
-                part.stiffness * stretch
-            };
-            work[f + k] = spring + part.damping * rate;
+            work[self.layout.of(j, FORCE) + k] = self.linear_spring(j, part, k, work) + part.damping * rate;
         }
     }
 }

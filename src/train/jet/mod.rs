@@ -23,7 +23,7 @@ use bound::Tail;
 pub(super) use bound::{Forcing, swing};
 
 use super::{
-    assemble::{Structure, dot},
+    assemble::{Structure, Wave, dot},
     contact_mode::{ContactMode, Watch, contact_mode, guard_id},
 };
 use crate::{
@@ -111,6 +111,14 @@ impl Layout {
 /// `(a b)_k`.
 fn product(w: &[f64], a: usize, b: usize, k: usize) -> f64 {
     w[a..=a + k].iter().zip(w[b..=b + k].iter().rev()).fold(0.0, |s, (x, y)| s + x * y)
+}
+
+/// `start + Σ waves` at order `k`.
+fn waves(start: f64, waves: &[Wave], k: usize, work: &[f64]) -> f64 {
+    waves.iter().fold(start, |sum, w| {
+        let o = Layout::oscillator(w.index) + k;
+        sum + w.cosine * work[o] + w.sine * work[o + ROW]
+    })
 }
 
 /// One expansion: the structure, where, and the scale of the clock.
@@ -216,11 +224,7 @@ impl Expansion<'_> {
             } else if self.keeps_low() {
                 s.deflection_in_two(j, self.request.at, self.request.x, self.request.low).value()
             } else {
-                let e = c.error.iter().fold(c.spec.error_offset, |e, w| {
-                    let o = Layout::oscillator(w.index);
-                    e + w.cosine * work[o] + w.sine * work[o + ROW]
-                });
-                dot(&c.direction, self.request.x) - e
+                dot(&c.direction, self.request.x) - waves(c.spec.error_offset, &c.error, 0, work)
             };
             let side = self.side(j);
             let is_open = contact_mode(self.request.mode, j) == ContactMode::Separated;

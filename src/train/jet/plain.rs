@@ -1,12 +1,12 @@
 //! The recurrence in plain time, `w = 1`: everything but closed power laws.
 
-use super::{Expansion, FACTOR, FORCE, Layout, ORDER, PENETRATION, RATE, ROW, STIFFNESS, product};
+use super::{Expansion, FACTOR, FORCE, Layout, ORDER, RATE, ROW, linear::LinearPart};
 use crate::{
     gear::contact::Law,
     hybrid::Jet,
     train::{
-        assemble::{MAX_CONTACTS, Spring},
-        contact_mode::{Watch, contact_mode, piece},
+        assemble::MAX_CONTACTS,
+        contact_mode::{Watch, contact_mode},
         sticking::Sticking,
     },
 };
@@ -14,12 +14,8 @@ use crate::{
 /// What a contact does in a mode.
 #[derive(Clone, Copy)]
 enum Part {
-    /// No force, nothing to watch but the deflection.
-    Open,
-    /// `F = k (δ − σ b) + c δ̇` with k constant.
-    Linear { stiffness: f64, damping: f64, carried: bool },
-    /// The same with k a series.
-    Varying { damping: f64, carried: bool },
+    /// A linear law, or nothing but the deflection to watch.
+    Linear(LinearPart),
     /// An open power law inside the flank's zone: its factor `1 + χ ṗ` is watched.
     Factor { chi: f64 },
 }
@@ -31,7 +27,7 @@ impl Expansion<'_> {
         let (n, dim) = (s.n, s.dim);
         let Jet { state, work, time, .. } = out;
         time.clear();
-        let mut parts = [Part::Open; MAX_CONTACTS];
+        let mut parts = [Part::Linear(LinearPart::default()); MAX_CONTACTS];
         let parts = &mut parts[..s.contacts.len()];
         for (j, part) in parts.iter_mut().enumerate() {
             *part = self.part(j, work);
@@ -55,7 +51,7 @@ impl Expansion<'_> {
             let a = layout.accelerations + k * n;
             self.accelerations(k, q, v, work);
             for (j, part) in parts.iter().enumerate() {
-                if let Part::Linear { carried: true, .. } | Part::Varying { carried: true, .. } = part {
+                if let Part::Linear(LinearPart { carried: true, .. }) = part {
                     let force = work[layout.of(j, FORCE) + k];
                     for (i, p) in &s.contacts[j].push {
                         work[a + *i as usize] -= p * force;
@@ -83,55 +79,24 @@ impl Expansion<'_> {
     /// What contact `j` does in the mode; a stiffness that varies along a ramp is written as a series.
     fn part(&self, j: usize, work: &mut [f64]) -> Part {
         let c = &self.s.contacts[j];
-        let mode = contact_mode(self.request.mode, j);
-        let (damping, carried) = match c.spec.law {
-            Law::Bilateral(l) => (l.damping, true),
-            Law::KelvinVoigt(l, _) if mode.side() != 0.0 => (l.damping, mode.is_closed()),
-            Law::Power(l) if mode.side() != 0.0 => {
-                return Part::Factor { chi: c.latch.map_or(0.0, |i| mode.side() * l.hysteresis / self.request.x[i]) };
+        match (self.linear_part(j, work), c.spec.law) {
+            (None, Law::Power(l)) => {
+                let side = contact_mode(self.request.mode, j).side();
+                Part::Factor { chi: c.latch.map_or(0.0, |i| side * l.hysteresis / self.request.x[i]) }
             }
-            _ => return Part::Open,
-        };
-        let constant = |stiffness| Part::Linear { stiffness, damping, carried };
-        match &c.spring {
-            Spring::Constant(k) => constant(*k),
-            Spring::Waves(..) => Part::Varying { damping, carried },
-            Spring::Scheduled(schedule) => {
-                let (value, slope) = schedule.law(piece(self.request.mode, j));
-                if slope == 0.0 {
-                    return constant(value);
-                }
-                let s = self.layout.of(j, STIFFNESS);
-                work[s..s + ROW].fill(0.0);
-                work[s] = value + slope * schedule.piece(&self.s.clock, self.request.at).1;
-                work[s + 1] = slope * self.h;
-                Part::Varying { damping, carried }
-            }
+            (part, _) => Part::Linear(part.unwrap_or_default()),
         }
     }
 
     /// The force (or the factor) of a contact at order `k`.
     fn part_force(&self, j: usize, part: &Part, k: usize, rate: f64, work: &mut [f64]) {
-        let layout = &self.layout;
-        match *part {
-            Part::Open => {}
-            Part::Linear { stiffness, damping, .. } => {
-                work[layout.of(j, FORCE) + k] = stiffness * self.stretch(j, k, work) + damping * rate;
+        match part {
+            Part::Linear(part) if part.present => {
+                work[self.layout.of(j, FORCE) + k] = self.linear_spring(j, part, k, work) + part.damping * rate;
             }
-            Part::Varying { damping, .. } => {
-                let (s, p) = (layout.of(j, STIFFNESS), layout.of(j, PENETRATION));
-                if let Spring::Waves(mean, waves) = &self.s.contacts[j].spring {
-                    let start = if k == 0 { *mean } else { 0.0 };
-                    work[s + k] = waves.iter().fold(start, |sum, w| {
-                        let o = Layout::oscillator(w.index) + k;
-                        sum + w.cosine * work[o] + w.sine * work[o + ROW]
-                    });
-                }
-                work[p + k] = self.stretch(j, k, work);
-                work[layout.of(j, FORCE) + k] = product(work, s, p, k) + damping * rate;
-            }
+            Part::Linear(_) => {}
             Part::Factor { chi } => {
-                work[layout.of(j, FACTOR) + k] = chi * rate + if k == 0 { 1.0 } else { 0.0 };
+                work[self.layout.of(j, FACTOR) + k] = chi * rate + if k == 0 { 1.0 } else { 0.0 };
             }
         }
     }

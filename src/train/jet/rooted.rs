@@ -1,6 +1,8 @@
 //! The recurrence in a root clock: some power law is closed.
 
-use super::{CARRIED, Expansion, FACTOR, FORCE, Layout, ORDER, PENETRATION, POWER, RATE, ROW, STIFFNESS, product};
+use super::{
+    CARRIED, Expansion, FACTOR, FORCE, Layout, ORDER, PENETRATION, POWER, RATE, ROW, STIFFNESS, product, waves,
+};
 use crate::{
     gear::contact::{Law, PowerLaw},
     hybrid::{Jet, JetRequest},
@@ -213,10 +215,7 @@ impl Expansion<'_> {
                     slope * self.h / k as f64 * work[layout.clock + k - 1]
                 }
             }
-            Spring::Waves(mean, waves) => waves.iter().fold(if k == 0 { *mean } else { 0.0 }, |sum, w| {
-                let o = Layout::oscillator(w.index) + k;
-                sum + w.cosine * work[o] + w.sine * work[o + ROW]
-            }),
+            Spring::Waves(mean, stiffness) => waves(if k == 0 { *mean } else { 0.0 }, stiffness, k, work),
         };
         work[s + k] = stiffness;
         work[p + k] = stretch;
