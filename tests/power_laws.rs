@@ -315,7 +315,7 @@ fn the_defect_bounds_the_error() {
 /// The order conditions of Radau IIA: quadrature to degree 16, stages to degree 8; the weights are positive.
 #[test]
 fn radau_by_its_order_conditions() {
-    let t = Tableau::new();
+    let t = Tableau::default();
     let s = t.nodes.len();
     for k in 1..=2 * s - 1 {
         let sum: f64 = (0..s).map(|j| t.weights[(s - 1, j)] * t.nodes[j].powi(k as i32 - 1)).sum();

@@ -15,7 +15,9 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::{
-    CliError, Done, print,
+    CliError, Done,
+    compare::median,
+    print,
     progress::{catch_interrupt, counting, interrupt, interrupted},
     session::read,
     study::{REPORT, forms, write},
@@ -137,33 +139,28 @@ fn timing(advice: &Advice) -> Result<Option<Timing>, CliError> {
             seconds.push(start.elapsed().as_secs_f64() / cycles(rung) as f64);
         }
     }
-    let median = |(rung, mut seconds): (&&Rung, Vec<f64>)| {
-        seconds.sort_by(f64::total_cmp);
-        Timed { model: rung.words.clone(), cycles: cycles(rung), cycle_s: seconds[REPETITIONS / 2] }
+    let timed = |(rung, seconds): (&&Rung, Vec<f64>)| Timed {
+        model: rung.words.clone(),
+        cycles: cycles(rung),
+        cycle_s: median(seconds),
     };
-    let models = models.iter().zip(seconds).map(median).collect();
+    let models = models.iter().zip(seconds).map(timed).collect();
     Ok(Some(Timing { repetitions: REPETITIONS, models }))
 }
 
 fn text(advice: &Advice, timing: &Timing) -> String {
     let mut text = format!("{}: how little is enough\n\n", advice.scene);
-    let models = advice.models_table();
-    let mut head: Vec<&str> = models.head.iter().map(String::as_str).collect();
+    let mut models = advice.models_table();
     // The time takes the place of the events, which are in the files: a line is to fit a terminal.
-    let place = head.len() - 2;
-    head[place] = "µs/T";
-    let mut table = Table::new(&head);
-    for (mut row, timed) in models.rows.into_iter().zip(&timing.models) {
+    let place = models.head.len() - 2;
+    models.head[place] = "µs/T".to_owned();
+    for (row, timed) in models.rows.iter_mut().zip(&timing.models) {
         row[place] = format!("{:.1}", 1e6 * timed.cycle_s);
-        table.row(row);
     }
-    text += &format!("{table}\n");
+    text += &format!("{}\n", Table::new(models.head).with(models.rows));
     let freedoms = advice.freedoms_table();
     if freedoms.rows.len() > 1 {
-        let head: Vec<&str> = freedoms.head.iter().map(String::as_str).collect();
-        let mut table = Table::new(&head);
-        freedoms.rows.into_iter().for_each(|row| table.row(row));
-        text += &format!("{table}\n");
+        text += &format!("{}\n", Table::new(freedoms.head).with(freedoms.rows));
     }
     for line in advice.verdicts() {
         text += &wrapped(&line);

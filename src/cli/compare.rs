@@ -202,7 +202,7 @@ fn time(
     Ok(Time { seconds_per_cycle, flank_seconds_per_cycle, ratio, repetitions })
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let middle = values.len() / 2;
     if values.len().is_multiple_of(2) { 0.5 * (values[middle - 1] + values[middle]) } else { values[middle] }

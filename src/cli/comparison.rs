@@ -233,17 +233,13 @@ impl Comparison<'_> {
         }
         if out.is_none() {
             let (head, rows) = self.table();
-            let mut table = Table::new(&head);
-            rows.into_iter().for_each(|row| table.row(row));
-            text += &format!("\n{table}");
+            text += &format!("\n{}", Table::new(head).with(rows));
         }
         text += "\n";
-        let mut table = Table::new(&ORDERS[..ORDERS.len() - 1]);
-        for mut row in self.order_rows(summaries) {
-            row.pop();
-            table.row(row);
-        }
-        text += &format!("{table}\n");
+        // Without the last column, which follows in words.
+        let (columns, mut rows) = (ORDERS.len() - 1, self.order_rows(summaries));
+        rows.iter_mut().for_each(|row| row.truncate(columns));
+        text += &format!("{}\n", Table::new(&ORDERS[..columns]).with(rows));
         for s in summaries {
             let order = s.order.as_ref().filter(|o| !o.reason.is_empty());
             text += &order.map_or(String::new(), |o| format!("{} falls short of its order: {}\n", s.name, o.reason));

@@ -167,7 +167,7 @@ fn sensitivity(out: &mut String, found: &Identification) -> std::fmt::Result {
     writeln!(out, "\nSensitivity, % per %")?;
     let columns = (1..=found.parameters.len()).map(|i| format!("[{i}]"));
     let head: Vec<String> = std::iter::once(String::new()).chain(columns).collect();
-    let mut table = Table::new(&head.iter().map(String::as_str).collect::<Vec<_>>());
+    let mut table = Table::new(head);
     for (target, row) in found.targets.iter().zip(&found.sensitivity) {
         let cells = row.iter().map(|cell| cell.map_or("-".to_owned(), |percent| rounded(percent, 1.0)));
         table.row(std::iter::once(target.quantity.clone()).chain(cells).collect());

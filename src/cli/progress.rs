@@ -58,29 +58,6 @@ pub fn counting(things: &str, quiet: bool) -> ProgressBar {
     bar(0, &format!("{{bar:40}} {{pos}} of {{len}} {things}  {{per_sec}}  {{eta}} left"), quiet)
 }
 
-/// Shows how many rows of a sweep are done, how fast they come, and the time left.
-pub struct Rows(ProgressBar);
-
-impl Rows {
-    /// A bar for `total` rows, `kept` of which are there already.
-    pub fn new(kept: usize, total: usize, quiet: bool) -> Self {
-        let bar = bar(total as u64, "{bar:40} {pos} of {len} rows  {per_sec}  {eta} left", quiet);
-        bar.set_position(kept as u64);
-        bar.reset_eta();
-        Self(bar)
-    }
-
-    /// Shows `done` rows.
-    pub fn show(&self, done: usize) {
-        self.0.set_position(done as u64);
-    }
-
-    /// Takes the bar away.
-    pub fn finish(&self) {
-        self.0.finish_and_clear();
-    }
-}
-
 /// Shows how far a run has come, and breaks it off on Ctrl-C.
 pub struct Progress {
     clock: Clock,

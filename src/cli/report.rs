@@ -58,7 +58,7 @@ fn contacts(out: &mut String, session: &Session, summary: &Summary) -> std::fmt:
         unit("mean force", n),
         unit("max force", n),
     ];
-    let mut table = Table::new(&head.each_ref().map(String::as_str));
+    let mut table = Table::new(head);
     // Cycles of the run; of the train's own forcing where the scene names none.
     let cycles = session.case.built.run.period.map_or(1.0, |period| summary.measured_time / period);
     let each = |count: u64| number((cycles > 0.0).then(|| count as f64 / cycles));

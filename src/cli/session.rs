@@ -16,6 +16,12 @@ pub fn read(path: Option<&Path>) -> Result<Scene, CliError> {
     Ok(path.map_or_else(Scene::reference, Scene::from_file)?)
 }
 
+/// Threads to work on: `count`, or as many as there are cores.
+pub fn threads(count: Option<u16>) -> Result<rayon::ThreadPool, CliError> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(count.map_or(0, usize::from)).build();
+    pool.map_err(|error| CliError::file("threads", std::io::Error::other(error)))
+}
+
 /// A scene, ready to run, and where it starts.
 pub struct Session {
     pub scene: Scene,

@@ -99,10 +99,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let bar = counting("runs", arguments.quiet);
     let cells = plan.factors.len() * plan.steps.len() + plan.references.len();
     bar.set_length((cells * plan.methods.len()) as u64);
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(arguments.threads.map_or(0, usize::from))
-        .build()
-        .map_err(|error| CliError::file("threads", std::io::Error::other(error)))?;
+    let pool = session::threads(arguments.threads)?;
     let map = pool.install(|| stability::map(&subject, &plan, interrupt(), &|| bar.inc(1)));
     bar.finish_and_clear();
     let Some(map) = map else {
@@ -245,7 +242,6 @@ fn summary(map: &Map, unit: &str) -> (Vec<String>, Vec<Vec<String>>) {
     let mut head = ["method", "sequence from", "motion from", &step, "limit", "all factors"].map(String::from).to_vec();
     head.extend(map.references.iter().map(|reference| reference.name.clone()));
     let one = map.rows.iter().find(|row| row.factor == 1.0);
-    let steps = |n: Option<u64>| n.map_or_else(|| "none".to_owned(), |n| n.to_string());
     let rows = map.methods.iter().enumerate().map(|(i, method)| {
         let fewest = |holds: fn(Outcome) -> bool| one.and_then(|row| map.fewest(i, row, holds));
         let limit = one.and_then(|row| row.limit_steps_per_cycle.get(i).copied().flatten());
@@ -270,6 +266,11 @@ fn summary(map: &Map, unit: &str) -> (Vec<String>, Vec<Vec<String>>) {
     });
     let rows = rows.collect();
     (head, rows)
+}
+
+/// A number of steps, or `none`.
+fn steps(n: Option<u64>) -> String {
+    n.map_or_else(|| "none".to_owned(), |n| n.to_string())
 }
 
 /// Fewest steps with the right sequence over all factors that could be judged.
@@ -303,7 +304,6 @@ fn listing(map: &Map) -> (Vec<String>, Vec<Vec<String>>) {
             format!("{:.1}", own.steps_per_cycle),
         ];
         for i in 0..map.methods.len() {
-            let steps = |n: Option<u64>| n.map_or_else(|| "none".to_owned(), |n| n.to_string());
             let limit = row.limit_steps_per_cycle[i].map_or_else(|| "-".to_owned(), |n| format!("{n:.1}"));
             let sequence = steps(map.fewest(i, row, Outcome::has_right_sequence));
             let motion = steps(map.fewest(i, row, |outcome| outcome == Outcome::Right));
@@ -326,11 +326,7 @@ fn rules(map: &Map, unit: &str) -> String {
 }
 
 fn text(scene: &Scene, map: &Map, unit: &str, out: Option<&Path>) -> String {
-    let told = |(head, rows): (Vec<String>, Vec<Vec<String>>)| {
-        let mut table = Table::new(&head.iter().map(String::as_str).collect::<Vec<_>>());
-        rows.into_iter().for_each(|row| table.row(row));
-        table.to_string()
-    };
+    let told = |(head, rows): (Vec<String>, Vec<Vec<String>>)| Table::new(head).with(rows).to_string();
     let mut text = format!("{}: factors on the {} of every contact\n\n", scene.name(), map.over.word());
     text += &told(summary(map, unit));
     text += "\n";

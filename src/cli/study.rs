@@ -22,6 +22,7 @@ use serde_json::json;
 use super::{
     CliError, Done, print,
     progress::{catch_interrupt, counting, interrupt},
+    session::threads,
 };
 
 /// Arguments of `flank study`.
@@ -98,10 +99,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     bar.set_length(asked.iter().map(|kind| plan.runs(*kind) as u64).sum());
     let done = || bar.inc(1);
     let context = Context { rule: Rule::default(), interrupted: interrupt(), done: &done };
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(arguments.threads.map_or(0, usize::from))
-        .build()
-        .map_err(|error| CliError::file("threads", std::io::Error::other(error)))?;
+    let pool = threads(arguments.threads)?;
 
     let mut failed = false;
     let mut contents = Contents { title: title(&plan), ..Contents::default() };

@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 
 use super::{
     CliError, Done, print,
-    progress::{Rows, catch_interrupt, interrupt},
+    progress::{catch_interrupt, counting, interrupt},
     session,
 };
 
@@ -109,7 +109,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         return Ok(Done::Completely);
     };
     catch_interrupt();
-    let bar = Rows::new(journal.kept(), plan.rows(), arguments.quiet);
+    let bar = counting("rows", arguments.quiet);
+    bar.set_length(plan.rows() as u64);
+    bar.set_position(journal.kept() as u64);
+    bar.reset_eta();
     let point = |cell: &Cell, seed: Option<&Seed>| -> Result<(Steady, Seed), StudyError> {
         let scene = at(&scene, plan.grid(), &cell.values)?;
         let steady = steady(&scene, seed, &rule, interrupt())?;
@@ -117,9 +120,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         Ok((steady, end))
     };
     let threads = arguments.threads.map_or(0, usize::from);
-    let work = Work { point, progress: |done, _| bar.show(done), interrupted: interrupt(), threads };
+    let work = Work { point, progress: |done, _| bar.set_position(done as u64), interrupted: interrupt(), threads };
     let ending = run(&plan, &mut journal, &work);
-    bar.finish();
+    bar.finish_and_clear();
     if ending? == Ending::Interrupted {
         let (kept, all) = (journal.kept(), plan.rows());
         say(format!("interrupted: {kept} of {all} rows are kept in {out}; the same command with --resume goes on\n"))?;

@@ -10,8 +10,14 @@ pub struct Table {
 
 impl Table {
     /// A table with this head.
-    pub fn new(head: &[&str]) -> Self {
-        Self { rows: vec![head.iter().map(|word| (*word).to_owned()).collect()] }
+    pub fn new(head: impl IntoIterator<Item: ToString>) -> Self {
+        Self { rows: vec![head.into_iter().map(|word| word.to_string()).collect()] }
+    }
+
+    /// The table with these rows too.
+    pub fn with(mut self, rows: impl IntoIterator<Item = Vec<String>>) -> Self {
+        self.rows.extend(rows);
+        self
     }
 
     /// Adds a row.

@@ -10,6 +10,7 @@ use flank::{
     analysis::{Grid, Sample},
     hybrid::Instant,
     scene::Frame,
+    sweep::quoted,
     train::{Structure, frame::to_fixed},
 };
 
@@ -102,9 +103,4 @@ impl<'s> TrajectoryFile<'s> {
     pub fn finish(mut self) -> std::io::Result<()> {
         self.error.map_or_else(|| self.file.flush(), Err)
     }
-}
-
-/// A field as RFC 4180 asks.
-fn quoted(field: &str) -> String {
-    if field.contains([',', '"', '\n']) { format!("\"{}\"", field.replace('"', "\"\"")) } else { field.to_owned() }
 }

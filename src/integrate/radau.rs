@@ -72,10 +72,9 @@ fn over<const N: usize>(b: &SMatrix<f64, N, N>, a: &SMatrix<f64, N, N>) -> SMatr
     first + (b - first * a) * inverse
 }
 
-impl Tableau {
+impl Default for Tableau {
     /// Computes the method from its definition.
-    #[must_use]
-    pub fn new() -> Self {
+    fn default() -> Self {
         let nodes = nodes();
         // Legendre's polynomials at the nodes, and their integrals (P_{k+1} − P_{k−1})/(2(2k+1)) from 0.
         let mut values = SMatrix::<f64, STAGES, STAGES>::zeros();
@@ -100,12 +99,6 @@ impl Tableau {
             }
         }
         Self { weights: over(&integrals, &values), chebyshev: over(&SMatrix::identity(), &basis), nodes }
-    }
-}
-
-impl Default for Tableau {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

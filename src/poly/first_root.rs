@@ -113,7 +113,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn first(&mut self, mut b: Bernstein, lo: f64, hi: f64, depth: u32) -> Option<f64> {
+    fn first(&mut self, b: Bernstein, lo: f64, hi: f64, depth: u32) -> Option<f64> {
         if self.shallow.is_some() {
             return self.follow(b, lo, hi, depth);
         }
@@ -146,6 +146,10 @@ impl Search<'_> {
             self.touch.get_or_insert(0.5 * (lo + hi));
             return None;
         }
+        self.halves(b, lo, hi, depth)
+    }
+
+    fn halves(&mut self, mut b: Bernstein, lo: f64, hi: f64, depth: u32) -> Option<f64> {
         self.splits += 1;
         let mid = 0.5 * (lo + hi);
         let right = b.split();
@@ -183,7 +187,7 @@ impl Search<'_> {
 
     /// After a shallow fall: the crossing it was if the polynomial gets deeper than the uncertainty before it is
     /// back above zero, else a touch.
-    fn follow(&mut self, mut b: Bernstein, lo: f64, hi: f64, depth: u32) -> Option<f64> {
+    fn follow(&mut self, b: Bernstein, lo: f64, hi: f64, depth: u32) -> Option<f64> {
         let end = b.b[b.n];
         let is_deep = b.coefficients().iter().any(|c| *c < -self.uncertainty);
         if end < -self.uncertainty && b.sign_changes() == 0 {
@@ -195,10 +199,7 @@ impl Search<'_> {
             }
             return None;
         }
-        self.splits += 1;
-        let mid = 0.5 * (lo + hi);
-        let right = b.split();
-        self.first(b, lo, mid, depth + 1).or_else(|| self.first(right, mid, hi, depth + 1))
+        self.halves(b, lo, hi, depth)
     }
 
     /// The single sign change in `[lo, hi]`: Newton's method kept inside a shrinking bracket.

@@ -188,13 +188,7 @@ impl Plan {
                 Entry { listing, ..entry(figure, &self.full()?, "all freedoms", &|| published::modes(&rows)) }
             }
             Kind::Identification => {
-                if !self.published {
-                    let missing = "only the reference set has printed values to identify it from; see flank identify";
-                    return Err(StudyError::Missing {
-                        name: self.heavy.name().to_owned(),
-                        missing: missing.to_owned(),
-                    });
-                }
+                self.only_reference("printed values to identify it from; see flank identify")?;
                 let scene = self.full()?;
                 let rows = published::identified()?;
                 Entry { figure: None, ..entry(Figure::default(), &scene, "all freedoms", &|| rows.clone()) }

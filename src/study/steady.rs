@@ -13,6 +13,7 @@ use crate::{
     engine::{Engine, Observer, Outcome, State},
     hybrid::{ContactMode, ContactView},
     scene::Scene,
+    train::Structure,
 };
 
 /// When the transient is over, and how much is measured then.
@@ -40,6 +41,14 @@ pub struct Seed {
     pub x: Vec<f64>,
     /// States of the contacts.
     pub contacts: Vec<ContactMode>,
+}
+
+impl Seed {
+    /// What another run of `structure` takes up from `state`.
+    pub(super) fn of(structure: &Structure, state: &State) -> Self {
+        let contacts = (0..structure.contact_count()).map(|j| structure.contact_mode(j, state.jump.mode)).collect();
+        Self { x: state.x.clone(), contacts }
+    }
 }
 
 /// A steady motion.
@@ -194,7 +203,6 @@ fn measure(
     if outcome != Outcome::ReachedEnd {
         return Err(broken(engine, interrupted));
     }
-    let end = engine.state();
     let after = engine.counters();
     let contacts = forces.iter().zip(sections).enumerate().map(|(j, (force, section))| {
         let spectrum = Spectrum::new(force, f64::from(PER_CYCLE), settled.window());
@@ -215,10 +223,7 @@ fn measure(
         events: after.events - before.events,
         grazes: after.grazes - before.grazes,
         contacts: contacts.collect(),
-        end: Seed {
-            x: end.x.clone(),
-            contacts: (0..count).map(|j| structure.contact_mode(j, end.jump.mode)).collect(),
-        },
+        end: Seed::of(structure, engine.state()),
     };
     match steady.contacts.iter().find(|c| !(c.force_amplitude + c.report.force_mean).is_finite()) {
         Some(contact) => Err(StudyError::Overflow(format!("the force of {}", contact.report.name))),

@@ -166,8 +166,9 @@ impl<'f> Part<'f> {
     }
 }
 
-/// A field as RFC 4180 asks.
-fn quoted(field: &str) -> String {
+/// A field of a table, in quotes where RFC 4180 asks for them.
+#[must_use]
+pub fn quoted(field: &str) -> String {
     if field.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", field.replace('"', "\"\""))
     } else {

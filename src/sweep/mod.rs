@@ -40,7 +40,7 @@ mod plan;
 mod run;
 
 pub use error::{Fault, GridError, SweepError};
-pub use files::{Tally, number};
+pub use files::{Tally, number, quoted};
 pub use grid::{Axis, Grid, Spacing, Values};
 pub use journal::{Begin, Entry, Journal, Outcome, request};
 pub use plan::{Cell, Direction, Plan, Seeding};

@@ -96,16 +96,20 @@ impl Structure {
             forces[j] = if carries { self.law_force(j, mode, state, at, x) } else { 0.0 };
             c.push.iter().for_each(|(i, p)| a[*i as usize] -= p * forces[j]);
         }
-        if let Some(held) = Sticking::new(self, mode) {
-            let mut f = [0.0; MAX_CONTACTS];
-            for (f, &j) in f.iter_mut().zip(held.contacts()) {
-                *f = dot(&self.contacts[j].direction, a) - self.error(j, at).2;
-            }
-            held.solve(&mut f);
-            for (f, &j) in f.iter().zip(held.contacts()) {
-                forces[j] = *f;
-                self.contacts[j].push.iter().for_each(|(i, p)| a[*i as usize] -= p * f);
-            }
+        self.hold_at_rest(mode, |j| self.error(j, at).2, forces, a);
+    }
+
+    /// Forces `wanted` accelerations on the contacts at rest, along each `g_j`, onto `a`, and gives the forces that it takes.
+    fn hold_at_rest(&self, mode: Mode, wanted: impl Fn(usize) -> f64, forces: &mut [f64], a: &mut [f64]) {
+        let Some(held) = Sticking::new(self, mode) else { return };
+        let mut f = [0.0; MAX_CONTACTS];
+        for (f, &j) in f.iter_mut().zip(held.contacts()) {
+            *f = dot(&self.contacts[j].direction, a) - wanted(j);
+        }
+        held.solve(&mut f);
+        for (f, &j) in f.iter().zip(held.contacts()) {
+            forces[j] = *f;
+            self.contacts[j].push.iter().for_each(|(i, p)| a[*i as usize] -= p * f);
         }
     }
 
@@ -263,15 +267,6 @@ impl VectorField for Structure {
             };
             c.push.iter().for_each(|(i, p)| jv[n + *i as usize] -= p * df);
         }
-        if let Some(held) = Sticking::new(self, mode) {
-            let mut f = [0.0; MAX_CONTACTS];
-            for (f, &j) in f.iter_mut().zip(held.contacts()) {
-                *f = dot(&self.contacts[j].direction, &jv[n..2 * n]);
-            }
-            held.solve(&mut f);
-            for (f, &j) in f.iter().zip(held.contacts()) {
-                self.contacts[j].push.iter().for_each(|(i, p)| jv[n + *i as usize] -= p * f);
-            }
-        }
+        self.hold_at_rest(mode, |_| 0.0, &mut [0.0; MAX_CONTACTS], &mut jv[n..2 * n]);
     }
 }

@@ -8,7 +8,7 @@ use std::{
 
 use serde::Serialize;
 
-use super::Outcome;
+use super::{Cell, Outcome};
 use crate::{
     accuracy::{
         AccuracyError, Contender, Kind, Problem, Truth,
@@ -92,16 +92,6 @@ impl std::fmt::Display for Own {
     }
 }
 
-/// What a run of a fixed step gave.
-pub(super) struct Judged {
-    pub outcome: Outcome,
-    pub missed: usize,
-    pub spurious: usize,
-    pub period: Option<u32>,
-    pub distance: Option<f64>,
-    pub cycles: u64,
-}
-
 /// Sections of a motion and whether it has settled.
 struct Section {
     sections: Sections,
@@ -174,7 +164,7 @@ impl Own {
         per_cycle: u64,
         rule: &Rule,
         interrupted: &AtomicBool,
-    ) -> Option<Judged> {
+    ) -> Option<Cell> {
         let Kind::Fixed(method) = contender.kind else { panic!("{} has no fixed step", contender.name) };
         let model = Penalty::new(problem.structure, contender.ramp);
         let grid = Grid {
@@ -203,7 +193,8 @@ impl Own {
         let (_, missed, spurious) =
             pairs(&truth.passages, &found, problem.period, truth.window.cycles as f64 * problem.period);
         let period = run.section.period;
-        let mut judged = Judged {
+        let mut judged = Cell {
+            steps_per_cycle: per_cycle,
             outcome: Outcome::Right,
             missed,
             spurious,

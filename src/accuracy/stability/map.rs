@@ -222,15 +222,7 @@ fn fill(
         let cell = |steps: &u64| {
             let judged = own.judge((&problem, &truth), method, *steps, rule, interrupted)?;
             done();
-            Some(Cell {
-                steps_per_cycle: *steps,
-                outcome: judged.outcome,
-                missed: judged.missed,
-                spurious: judged.spurious,
-                period: judged.period,
-                distance: judged.distance,
-                cycles: judged.cycles,
-            })
+            Some(judged)
         };
         let Some(cells) = plan.steps.iter().map(cell).collect() else { return Ok(false) };
         row.cells.push(cells);

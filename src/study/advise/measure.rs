@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::model::{Model, family};
 use crate::{
-    analysis::{Contacts, Grid, Sample, Settled, Trajectory, cycles_later},
+    analysis::{ContactReport, Contacts, Grid, Sample, Settled, Trajectory, cycles_later},
     engine::{Engine, Outcome},
     hybrid::ContactView,
     study::{
@@ -169,9 +169,7 @@ pub(super) fn measure(
     let after = engine.counters();
     let all = (stretches * cycles) as f64;
     let meshes = meshes(model, &reports);
-    let end = engine.state();
     let structure = &case.structure;
-    let modes = (0..structure.contact_count()).map(|j| structure.contact_mode(j, end.jump.mode)).collect();
     let motion = Motion {
         freedoms: structure.freedoms(),
         settled: found,
@@ -182,7 +180,7 @@ pub(super) fn measure(
             steps: (after.steps - before.steps) as f64 / all,
             events: (after.events - before.events) as f64 / all,
         },
-        end: Seed { x: end.x.clone(), contacts: modes },
+        end: Seed::of(structure, engine.state()),
     };
     let finite = |mesh: &&Mesh| !(mesh.peak.map_or(0.0, |peak| peak.value) + mesh.mean_force.value).is_finite();
     match motion.meshes.iter().find(finite) {
@@ -197,7 +195,7 @@ fn stretch(
     engine: &mut Engine<'_>,
     cycles: u64,
     moments: &mut Moments,
-) -> Result<Vec<crate::analysis::ContactReport>, StudyError> {
+) -> Result<Vec<ContactReport>, StudyError> {
     let (structure, clock) = (&model.case.structure, model.case.clock());
     let n = structure.freedoms();
     let from = engine.state().at;
@@ -222,7 +220,7 @@ fn per_cycle(freedoms: usize) -> u32 {
     if freedoms <= 32 { 256 } else { 32 }
 }
 
-fn meshes(model: &Model, stretches: &[Vec<crate::analysis::ContactReport>]) -> Vec<Mesh> {
+fn meshes(model: &Model, stretches: &[Vec<ContactReport>]) -> Vec<Mesh> {
     let structure = &model.case.structure;
     let period = structure.clock().period().map_or(f64::NAN, |period| period.value());
     let mut families: Vec<(&str, Vec<usize>)> = Vec::new();
@@ -236,13 +234,12 @@ fn meshes(model: &Model, stretches: &[Vec<crate::analysis::ContactReport>]) -> V
     let mesh = |(family, contacts): (&str, Vec<usize>)| {
         let count = contacts.len() as f64;
         // OK to divide: a family has a contact.
-        let mean = |of: &dyn Fn(&crate::analysis::ContactReport) -> f64| {
+        let mean = |of: &dyn Fn(&ContactReport) -> f64| {
             let each = stretches.iter().map(|reports| contacts.iter().map(|&j| of(&reports[j])).sum::<f64>() / count);
             Estimate::of(&each.collect::<Vec<_>>())
         };
-        let peak = |reports: &Vec<crate::analysis::ContactReport>| {
-            contacts.iter().map(|&j| reports[j].force_abs_max).fold(0.0, f64::max)
-        };
+        let peak =
+            |reports: &Vec<ContactReport>| contacts.iter().map(|&j| reports[j].force_abs_max).fold(0.0, f64::max);
         let peaks: Vec<f64> = stretches.iter().map(peak).collect();
         let all = || stretches.iter().flat_map(|reports| contacts.iter().map(|&j| &reports[j]));
         let closed = all().map(|r| r.durations.count).sum::<u64>();
