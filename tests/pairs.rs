@@ -80,7 +80,7 @@ fn walls() {
 #[test]
 fn frames() {
     let there = frame::to_fixed([1.0, 2.0], 0.3);
-    let back = frame::to_carrier(there, 0.3);
+    let back = frame::to_fixed(there, -0.3);
     assert_relative_eq!(back[0], 1.0, max_relative = 1.0e-15);
     assert_relative_eq!(there[0], 0.3f64.cos() - 2.0 * 0.3f64.sin(), max_relative = 1.0e-15);
 }

@@ -118,12 +118,6 @@ impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {
         }
     }
 
-    /// `|residual| / throughput` so far.
-    #[must_use]
-    pub fn closes(&self) -> f64 {
-        self.balance().closure()
-    }
-
     /// The columns so far.
     #[must_use]
     pub fn balance(&self) -> Balance {

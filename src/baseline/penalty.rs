@@ -184,12 +184,6 @@ impl Penalty {
         (c.half_backlash, c.has_back, matches!(c.law, Law::Rigid(_)))
     }
 
-    /// Whether contact `j` is beyond a flank at `point`.
-    #[must_use]
-    pub fn is_beyond(&self, j: usize, point: &Point) -> bool {
-        self.contacts[j].penetration(point.contacts[j].deflection[0]).0 > 0.0
-    }
-
     /// Whether contact `j` can be lost.
     #[must_use]
     pub fn separates(&self, j: usize) -> bool {

@@ -67,29 +67,25 @@ fn text(session: &Session, why: &str) -> Result<String, std::fmt::Error> {
     Ok(out)
 }
 
-/// Modes and guards of a contact, in words.
-fn automaton(contact: &ContactSpec) -> (&'static str, &'static str, &'static str) {
-    let both = contact.flanks == Flanks::Both;
-    match (&contact.law, both) {
-        (Law::Bilateral(_), _) => ("bilateral", "closed", "none"),
-        (Law::KelvinVoigt(l, Release::Force), true) if l.damping > 0.0 => {
-            ("linear, never pulls", "separated, drive, back, detached", "delta = +b, -b; force = 0")
+/// Law, modes and guards of a contact, in words.
+fn automaton(contact: &ContactSpec) -> (&'static str, String, String) {
+    let (law, can_detach) = match contact.law {
+        Law::Bilateral(_) => return ("bilateral", "closed".to_owned(), "none".to_owned()),
+        Law::KelvinVoigt(l, Release::Force) if l.damping > 0.0 => ("linear, never pulls", true),
+        Law::KelvinVoigt(..) => ("linear", false),
+        Law::Power(l) if l.hysteresis > 0.0 => ("power, hysteresis", true),
+        Law::Power(_) => ("power", false),
+        Law::Rigid(_) => ("rigid", false),
+    };
+    let (sides, flanks) =
+        if contact.flanks == Flanks::Both { ("drive, back", "delta = +b, -b") } else { ("drive", "delta = b") };
+    match contact.law {
+        Law::Rigid(_) => {
+            let where_to = if contact.flanks == Flanks::Both { "resting on either flank" } else { "resting" };
+            (law, format!("separated, {where_to}"), format!("{flanks}; multiplier = 0"))
         }
-        (Law::KelvinVoigt(l, Release::Force), false) if l.damping > 0.0 => {
-            ("linear, never pulls", "separated, drive, detached", "delta = b; force = 0")
-        }
-        (Law::KelvinVoigt(..), true) => ("linear", "separated, drive, back", "delta = +b, -b"),
-        (Law::KelvinVoigt(..), false) => ("linear", "separated, drive", "delta = b"),
-        (Law::Power(l), true) if l.hysteresis > 0.0 => {
-            ("power, hysteresis", "separated, drive, back, detached", "delta = +b, -b; force = 0")
-        }
-        (Law::Power(l), false) if l.hysteresis > 0.0 => {
-            ("power, hysteresis", "separated, drive, detached", "delta = b; force = 0")
-        }
-        (Law::Power(_), true) => ("power", "separated, drive, back", "delta = +b, -b"),
-        (Law::Power(_), false) => ("power", "separated, drive", "delta = b"),
-        (Law::Rigid(_), true) => ("rigid", "separated, resting on either flank", "delta = +b, -b; multiplier = 0"),
-        (Law::Rigid(_), false) => ("rigid", "separated, resting", "delta = b; multiplier = 0"),
+        _ if can_detach => (law, format!("separated, {sides}, detached"), format!("{flanks}; force = 0")),
+        _ => (law, format!("separated, {sides}"), flanks.to_owned()),
     }
 }
 
@@ -104,8 +100,8 @@ fn contacts(out: &mut String, session: &Session) -> std::fmt::Result {
             law.to_owned(),
             number(contact.half_backlash),
             number(contact.stiffness.mean()),
-            modes.to_owned(),
-            guards.to_owned(),
+            modes,
+            guards,
             flank::train::contact_mode(session.start.jump.mode, j).name().to_owned(),
         ]);
     }

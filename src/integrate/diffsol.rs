@@ -52,7 +52,7 @@ impl Method {
 /// Each component is held to `rtol` times its size, and to a tenth of `rtol` times its scale on the arc where it
 /// passes through zero. The scale is the largest of `|x|`, `τ|ẋ|` and `τ²|ẍ|/2` at the arc's start, with τ the
 /// fastest time the system names (or else the shortest in which a component changes by its own size), the
-/// forcing's 1/ω or the arc's span, whichever is least; or as given by [`with_absolute`](Self::with_absolute).
+/// forcing's 1/ω or the arc's span, whichever is least.
 ///
 /// After every start of an arc, backward differences are preceded by a few ESDIRK steps: their own first steps
 /// are of order 1.
@@ -60,7 +60,6 @@ impl Method {
 pub struct Diffsol {
     method: Method,
     rtol: f64,
-    absolute: Option<Vec<f64>>,
     pieces: Pieces,
 }
 
@@ -71,14 +70,7 @@ impl Diffsol {
     /// A method with a relative tolerance, kept within `[1e-13, 0.1]`.
     #[must_use]
     pub fn new(method: Method, rtol: f64) -> Self {
-        Self { method, rtol: rtol.clamp(Self::TIGHTEST, 0.1), absolute: None, pieces: Pieces::default() }
-    }
-
-    /// Absolute tolerances, one for each component of the state, in its units and > 0, instead of derived ones.
-    #[must_use]
-    pub fn with_absolute(mut self, absolute: Vec<f64>) -> Self {
-        self.absolute = Some(absolute);
-        self
+        Self { method, rtol: rtol.clamp(Self::TIGHTEST, 0.1), pieces: Pieces::default() }
     }
 }
 
@@ -125,7 +117,6 @@ impl Start {
         span: f64,
         rtol: f64,
         order: f64,
-        given: Option<&[f64]>,
     ) -> Self {
         let dim = arc.x.len();
         let (mut f, mut f1, mut x1) = (vec![0.0; dim], vec![0.0; dim], vec![0.0; dim]);
@@ -140,21 +131,16 @@ impl Start {
             |r| r.damped.max(r.oscillating),
         );
         let tau = [own, system.clock().omega()].iter().filter(|w| **w > 0.0).fold(span, |t, w| t.min(1.0 / w));
-        let absolute = given.map_or_else(
-            || {
-                let mut scale: Vec<f64> = arc.x.iter().map(|x| x.abs()).collect();
-                for (s, (f, f1)) in scale.iter_mut().zip(f.iter().zip(&f1)) {
-                    *s = s.max(tau * f.abs()).max(0.5 * tau * tau * f1.abs());
-                }
-                // Forcing that is zero just now shows itself a little later.
-                field.eval(arc.mode, arc.at, 0.5 * tau, arc.x, &mut f1);
-                scale.iter_mut().zip(&f1).for_each(|(s, f)| *s = s.max(tau * f.abs()));
-                let largest = scale.iter().copied().fold(0.0, f64::max);
-                let least = if largest > 0.0 { (NO_SCALE * rtol).max(f64::EPSILON) * largest } else { rtol };
-                scale.iter().map(|s| (FLOOR * rtol * s).max(least)).collect()
-            },
-            <[f64]>::to_vec,
-        );
+        let mut scale: Vec<f64> = arc.x.iter().map(|x| x.abs()).collect();
+        for (s, (f, f1)) in scale.iter_mut().zip(f.iter().zip(&f1)) {
+            *s = s.max(tau * f.abs()).max(0.5 * tau * tau * f1.abs());
+        }
+        // Forcing that is zero just now shows itself a little later.
+        field.eval(arc.mode, arc.at, 0.5 * tau, arc.x, &mut f1);
+        scale.iter_mut().zip(&f1).for_each(|(s, f)| *s = s.max(tau * f.abs()));
+        let largest = scale.iter().copied().fold(0.0, f64::max);
+        let least = if largest > 0.0 { (NO_SCALE * rtol).max(f64::EPSILON) * largest } else { rtol };
+        let absolute: Vec<f64> = scale.iter().map(|s| (FLOOR * rtol * s).max(least)).collect();
         let size = |v: &[f64]| {
             let parts = v.iter().zip(arc.x).zip(&absolute).map(|((v, x), a)| v.abs() / (a + rtol * x.abs()));
             parts.fold(0.0, f64::max)
@@ -197,8 +183,7 @@ impl Integrator for Diffsol {
         }
         // The solvers' norm is a mean over the components: one active contact among many must not be diluted.
         let rtol = self.rtol / (arc.x.len() as f64).sqrt();
-        let given = self.absolute.as_deref();
-        let start = Start::new(field, system, arc, span, rtol, self.method.first_order(), given);
+        let start = Start::new(field, system, arc, span, rtol, self.method.first_order());
         let unit = start.step;
         let mut problem = OdeBuilder::<M>::new()
             .rtol(rtol)

@@ -67,12 +67,6 @@ pub struct Run {
 }
 
 impl Run {
-    /// Time at which the run starts, s.
-    #[must_use]
-    pub fn start(&self) -> f64 {
-        self.period.map_or(0.0, |period| self.start_cycle as f64 * period)
-    }
-
     /// Time at which the run ends, s.
     #[must_use]
     pub fn end(&self) -> f64 {

@@ -2,7 +2,7 @@ use super::StudyError;
 use crate::{
     engine::{Engine, Options, State},
     gear::contact::Law,
-    hybrid::{Clock, ContactView, Instant, Wide},
+    hybrid::{Clock, Instant, Wide},
     integrate::build,
     scene::{Built, Scene},
     train::{Structure, bonded_modes},
@@ -59,7 +59,7 @@ impl Case {
     /// The error of a study that needs more than the scene has.
     #[must_use]
     pub fn missing(&self, missing: impl Into<String>) -> StudyError {
-        StudyError::Missing { name: self.name.clone(), missing: missing.into() }
+        StudyError::missing(&self.name, missing)
     }
 
     /// Where the scene starts.
@@ -120,18 +120,6 @@ impl Case {
             .iter()
             .position(|freedom| freedom == name)
             .ok_or_else(|| self.missing(format!("it has no freedom {name}; it has {}", freedoms.join(", "))))
-    }
-
-    /// Number of the first contact whose name starts with `stem`.
-    ///
-    /// # Errors
-    /// [`StudyError::Missing`].
-    pub fn contact(&self, stem: &str) -> Result<usize, StudyError> {
-        let names: Vec<&str> = (0..self.structure.contact_count()).map(|j| self.structure.contact_name(j)).collect();
-        names
-            .iter()
-            .position(|name| name.starts_with(stem))
-            .ok_or_else(|| self.missing(format!("it has no contact {stem}; it has {}", names.join(", "))))
     }
 
     /// `at`, moved to the start of its cycle: where a seed of another case is taken up.

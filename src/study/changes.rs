@@ -111,10 +111,7 @@ pub fn effects(
         let mut largest = 0.0;
         for rpm in SPEEDS {
             let steady = context.steady(&changed.with("/train/speed_rpm", json!(rpm))?, None)?;
-            let contact = steady.contact(stem).ok_or_else(|| StudyError::Missing {
-                name: scene.name().to_owned(),
-                missing: format!("it has no contact {stem}"),
-            })?;
+            let contact = steady.expect(stem, scene)?;
             apart.push(contact.report.no_force_fraction);
             if rpm == SPEEDS[1] {
                 largest = contact.report.force_max.unwrap_or_default();

@@ -56,3 +56,10 @@ pub enum StudyError {
     #[error("interrupted")]
     Interrupted,
 }
+
+impl StudyError {
+    /// The error of a study that needs more than the scene called `name` has.
+    pub(super) fn missing(name: &str, missing: impl Into<String>) -> Self {
+        Self::Missing { name: name.to_owned(), missing: missing.into() }
+    }
+}

@@ -319,9 +319,10 @@ impl Plan {
 
     /// What only the reference set has.
     fn only_reference(&self, what: &str) -> Result<(), StudyError> {
-        let missing = || format!("only the reference set has {what}");
-        let refused = || StudyError::Missing { name: self.light.name().to_owned(), missing: missing() };
-        if self.published { Ok(()) } else { Err(refused()) }
+        if self.published {
+            return Ok(());
+        }
+        Err(StudyError::missing(self.light.name(), format!("only the reference set has {what}")))
     }
 
     /// The loaded train in all its freedoms.
@@ -342,7 +343,7 @@ fn floating(context: &Context<'_>) -> super::steady::Rule {
 
 fn lacks(scene: &Scene, what: &str) -> StudyError {
     let kind = scene.resolved()["train"]["kind"].as_str().unwrap_or_default();
-    StudyError::Missing { name: scene.name().to_owned(), missing: format!("a train of kind {kind} has no {what}") }
+    StudyError::missing(scene.name(), format!("a train of kind {kind} has no {what}"))
 }
 
 /// In rising order, each once.

@@ -93,6 +93,12 @@ impl Steady {
     pub fn contact(&self, stem: &str) -> Option<&ContactSteady> {
         self.contacts.iter().find(|contact| contact.report.name.starts_with(stem))
     }
+
+    /// The same, where `scene` has to have it.
+    pub(super) fn expect(&self, stem: &str, scene: &Scene) -> Result<&ContactSteady, StudyError> {
+        let missing = || StudyError::missing(scene.name(), format!("it has no contact {stem}"));
+        self.contact(stem).ok_or_else(missing)
+    }
 }
 
 /// Samples of the force a cycle.

@@ -67,10 +67,7 @@ pub fn locate(
     // The sign of the clearance is the event; its size tells how it comes about.
     let clearance = |value: f64| {
         let steady = context.steady(&scene.with(pointer, json!(value))?, None)?;
-        let contact = steady.contact(stem).ok_or_else(|| StudyError::Missing {
-            name: scene.name().to_owned(),
-            missing: format!("it has no contact {stem}"),
-        })?;
+        let contact = steady.expect(stem, scene)?;
         let apart = contact.report.apart_time > 0.0;
         Ok::<_, StudyError>((apart, contact.report.deflection_min.unwrap_or_default()))
     };

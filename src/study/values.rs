@@ -101,7 +101,7 @@ fn statics() -> Result<Vec<Checked>, StudyError> {
 fn both(steady: &Steady) -> Result<[&ContactSteady; 2], StudyError> {
     match (steady.contact("sun"), steady.contact("ring")) {
         (Some(sun), Some(ring)) => Ok([sun, ring]),
-        _ => Err(StudyError::Missing { name: "reference".to_owned(), missing: "sun and ring meshes".to_owned() }),
+        _ => Err(StudyError::missing("reference", "sun and ring meshes")),
     }
 }
 

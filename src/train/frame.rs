@@ -7,9 +7,3 @@ pub fn to_fixed([x, y]: [f64; 2], carrier_angle: f64) -> [f64; 2] {
     let (sin, cos) = carrier_angle.sin_cos();
     [x * cos - y * sin, x * sin + y * cos]
 }
-
-/// The inverse of [`to_fixed`].
-#[must_use]
-pub fn to_carrier(fixed: [f64; 2], carrier_angle: f64) -> [f64; 2] {
-    to_fixed(fixed, -carrier_angle)
-}

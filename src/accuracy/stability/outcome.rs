@@ -34,10 +34,6 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// All of them, best first.
-    pub const ALL: [Self; 7] =
-        [Self::Right, Self::Attractor, Self::Displaced, Self::Spurious, Self::Missed, Self::Growth, Self::BlowUp];
-
     /// A motion this many times as large as the engine's has blown up.
     pub const BLOWN: f64 = 1e3;
 

@@ -44,7 +44,7 @@ impl ModeRow {
 /// # Errors
 /// [`StudyError::Missing`] for trains whose modes do not fall into the families of a stage.
 pub fn modes(scene: &Scene, highest: f64) -> Result<(Figure, Vec<ModeRow>), StudyError> {
-    let missing = |missing: String| StudyError::Missing { name: scene.name().to_owned(), missing };
+    let missing = |missing: String| StudyError::missing(scene.name(), missing);
     if kind(scene) != "planetary" {
         return Err(missing("it is no planetary stage, whose modes fall into families and can be drawn".to_owned()));
     }

@@ -44,10 +44,7 @@ pub fn threshold(
     search: &Search,
 ) -> Result<(Figure, Vec<ThresholdRow>), StudyError> {
     let (Some(speed), Some(load)) = (speed_pointer(scene), load_pointer(scene)) else {
-        return Err(StudyError::Missing {
-            name: scene.name().to_owned(),
-            missing: "its train has no speed and load in rev/min and N m".to_owned(),
-        });
+        return Err(StudyError::missing(scene.name(), "its train has no speed and load in rev/min and N m"));
     };
     let rows = context.each(speeds, |&rpm| {
         let scene = scene.with(speed, json!(rpm))?;

@@ -1,6 +1,6 @@
 //! Where the paper contradicts itself, with the numbers that show it.
 
-use super::{Comparison, Verdict};
+use super::{Comparison, Verdict, statement};
 use crate::gear::contact::{Hysteresis, coefficient, restitution};
 use crate::train::planetary::presets::{reference_geometry, reference_heavy, reference_light};
 use crate::train::{Teeth, TrainError};
@@ -23,14 +23,8 @@ pub fn contradictions() -> Result<Vec<Comparison>, TrainError> {
         let inertia = body.rotary_mass * body.radius * body.radius;
         1e3 * (inertia / body.mass).sqrt()
     };
-    let row = |place, quantity: &str, published: &str, found: String| Comparison {
-        place,
-        quantity: quantity.to_owned(),
-        published: published.to_owned(),
-        found,
-        verdict: Verdict::Contradiction,
-        fitted: false,
-        note: String::new(),
+    let row = |place, quantity: &str, published: &str, found: String| {
+        statement(place, quantity, published, found, Verdict::Contradiction)
     };
     Ok(vec![
         row("5b", "mesh frequency at 500 rev/min", "212 Hz", format!("{:.2} Hz from the tooth numbers", mesh(500.0))),

@@ -83,15 +83,8 @@ fn numbers(place: &'static str, quantity: &str, (published, found): (f64, f64), 
     } else {
         1
     };
-    Comparison {
-        place,
-        quantity: quantity.to_owned(),
-        published: format!("{published}{}{unit}", if unit.is_empty() { "" } else { " " }),
-        found: write(found, digits),
-        verdict,
-        fitted: false,
-        note: note.to_owned(),
-    }
+    let published = format!("{published}{}{unit}", if unit.is_empty() { "" } else { " " });
+    statement(place, quantity, &published, write(found, digits), verdict).noting(note)
 }
 
 /// A statement, and what was found about it.
