@@ -33,27 +33,24 @@ pub struct JetRequest<'a> {
 }
 
 /// A flow that knows its own Taylor series.
+#[allow(unused_variables, reason = "defaults that do nothing")]
 pub trait JetField {
     /// Expands the solution through `request.x`: fills `out` with the coefficients of state, clock and
     /// guards in the step's own clock `θ`, and the largest `θ` up to which they hold to tolerance.
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet);
 
     /// Puts the state at the end of a step back onto what `mode` holds fixed, where rounding has moved it: contacts at rest.
-    fn restore(&self, mode: Mode, at: Instant, x: &mut [f64]) {
-        let _ = (mode, at, x);
-    }
+    fn restore(&self, mode: Mode, at: Instant, x: &mut [f64]) {}
 
     /// Sizes of the terms whose sums are the value, the rate and the acceleration of guard `id` at the start of `step`, for a
     /// state with components of the sizes in `x`.
     fn term_sizes(&self, mode: Mode, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
-        let _ = (mode, id, step, x);
         [0.0; 3]
     }
 
     /// Keeps from `theta` on a step what the state alone holds with less precision, such as a penetration or a gap that is a
     /// small difference of displacements. A jump that moves it says so by an exact zero.
     fn carry(&self, mode: Mode, step: &Jet, theta: f64, carried: &mut Vec<f64>) {
-        let _ = (mode, step, theta);
         carried.clear();
     }
 }

@@ -47,6 +47,7 @@ pub struct Rates {
 }
 
 /// A hybrid automaton: smooth flows, guards that end them, jumps between them.
+#[allow(unused_variables, reason = "defaults that do nothing")]
 pub trait HybridSystem {
     /// Length of the state, latched quantities included.
     fn dim(&self) -> usize;
@@ -76,22 +77,18 @@ pub trait HybridSystem {
     /// Moves the state `x + low` at `at` along the flow of `mode` onto guard `id`, by one Newton step of at most `most` seconds, and
     /// returns its length, s. Nothing unless the system keeps the low part of its state.
     fn meet(&self, mode: Mode, id: GuardId, at: Instant, most: f64, x: &mut [f64], low: &mut [f64]) -> f64 {
-        let _ = (mode, id, at, most, x, low);
         0.0
     }
     /// The next known switching time strictly after `at`, if any; none unless the system says otherwise.
     fn next_switch(&self, at: Instant) -> Option<Instant> {
-        let _ = at;
         None
     }
     /// The mode right after the known switching time at `at`.
     fn switched(&self, mode: Mode, at: Instant) -> Mode {
-        let _ = at;
         mode
     }
     /// The coefficient of restitution of the impact that guard `id` stands for; `None` if it is no impact.
     fn restitution(&self, id: GuardId) -> Option<f64> {
-        let _ = id;
         None
     }
     /// Puts the contacts of `fired` to rest on their boundaries: velocity projected, sustained-contact mode.
@@ -109,19 +106,16 @@ pub trait HybridSystem {
     }
     /// Whether guard `id` is a function of positions and time alone, so that no jump can take it past zero.
     fn is_continuous(&self, id: GuardId) -> bool {
-        let _ = id;
         false
     }
     /// The fastest rate of the smooth nonlinear elements of `mode` at `x`, 1/s, and into `sizes` `[dim]` the size of each
     /// component's motion that they take part in, in its units and > 0, against which the accuracy of steps longer than
     /// that rate allows is judged. `None` if there are no such elements, or one of them is about to change.
     fn sizes(&self, mode: Mode, at: Instant, x: &[f64], sizes: &mut [f64]) -> Option<f64> {
-        let _ = (mode, at, x, sizes);
         None
     }
     /// The own rates of `mode`, if the system knows them: they tell stiff modes from others.
     fn rates(&self, mode: Mode) -> Option<Rates> {
-        let _ = mode;
         None
     }
 }

@@ -22,6 +22,7 @@ pub use relay::Relay;
 pub use taylor::Taylor;
 
 /// One accepted step with its dense output, in the step's own clock `θ ∈ [0, 1]`.
+#[allow(unused_variables, reason = "defaults that do nothing")]
 pub trait DenseStep {
     /// When the step starts.
     fn start(&self) -> Instant;
@@ -55,12 +56,10 @@ pub trait DenseStep {
     /// in its physical units: an estimate from the sizes of its terms; zero where the step does not know. The
     /// first `zeros` derivatives of it are exactly zero at the step's start, its value the zeroth.
     fn gathered(&self, i: usize, theta: f64, zeros: usize) -> f64 {
-        let _ = (i, theta, zeros);
         0.0
     }
     /// Keeps what the state at `theta` alone holds with less precision, for the next [`Arc`]; nothing unless the step knows it.
     fn carry(&self, theta: f64, carried: &mut Vec<f64>) {
-        let _ = theta;
         carried.clear();
     }
     /// `Some(h)` if the clock is plain time, `t = h θ`.
@@ -72,7 +71,6 @@ pub trait DenseStep {
     /// In a clock of its own: rate of guard `i` in time at `θ`, and the error of its value, both in the guard's
     /// physical units (its polynomial may be that of a root). `None` where the polynomial says it all.
     fn guard_in_time(&self, i: usize, theta: f64) -> Option<(f64, f64)> {
-        let _ = (i, theta);
         None
     }
     /// First three derivatives in time of guard `i` at the step's start, in the guard's physical units over s, s² and s³.
