@@ -4,15 +4,10 @@ use std::{fmt, path::Path, process::ExitCode};
 
 use flank::{
     accuracy::AccuracyError,
-    engine::EngineError,
-    integrate::IntegrateError,
     output::OutputError,
     scene::SceneError,
-    study::StudyError,
-    study::identify::IdentifyError,
+    study::{StudyError, identify::IdentifyError},
     sweep::{Fault, GridError, SweepError},
-    train::{AssembleError, StartError},
-    verify::Difference,
 };
 use miette::Diagnostic;
 
@@ -25,16 +20,6 @@ pub enum CliError {
     /// The identification cannot be done.
     #[error(transparent)]
     Identify(#[from] IdentifyError),
-    /// The train cannot be assembled.
-    #[error(transparent)]
-    Train(AssembleError),
-    /// The run cannot start where the scene says.
-    #[error(transparent)]
-    Start(StartError),
-    /// The scene asks for an integrator that cannot be had.
-    #[error(transparent)]
-    #[diagnostic(help("set run.integrator.method to \"auto\", or use a build that has it"))]
-    Integrator(IntegrateError),
     /// The output folder cannot be written into.
     #[error("{0}")]
     #[diagnostic(help("{1}"))]
@@ -49,22 +34,15 @@ pub enum CliError {
     #[error("{0}")]
     #[diagnostic(help("{1}"))]
     Sweep(SweepError, &'static str),
-    /// The study cannot be made.
-    #[error(transparent)]
-    Study(StudyError),
+    /// The study, or a single run, cannot be made, fails, or does not agree with its check.
+    #[error("{0}")]
+    Study(StudyError, #[help] Option<&'static str>),
     /// Methods that cannot be compared, all of them.
     #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
     Methods(Vec<AccuracyError>),
     /// The comparison cannot be made.
     #[error(transparent)]
     Accuracy(#[from] AccuracyError),
-    /// The run failed.
-    #[error("the run failed {0}")]
-    Run(EngineError),
-    /// The run does not agree with its check.
-    #[error("the run is wrong or not certain: {0}")]
-    #[diagnostic(help("please report the scene; events.jsonl holds the run up to there"))]
-    Verify(Difference),
     /// The energy ledger does not balance.
     #[error("the energy ledger of the run is open by {closure:e} of its throughput; rounding explains {rounding:e}")]
     #[diagnostic(help("the run is not to be trusted; please report the scene"))]
@@ -85,16 +63,12 @@ pub enum CliError {
 
 impl From<StudyError> for CliError {
     fn from(error: StudyError) -> Self {
-        match error {
-            StudyError::Scene(error) => Self::Scene(error),
-            StudyError::Identify(error) => Self::Identify(error),
-            StudyError::Assemble(error) => Self::Train(error),
-            StudyError::Start(error) => Self::Start(error),
-            StudyError::Integrator(error) => Self::Integrator(error),
-            StudyError::Run(error) => Self::Run(error),
-            StudyError::Verify(difference) => Self::Verify(difference),
-            error => Self::Study(error),
-        }
+        let help = match &error {
+            StudyError::Integrator(_) => Some("set run.integrator.method to \"auto\", or use a build that has it"),
+            StudyError::Verify(_) => Some("please report the scene; events.jsonl holds the run up to there"),
+            _ => None,
+        };
+        Self::Study(error, help)
     }
 }
 
@@ -148,9 +122,9 @@ impl CliError {
     /// Writes the error to standard error and gives the exit code.
     pub fn report(self) -> ExitCode {
         let code = match self {
-            Self::Run(_) | Self::Verify(_) | Self::Overflow(_) | Self::Energy { .. } | Self::File(..) => 1,
-            Self::Accuracy(AccuracyError::Engine(_)) => 1,
-            Self::Study(StudyError::Budget { .. } | StudyError::Overflow(_)) => 1,
+            Self::Overflow(_) | Self::Energy { .. } | Self::File(..) | Self::Accuracy(AccuracyError::Engine(_)) => 1,
+            Self::Study(StudyError::Run(_) | StudyError::Verify(_), _) => 1,
+            Self::Study(StudyError::Budget { .. } | StudyError::Overflow(_), _) => 1,
             _ => 2,
         };
         eprintln!("{:?}", miette::Report::new(self));

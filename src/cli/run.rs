@@ -10,6 +10,7 @@ use flank::{
     analysis::{Balance, Contacts, EventLog, Grid, Ledger, Trajectory},
     engine::Outcome,
     output::Request,
+    study::StudyError,
 };
 
 use super::{
@@ -119,7 +120,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         print(&report::text(&session, &summary).unwrap_or_default())?;
     }
     // A difference comes before what follows from it.
-    verified.map_err(CliError::Verify)?;
+    verified.map_err(StudyError::from)?;
     // The ledger takes K as symmetric, and knows rounding only.
     let (spec, steps) = (structure.spec(), engine.counters().steps);
     let is_exact = summary.integrator.modes.iter().all(|(_, name)| *name == "taylor");
@@ -141,6 +142,6 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         Ok(Outcome::ReachedEnd) => Ok(Done::Completely),
         Ok(Outcome::EventBudgetSpent) if asked => Ok(Done::Completely),
         Ok(_) => Ok(Done::Partly),
-        Err(error) => Err(CliError::Run(error)),
+        Err(error) => Err(StudyError::from(error).into()),
     }
 }
