@@ -132,10 +132,8 @@ pub fn arcs(value: &Value, most: usize) -> Vec<Arc> {
         // After a touch the state is on a flank only to rounding; where a switch fires a guard, the oracle starts before the switch.
         // Strikes in turn leave speeds that are rounding of the first ones.
         let in_turn = record.jumps > 8;
-        fresh = record.accumulation.is_none()
-            && !record.graze
-            && !in_turn
-            && !(record.switched && !record.fired.is_empty());
+        let fires_at_switch = record.switched && !record.fired.is_empty();
+        fresh = record.accumulation.is_none() && !record.graze && !in_turn && !fires_at_switch;
     }
     out
 }
