@@ -31,8 +31,9 @@ impl Sticking {
     pub fn new(s: &Structure, mode: Mode) -> Option<Self> {
         let resting =
             |j: &usize| matches!(s.contacts[*j].spec.law, Law::Rigid(_)) && contact_mode(mode, *j).is_closed();
-        let sticking = Self::of(s, (0..s.contacts.len()).filter(resting));
-        (sticking.len > 0).then_some(sticking)
+        let mut resting = (0..s.contacts.len()).filter(resting).peekable();
+        resting.peek()?;
+        Some(Self::of(s, resting))
     }
 
     /// The given contacts, closed or not.
