@@ -211,8 +211,9 @@ impl Locator {
                     zero.insert(guard.id);
                 }
             } else {
-                // From an exact zero on a value may be known better than the state can hold it.
-                let held = RESOLVED * step.guard_rounding(i);
+                // From an exact zero on a value may be known better than the state can hold it. Then it is near where the lead passes it in
+                // no time.
+                let held = (RESOLVED * step.guard_rounding(i)).min(f64::EPSILON * slope.abs());
                 if series.value(theta).abs() <= held.max(series.error * theta.powi(series.order as i32)) {
                     near.insert(guard.id);
                 }

@@ -423,13 +423,12 @@ impl Structure {
         if by.iter().all(|by| *by == 0.0) {
             return;
         }
-        let (mut set, mut y) = ([0; MAX_CONTACTS], [0.0; MAX_CONTACTS]);
         if let ([by], Some(j)) = (by, contacts.clone().next()) {
             let c = &self.contacts[j];
             c.push.iter().for_each(|(i, p)| values[*i as usize] += p / c.mobility * by);
             return;
         }
-        set.iter_mut().zip(contacts.clone()).for_each(|(s, j)| *s = j);
+        let mut y = [0.0; MAX_CONTACTS];
         y[..by.len()].copy_from_slice(by);
         Sticking::of(self, contacts.clone()).solve(&mut y);
         for (j, y) in contacts.zip(&y) {

@@ -8,8 +8,8 @@ use super::{
     series::{Clock, expand},
     state::{State, Status},
     step::{clock, guards, is_rigid, rate},
-    strike::{Bounce, strike},
-    wide::{near, size, wide},
+    strike::{Bounce, stop, strike},
+    wide::{near, size},
 };
 
 /// A guard that fell through zero, or lies beyond it (`zero` false).
@@ -22,6 +22,8 @@ pub struct Fired {
 
 /// Rounds at one instant after which it has no end. Blows that are passed to and fro get weaker by a factor.
 const ROUNDS: usize = 4096;
+/// A speed relative to the fastest of the instant that is none: the limit of blows passed to and fro.
+const LOST: f64 = 1e-20;
 /// Orders looked at.
 const ORDERS: usize = 10;
 
@@ -29,7 +31,7 @@ const ORDERS: usize = 10;
 pub fn resolve(m: &Model, s: &mut State, mut fired: Vec<Fired>) -> Result<(Vec<Bounce>, Vec<bool>), String> {
     let mut bounces = Vec::new();
     let mut struck = vec![false; m.contacts.len()];
-    for round in 0..ROUNDS {
+    for _ in 0..ROUNDS {
         let mut strikers = Vec::new();
         for f in &fired {
             let (j, side) = (f.contact, f.watch.side());
@@ -51,11 +53,15 @@ pub fn resolve(m: &Model, s: &mut State, mut fired: Vec<Fired>) -> Result<(Vec<B
             }
         }
         if !strikers.is_empty() {
-            if round > 0 && bounces.iter().any(|b: &Bounce| b.restitution == wide(0.0)) {
-                // Of blows without restitution that pass to and fro at one instant the law leaves several outcomes.
-                return Err("blows at restitution 0 alternate at one instant".into());
+            let last = strike(m, s, &strikers)?;
+            let fastest = bounces.iter().chain(&last).map(|b: &Bounce| b.approach).fold(0.0, f64::max);
+            let lost = !last.is_empty() && last.iter().all(|b| b.approach <= LOST * fastest);
+            bounces.extend(last);
+            if lost {
+                let quiet = |j: &usize| struck[*j] && size(s.gap(m, *j, s.contacts[*j].side).1) <= LOST * fastest;
+                let settling: Vec<usize> = (0..m.contacts.len()).filter(quiet).collect();
+                stop(m, s, &settling);
             }
-            bounces.extend(strike(m, s, &strikers)?);
         }
         settle(m, s)?;
         fired = outside(m, s)?;

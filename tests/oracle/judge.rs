@@ -228,9 +228,12 @@ fn compare(truth: &Truth, got: &[(Wide, usize, Kind)], out: &mut Judged) -> Opti
             .map(|(e, s)| (e.t, e.kind, *s))
             .collect();
         want.sort_by(|a, b| near(a.0).total_cmp(&near(b.0)));
+        // Strikes that time cannot tell apart are one.
+        want.dedup_by(|b, a| (a.1, b.1) == (Kind::Impact, Kind::Impact) && near(b.0 - a.0) <= truth.tolerance);
         let mut have: Vec<(Wide, Kind)> =
             got.iter().filter(|e| e.1 == j && !slow(e.0, j, e.2)).map(|e| (e.0, e.2)).collect();
         have.sort_by(|a, b| near(a.0).total_cmp(&near(b.0)));
+        have.dedup_by(|b, a| (a.1, b.1) == (Kind::Impact, Kind::Impact) && near(b.0 - a.0) <= truth.tolerance);
         for i in 0..want.len().max(have.len()) {
             let (a, b) = (want.get(i), have.get(i));
             let earliest =

@@ -195,6 +195,11 @@ impl<'a> Runner<'a> {
                 self.events.push(Event { t, contact: j, kind });
             }
         }
+        // Strikes in turn: those so near that time cannot tell them apart are one instant.
+        let again = |i: usize| bounces[..i].iter().any(|b| b.contact == bounces[i].contact);
+        if (0..bounces.len()).any(again) {
+            self.tails.extend(bounces.iter().map(|b| (b.contact, t, t)));
+        }
         self.chatters(&bounces)
     }
 
