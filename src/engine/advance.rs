@@ -17,11 +17,11 @@ use crate::{
 
 /// Jumps without an impulse allowed at one instant; more are a cycle.
 const MAX_CASCADE: usize = 64;
-/// Jumps with an impulse allowed at one instant. A factor of 0.991 a round reaches [`LOST`] in as many.
+/// Jumps with an impulse allowed at one instant. A factor of 0.992 a round reaches [`LOST`] in as many.
 const MAX_STRIKES: usize = 4096;
 /// Approach speed, relative to the fastest at the same instant, below which contacts come to rest instead of bouncing: the rounding of
 /// the speeds that it is a difference of.
-const LOST: f64 = 32.0 * f64::EPSILON;
+const LOST: f64 = 256.0 * f64::EPSILON;
 
 /// Drives a hybrid system from event to event.
 pub struct Engine<'s> {

@@ -229,7 +229,8 @@ impl Structure {
                 } else if from.pinned.contains(id) && law.restitution == 0.0 {
                     let touching = contact(side, 0.0);
                     let still = from.still.contains(id);
-                    let (speed, error) = if still { (0.0, 0.0) } else { (touching.speed, touching.error) };
+                    let stops = still || settles && touching.speed > 0.0;
+                    let (speed, error) = if stops { (0.0, 0.0) } else { (touching.speed, touching.error) };
                     supports.push(Touching { speed, error, releases: was_released && still, ..touching });
                 }
             }
