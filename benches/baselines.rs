@@ -14,11 +14,8 @@ use std::{
 };
 
 use flank::{
+    Simulation,
     accuracy::{Contender, Problem, Setting},
-    engine::State,
-    integrate::Choice,
-    scene::Scene,
-    train::Structure,
 };
 
 const SCENES: [&str; 6] = ["W1a-ss", "W1b-ds", "W1c-ds", "W2b", "W3", "W4"];
@@ -37,18 +34,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     METHODS.iter().try_for_each(|m| write!(out, " {m:>18}"))?;
     writeln!(out)?;
     for name in scenes {
-        let built = Scene::from_file(format!("{}/examples/scenes/{name}.json", env!("CARGO_MANIFEST_DIR")))?.build()?;
-        let structure = Structure::new(built.spec)?;
-        let [at, ..] = built.run.instants(structure.clock());
-        let start = structure.start(at, &built.q0, &built.v0)?;
-        let problem = Problem {
-            structure: &structure,
-            start: State { at, x: start.x, jump: start.jump },
-            period: built.run.period.unwrap_or(1.0),
-            cycles: CYCLES,
-            choice: Choice::Auto,
-            tolerance: 1e-13,
-        };
+        let path = format!("{}/examples/scenes/{name}.json", env!("CARGO_MANIFEST_DIR"));
+        let simulation = Simulation::from_file(path)?;
+        let problem = Problem::new(&simulation, Some(CYCLES))?;
         let mut times = vec![Vec::new(); contenders.len()];
         for _ in 0..ROUNDS {
             for (contender, times) in contenders.iter().zip(&mut times) {

@@ -21,7 +21,7 @@ use flank::{
     hybrid::Instant,
     integrate::build,
     scene::{Run, Scene},
-    train::{Start, Structure},
+    system::{Start, Structure},
 };
 
 /// Scenes, and the cycles over which they are timed (none: as the scene says).
@@ -113,7 +113,7 @@ impl Load {
     fn run(&self) -> Result<(f64, Counters), Box<dyn Error>> {
         let [at, _, end]: [Instant; 3] = self.run.instants(self.structure.clock());
         let (integrator, _) = build(self.run.method, self.run.tolerance, &self.structure)?;
-        let state = State { at, x: self.start.x.clone(), jump: self.start.jump };
+        let state = State { at, x: self.start.x.clone(), jump: self.start.jump.clone() };
         let mut engine = Engine::new(&self.structure, integrator, Options::default(), state);
         let watch = Stopwatch::now();
         engine.run(end, &mut ())?;

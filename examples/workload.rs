@@ -17,7 +17,7 @@ use flank::{
     hybrid::{ContactView, HybridSystem, Instant, Watch},
     integrate::build,
     scene::{Duration, Run, Scene},
-    train::{Start, Structure},
+    system::{Start, Structure},
 };
 use serde_json::{Value, json};
 
@@ -92,7 +92,7 @@ impl Workload {
     fn engine(&self) -> Outcome<Engine<'_>> {
         let (integrator, _) = build(self.run.method, self.run.tolerance, &self.structure)?;
         let [at, ..] = self.run.instants(self.structure.clock());
-        let state = State { at, x: self.start.x.clone(), jump: self.start.jump };
+        let state = State { at, x: self.start.x.clone(), jump: self.start.jump.clone() };
         Ok(Engine::new(&self.structure, integrator, Options::default(), state))
     }
 

@@ -4,15 +4,8 @@
 //! guard that falls through zero on a step is found with a certificate; the automaton jumps, and a new arc starts.
 //!
 //! ```
-//! use flank::{
-//!     engine::{Engine, Options, State},
-//!     integrate::Taylor,
-//!     scene::Scene,
-//!     train::Structure,
-//! };
-//!
 //! // A ball dropped from 1 m comes to rest after infinitely many bounces, at √(2h/g) (1 + e)/(1 − e).
-//! let scene = r#"{
+//! let ball = r#"{
 //!     "flank": 1,
 //!     "train": {
 //!         "kind": "wall", "mass_kg": 1, "load_n": -9.81,
@@ -22,35 +15,21 @@
 //!     "initial": { "q": [1] },
 //!     "run": { "t_end_s": 5 }
 //! }"#;
-//! let built = Scene::from_json(scene, "ball")?.build()?;
-//! let structure = Structure::new(built.spec)?;
-//! let [from, _, end] = built.run.instants(structure.clock());
-//! let start = structure.start(from, &built.q0, &built.v0)?;
-//! let state = State { at: from, x: start.x, jump: start.jump };
-//! let mut engine = Engine::new(&structure, Box::new(Taylor::default()), Options::default(), state);
-//!
-//! struct Rest(f64);
-//! impl flank::engine::Observer for Rest {
-//!     fn event(&mut self, record: &flank::event::EventRecord) -> std::ops::ControlFlow<()> {
-//!         if record.accumulation.is_some() {
-//!             self.0 = record.at.phase.value();
-//!         }
-//!         std::ops::ControlFlow::Continue(())
-//!     }
-//! }
-//! let mut rest = Rest(0.0);
-//! engine.run(end, &mut rest)?;
+//! let run = flank::Simulation::from_json(ball)?.run()?;
+//! let rest = run.events.iter().find(|row| row.accumulation.is_some()).expect("the ball comes to rest");
 //! let exact = (2.0f64 / 9.81).sqrt() * 1.8 / 0.2;
-//! assert!((rest.0 - exact).abs() < 1e-13 * exact);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! assert!((rest.seconds - exact).abs() < 1e-13 * exact);
+//! # Ok::<(), flank::simulation::SimulationError>(())
 //! ```
 //!
 //! # Modules
 //!
 //! | module | what it holds |
 //! |---|---|
+//! | [`simulation`] | the front door: a [`Simulation`] is a scene, or a train built in Rust, ready to run |
 //! | [`scene`] | JSON scenes: read, checked, built |
-//! | [`train`] | pairs, planetary stages, walls, matrices; the [`Structure`](train::Structure) they assemble into |
+//! | [`train`] | bodies, pairs, planetary stages, walls: the [`Spec`](system::Spec) that they come to |
+//! | [`system`] | a linear structure with contacts: the automaton, jumps, impacts, energy |
 //! | [`gear`] | one mesh: geometry, phases, stiffness, contact laws |
 //! | [`hybrid`] | the vocabulary: modes, guards, flows, instants, [`HybridSystem`](hybrid::HybridSystem) |
 //! | [`integrate`] | dense steps along a smooth arc: Taylor series, and diffsol's methods behind a feature |
@@ -63,7 +42,7 @@
 //! | [`sweep`] | the same work at every point of a grid, kept row by row |
 //! | [`study`] | steady motions, their change with the numbers of a scene, identification of such numbers |
 //! | [`plot`] | figures as data, and their pictures |
-//! | [`output`] | folders that commands write into, and their manifests |
+//! | [`output`] | folders that commands write into, their manifests, fields of tables |
 //! | [`poly`], [`linalg`] | first roots of polynomials; natural modes |
 //!
 //! The features are `cli` (the `flank` program), `diffsol` (integrators for stiff modes and users' own fields) and `plot`
@@ -84,15 +63,30 @@ pub mod event;
 pub mod gear;
 pub mod hybrid;
 pub mod integrate;
+mod kernel;
 pub mod linalg;
 pub mod output;
 pub mod plot;
 pub mod poly;
 pub mod scene;
+pub mod simulation;
 pub mod study;
 pub mod sweep;
+pub mod system;
+mod task;
 pub mod train;
 pub mod verify;
+
+pub use simulation::Simulation;
+pub use task::{Progress, Task};
+
+/// Whether the step rule of old is restored: asked for by a variable, in a build that has it, so that a build with every feature is
+/// right.
+fn old_steps() -> bool {
+    use std::sync::LazyLock;
+    static ASKED: LazyLock<bool> = LazyLock::new(|| std::env::var_os("FLANK_OLD_STEPS").is_some());
+    cfg!(feature = "old-steps") && *ASKED
+}
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

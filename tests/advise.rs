@@ -6,10 +6,11 @@
 #![cfg(feature = "cli")]
 #![allow(clippy::unwrap_used)] // a test may panic
 
-use std::{collections::BTreeMap, fs, path::Path, sync::atomic::AtomicBool};
+use std::{collections::BTreeMap, fs, path::Path};
 
 use assert_cmd::Command;
 use flank::{
+    Task,
     analysis::Settling,
     gear::{Stiffness, contact::Law},
     hybrid::ContactView,
@@ -31,10 +32,8 @@ use flank::{
 use nalgebra::DMatrix;
 use serde_json::{Value, json};
 
-static NEVER: AtomicBool = AtomicBool::new(false);
-
 fn advice(scene: &Scene, rule: Rule) -> Advice {
-    let context = Context { rule, interrupted: &NEVER, done: &|| () };
+    let context = Context { rule, task: Task::default() };
     Plan::new(scene).unwrap().advice(&context, 0.01).unwrap()
 }
 
@@ -201,23 +200,23 @@ fn translations_are_dropped_before_rotations() {
 fn a_linear_law_has_the_tangent_and_the_restitution_of_the_power_law() {
     let scene = Scene::reference().unwrap();
     let model = Model::new(&scene, &[]).unwrap();
-    let structure = &model.case.structure;
+    let structure = &model.simulation.structure;
     let laws = simplify::linear_laws(structure).unwrap();
     let linear = Model::new(&scene, &[Step::Linear(laws)]).unwrap();
     let rest = equilibrium(structure.spec()).unwrap();
-    for (j, contact) in linear.case.structure.spec().contacts.iter().enumerate() {
+    for (j, contact) in linear.simulation.structure.spec().contacts.iter().enumerate() {
         let (k, force) = (structure.spec().contacts[j].stiffness.mean(), rest.forces[j]);
         // F = K p^1.5, dF/dp = 1.5 K p^0.5 at p = (F/K)^(2/3).
         let tangent = 1.5 * k * (force / k).powf(1.0 / 3.0);
         close(contact.stiffness.mean(), tangent, 1e-12 * tangent);
         assert!(matches!(contact.law, Law::KelvinVoigt(..)));
-        let [e, wanted] = [&linear.case.structure, structure].map(|s| s.free_restitution(j).unwrap());
+        let [e, wanted] = [&linear.simulation.structure, structure].map(|s| s.free_restitution(j).unwrap());
         close(e, wanted, 1e-12);
     }
     // The same laws whatever freedoms are left.
     let steps = [Step::Freedoms(json!("in-phase")), Step::Linear(simplify::linear_laws(structure).unwrap())];
     let reduced = Model::new(&scene, &steps).unwrap();
-    let [few, all] = [&reduced, &linear].map(|model| model.case.structure.spec().contacts[0].stiffness.clone());
+    let [few, all] = [&reduced, &linear].map(|model| model.simulation.structure.spec().contacts[0].stiffness.clone());
     assert_eq!(few, all);
 }
 
@@ -283,7 +282,7 @@ fn ramps_become_steps_in_their_middle() {
             }
             other => panic!("{other:?}"),
         };
-        let (a, b) = (&found.case.structure.spec().contacts[0].stiffness, &wanted.contacts[0].stiffness);
+        let (a, b) = (&found.simulation.structure.spec().contacts[0].stiffness, &wanted.contacts[0].stiffness);
         for i in 0..1000 {
             let t = 0.02 * f64::from(i) + 0.0013;
             close(value(a, t), value(b, t), 1e-12);

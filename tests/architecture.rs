@@ -28,28 +28,43 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
     ("hybrid", &[]),
     ("gear", &[]),
     ("output", &[]),
-    ("sweep", &[("output", All)]),
-    ("train", &[("gear", All), ("hybrid", All), ("linalg", All), ("poly", All)]),
+    ("sweep", &[("task", All), ("output", All)]),
+    ("system", &[("gear", All), ("hybrid", All)]),
+    ("kernel", &[("system", All), ("gear", All), ("hybrid", All), ("poly", All)]),
+    ("train", &[("system", All), ("gear", All), ("hybrid", All), ("linalg", All)]),
     ("integrate", &[("hybrid", All), ("linalg", All), ("poly", All)]),
     ("event", &[("hybrid", All), ("poly", All), ("integrate", Only(&["DenseStep"]))]),
     ("engine", &[("event", All), ("hybrid", All), ("integrate", All), ("poly", All)]),
     (
         "analysis",
-        &[("engine", All), ("event", All), ("hybrid", All), ("linalg", All), ("integrate", Only(&["DenseStep"]))],
+        &[
+            ("task", All),
+            ("engine", All),
+            ("event", All),
+            ("hybrid", All),
+            ("linalg", All),
+            ("integrate", Only(&["DenseStep"])),
+        ],
     ),
     (
         "scene",
         &[
             ("gear", All),
+            ("system", All),
             ("train", All),
+            ("output", Only(&["Fault"])),
             ("hybrid", Only(&["Clock", "Instant", "Wide"])),
             ("integrate", Only(&["Choice"])),
         ],
     ),
-    ("baseline", &[("gear", All), ("train", All), ("hybrid", All), ("integrate", All)]),
+    ("baseline", &[("gear", All), ("system", All), ("hybrid", All), ("integrate", All)]),
     (
         "accuracy",
         &[
+            ("simulation", All),
+            ("output", All),
+            ("scene", Only(&["Duration"])),
+            ("task", All),
             ("analysis", All),
             ("baseline", All),
             ("engine", All),
@@ -58,14 +73,33 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
             ("hybrid", All),
             ("integrate", All),
             ("plot", All),
+            ("system", All),
             ("train", All),
         ],
     ),
+    (
+        "simulation",
+        &[
+            ("analysis", All),
+            ("engine", All),
+            ("gear", All),
+            ("hybrid", All),
+            ("integrate", All),
+            ("output", All),
+            ("scene", All),
+            ("system", All),
+            ("train", All),
+            ("verify", All),
+            ("event", Only(&["EventRecord"])),
+            ("task", All),
+        ],
+    ),
     ("verify", &[("engine", All), ("event", All), ("hybrid", All), ("integrate", All)]),
-    ("plot", &[]),
+    ("plot", &[("output", All)]),
     (
         "study",
         &[
+            ("task", All),
             ("analysis", All),
             ("engine", All),
             ("event", All),
@@ -75,6 +109,10 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
             ("linalg", All),
             ("plot", All),
             ("scene", All),
+            ("simulation", All),
+            ("sweep", All),
+            ("output", All),
+            ("system", All),
             ("train", All),
             ("verify", All),
         ],
@@ -205,7 +243,9 @@ fn modules_import_only_what_the_table_allows() {
         };
         for import in imports(&code(&read(&path))) {
             let [target, item @ ..] = &import[..] else { continue };
+            // A switch of tests, at the top of the crate.
             let fits = target == module
+                || target == "old_steps"
                 || row.iter().any(|(name, part)| {
                     name == target
                         && match part {

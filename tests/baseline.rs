@@ -11,7 +11,7 @@ use flank::{
     engine::{Engine, Options, State},
     integrate::Taylor,
     scene::Scene,
-    train::Structure,
+    system::Structure,
 };
 use serde_json::Value;
 
@@ -142,7 +142,7 @@ fn the_penalty_form_is_the_same_train() {
         case.fixed(Method::SemiImplicitEuler, Ramp::Sharp, &grid, &mut last);
         let n = case.structure.freedoms();
         let (mut force, mut a) = (vec![0.0; case.structure.contacts().len()], vec![0.0; n]);
-        case.structure.dynamics(case.state.jump.mode, case.state.at, &case.state.x, &mut force, &mut a);
+        case.structure.dynamics(&case.state.jump.mode, case.state.at, &case.state.x, &mut force, &mut a);
         for i in 0..n {
             let v = case.state.x[n + i] + h * a[i];
             // Rounding of v and of sums of forces that nearly cancel.
@@ -309,6 +309,24 @@ fn a_smoothed_gap_is_not_free() {
 
 /// Adaptive solvers get through a kink well, at a price in steps: "penalty is inaccurate" is not true of them. KS pair at
 /// Ω = 0.9, ζ = 0.05 over 29 periods, against the exact run.
+#[test]
+fn smoothed_ramps_have_their_slopes_and_their_bias() {
+    for ramp in [Ramp::Tanh(40.0), Ramp::SquareRoot(40.0), Ramp::Polynomial(40.0)] {
+        let mut worst: f64 = 0.0;
+        for i in -40_000..=40_000 {
+            let (p, h) = (f64::from(i) * 5e-6, 1e-6);
+            let slope = (ramp.at(p + h).0 - ramp.at(p - h).0) / (2.0 * h);
+            // Central differences: h²/6 times a third derivative of at most about σ² = 1600, and rounding over h.
+            assert!((ramp.at(p).1 - slope).abs() < 2e-9, "{ramp:?} at {p}");
+            let curvature = (ramp.at(p + h).1 - ramp.at(p - h).1) / (2.0 * h);
+            // The polynomial's third derivative jumps by 1.5 σ² at its ends.
+            assert!((ramp.curvature(p) - curvature).abs() < 2e-3, "{ramp:?} at {p}");
+            worst = worst.max((ramp.at(p).0 - p.max(0.0)).abs());
+        }
+        assert!((worst - ramp.bias()).abs() < 1e-6 * ramp.bias(), "{ramp:?}: {worst:e} {:e}", ramp.bias());
+    }
+}
+
 #[cfg(feature = "diffsol")]
 #[test]
 fn adaptive_solvers_manage_a_kink() {

@@ -5,33 +5,28 @@ use std::{fs, path::Path};
 
 use assert_cmd::Command;
 use flank::{
+    Simulation,
     accuracy::{AccuracyError, Contender, Problem, Roughness, Setting, Truth, orders, reached, score},
     baseline::Crossing,
-    engine::State,
-    integrate::Choice,
     scene::{Duration, Scene},
-    train::Structure,
 };
 use serde_json::Value;
 
 struct Case {
-    structure: Structure,
-    start: State,
+    simulation: Simulation,
     period: f64,
     cycles: u64,
 }
 
 fn of(scene: &Scene) -> Case {
-    let built = scene.build().unwrap();
-    let structure = Structure::new(built.spec).unwrap();
-    let [at, _, end] = built.run.instants(structure.clock());
-    let start = structure.start(at, &built.q0, &built.v0).unwrap();
-    let period = built.run.period.or(structure.clock().period().map(|t| t.value())).unwrap();
-    let cycles = match built.run.duration {
+    let simulation = Simulation::from_scene(scene).unwrap();
+    let [at, _, end] = simulation.instants();
+    let period = Problem::new(&simulation, None).unwrap().period;
+    let cycles = match simulation.settings.duration {
         Duration::Cycles(n) => n,
-        Duration::Until(_) => (structure.clock().between(at, end) / period) as u64,
+        Duration::Until(_) => (simulation.clock().between(at, end) / period) as u64,
     };
-    Case { start: State { at, x: start.x, jump: start.jump }, structure, period, cycles }
+    Case { simulation, period, cycles }
 }
 
 fn workload(name: &str) -> Case {
@@ -40,14 +35,7 @@ fn workload(name: &str) -> Case {
 
 impl Case {
     fn problem(&self) -> Problem<'_> {
-        Problem {
-            structure: &self.structure,
-            start: self.start.clone(),
-            period: self.period,
-            cycles: self.cycles,
-            choice: Choice::Auto,
-            tolerance: 1e-13,
-        }
+        Problem { period: self.period, cycles: self.cycles, ..Problem::new(&self.simulation, None).unwrap() }
     }
 
     /// Error of event times and whether the sequence is right, for each number of steps.
@@ -81,7 +69,7 @@ fn the_truth_is_as_good_as_it_says() {
         let (mut worst, mut sensitivity): (f64, f64) = (0.0, 0.0);
         // Events of the fixture by contact, in the words of the log.
         let kinds = [("separation", false, false), ("drive_contact", false, true), ("back_contact", true, true)];
-        for contact in 0..case.structure.contacts().len() {
+        for contact in 0..case.simulation.structure.contacts().len() {
             for (word, back, closing) in kinds {
                 // A separation may be from either flank.
                 let is = |p: &&Crossing| p.contact == contact && p.closing == closing && (!closing || p.back == back);
@@ -105,7 +93,7 @@ fn the_truth_is_as_good_as_it_says() {
         // And the fixture's own time is a double here.
         let allowed = truth.error * case.period + 2.0 * f64::EPSILON * end;
         assert!(worst <= allowed, "{name}: {worst:e} s off, {allowed:e} s stated");
-        let n = 2 * case.structure.freedoms();
+        let n = 2 * case.simulation.structure.freedoms();
         let moved = truth.sizes[0].max(truth.sizes[1]) * n as f64;
         assert!(truth.window.growth * case.period <= sensitivity * moved, "{name}: growth {:e}", truth.window.growth);
     }
@@ -128,22 +116,22 @@ fn the_window_ends_before_chaos_amplifies() {
 fn orders_fall_where_the_force_is_rough() {
     // A kink: all methods of order 2 and above are of order 2.
     let kink = workload("W1a-ss");
-    assert_eq!(Roughness::of(&kink.structure), Roughness::Kink);
+    assert_eq!(Roughness::of(&kink.simulation.structure), Roughness::Kink);
     let truth = Truth::find(&kink.problem(), 1e3).unwrap();
     for (word, expected) in [("rk4", 2.0), ("newmark", 2.0), ("verlet", 2.0), ("euler", 1.0)] {
         // Where in a step a kink falls scatters the error by a factor of a few: over two decades that is 0.2 in the order.
         let runs = kink.runs(word, &truth, &[101, 331, 1013, 3301, 10103]);
-        let order = orders(&Contender::parse(word).unwrap(), &kink.structure, &runs, truth.error).unwrap();
+        let order = orders(&Contender::parse(word).unwrap(), &kink.simulation.structure, &runs, truth.error).unwrap();
         assert!((order.observed.unwrap() - expected).abs() < 0.25, "{word}: {order:?} {runs:?}");
         assert_eq!(order.reason.contains("kink"), word == "rk4", "{word}: {}", order.reason);
     }
     // Stiffness steps that fall inside steps: order 1, whatever the method.
     let jump = workload("W1c-ds");
-    assert_eq!(Roughness::of(&jump.structure), Roughness::Jump);
+    assert_eq!(Roughness::of(&jump.simulation.structure), Roughness::Jump);
     let truth = Truth::find(&jump.problem(), 1e3).unwrap();
     for word in ["rk4", "newmark"] {
         let runs = jump.runs(word, &truth, &[331, 1013, 3301, 10103]);
-        let order = orders(&Contender::parse(word).unwrap(), &jump.structure, &runs, truth.error).unwrap();
+        let order = orders(&Contender::parse(word).unwrap(), &jump.simulation.structure, &runs, truth.error).unwrap();
         assert!((order.observed.unwrap() - 1.0).abs() < 0.35, "{word}: {order:?} {runs:?}");
     }
 }
@@ -164,10 +152,11 @@ fn power_laws_leave_one_order_more_than_their_exponent() {
             "scene",
         )
         .unwrap());
-        assert_eq!(Roughness::of(&case.structure), Roughness::Smooth);
+        assert_eq!(Roughness::of(&case.simulation.structure), Roughness::Smooth);
         let truth = Truth::find(&case.problem(), 1e3).unwrap();
         let runs = case.runs("rk4+cubic", &truth, &[331, 1013, 3301, 10_103, 33_013]);
-        let order = orders(&Contender::parse("rk4+cubic").unwrap(), &case.structure, &runs, truth.error).unwrap();
+        let order =
+            orders(&Contender::parse("rk4+cubic").unwrap(), &case.simulation.structure, &runs, truth.error).unwrap();
         assert_eq!(order.expected, q);
         // Scatter as above.
         assert!((order.observed.unwrap() - q).abs() < 0.35, "n = {n}: {order:?} {runs:?}");
@@ -207,6 +196,28 @@ fn words_name_contenders() {
         assert!(problem.contains(part), "{word}: {problem}");
     }
     assert_eq!(reached(&[], 1.0, Some(2.0)), None);
+}
+
+#[test]
+fn costs_are_read_off_straight_lines() {
+    // Order 2: error = 1/cost².
+    let runs = [(Some(1e-2), 1e1), (Some(1e-4), 1e2), (Some(1e-6), 1e3)];
+    let (cost, is_reached) = reached(&runs, 1e-5, None).unwrap();
+    assert!((cost - 10f64.powf(2.5)).abs() < 1e-9 * cost && is_reached);
+    let (cost, is_reached) = reached(&runs, 1e-8, Some(2.0)).unwrap();
+    assert!((cost - 1e4).abs() < 1e-8 * cost && !is_reached);
+    assert_eq!(reached(&runs, 1e-8, None), None);
+    assert_eq!(reached(&runs, 1e-8, Some(0.1)), None);
+    assert_eq!(reached(&runs, 0.1, None), Some((10.0, true)));
+    // A lucky run in between does not count, and a wrong one is no end to interpolate from.
+    assert!(reached(&[(Some(1e-2), 1.0), (Some(1e-7), 2.0), (Some(1e-3), 3.0)], 1e-6, None).is_none());
+    assert_eq!(reached(&[(None, 1.0), (Some(1e-7), 2.0)], 1e-6, None), Some((2.0, true)));
+    assert_eq!(reached(&[(Some(1e-2), 1.0), (None, 2.0)], 1e-6, Some(2.0)), None);
+    // Order 2, and a constant.
+    let runs: Vec<(u64, f64)> = (1..8).map(|k| (10 * k, 3.0 / (k * k) as f64)).collect();
+    let (contender, case) = (Contender::parse("rk4").unwrap(), workload("W1a-ss"));
+    let order = orders(&contender, &case.simulation.structure, &runs, 0.0).unwrap();
+    assert!((order.observed.unwrap() - 2.0).abs() < 1e-12);
 }
 
 fn flank(arguments: &[&str]) -> std::process::Output {

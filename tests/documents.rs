@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use flank::{scene::Scene, train::Structure};
+use flank::{scene::Scene, system::Structure};
 
 #[test]
 fn every_scene_in_the_documents_builds_and_starts() {

@@ -1,5 +1,7 @@
 //! Gear geometry, mesh phases and mesh stiffness against independently computed numbers.
 
+mod presets;
+
 use approx::assert_relative_eq;
 use flank::gear::geometry::{inverse_involute, involute, iso_mesh_stiffness, low_load_factor};
 use flank::gear::phase::{assemblable, assembly_pitch, equally_spaced, nearest_assemblable};
@@ -8,8 +10,8 @@ use flank::gear::{
     Waveform,
 };
 use flank::linalg::{EigenError, multiplicities, natural_modes};
-use flank::train::planetary::presets::reference_geometry;
 use nalgebra::{DMatrix, dmatrix};
+use presets::reference_geometry;
 use proptest::prelude::*;
 
 /// Expected values to all digits of double precision; 1e-13 leaves room for the order of operations.

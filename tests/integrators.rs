@@ -7,11 +7,10 @@ use std::ops::ControlFlow;
 use flank::{
     engine::{Counters, Engine, Observer, Options, Outcome, State},
     event::EventRecord,
-    hybrid::{
-        Clock, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, Rates, VectorField,
-    },
+    hybrid::{Clock, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, Rates, VectorField},
     integrate::{Choice, DenseStep, IntegrateError, Integrator, build},
-    train::{KahramanSingh, Structure},
+    system::Structure,
+    train::KahramanSingh,
 };
 
 /// A run's events, and its dense steps checked as they come.
@@ -35,7 +34,7 @@ impl<'s> Watch<'s> {
     }
 
     fn sequence(&self) -> Vec<(GuardSet, Mode)> {
-        self.events.iter().map(|e| (e.1, e.2)).collect()
+        self.events.iter().map(|e| (e.1.clone(), e.2.clone())).collect()
     }
 
     /// Leaves of each chatter only its end: how many of its last, tiny impacts are resolved is rounding.
@@ -56,7 +55,7 @@ impl<'s> Watch<'s> {
 }
 
 impl Observer for Watch<'_> {
-    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let clock = *self.system.clock();
         let mut x = vec![0.0; self.system.dim()];
         step.state(0.0, &mut x);
@@ -85,7 +84,7 @@ impl Observer for Watch<'_> {
             }
             for (i, guard) in step.guards().iter().enumerate() {
                 let value = flank::poly::eval(step.guard(i), theta);
-                let wanted = self.system.guard(mode, guard.id, at, &x);
+                let wanted = self.system.guard(mode, *guard, at, &x);
                 let (tail, rounding) = step.guard_error(i);
                 let own = tail + rounding + 64.0 * f64::EPSILON * (wanted.abs() + 1.0);
                 self.worst = self.worst.max((value - wanted).abs() / own);
@@ -106,7 +105,7 @@ impl Observer for Watch<'_> {
             }
         }
         if !record.fired.is_empty() && !record.start && !record.graze {
-            self.events.push((record.at, record.fired, record.to));
+            self.events.push((record.at, record.fired.clone(), record.to.clone()));
         }
         ControlFlow::Continue(())
     }
@@ -186,11 +185,11 @@ impl Ball {
 }
 
 impl VectorField for Ball {
-    fn eval(&self, _: Mode, _: Instant, _: f64, x: &[f64], dx: &mut [f64]) {
+    fn eval(&self, _: &Mode, _: Instant, _: f64, x: &[f64], dx: &mut [f64]) {
         dx[0] = x[1];
         dx[1] = -self.gravity - self.drag * x[1];
     }
-    fn jac_mul(&self, _: Mode, _: Instant, _: f64, _: &[f64], v: &[f64], jv: &mut [f64]) {
+    fn jac_mul(&self, _: &Mode, _: Instant, _: f64, _: &[f64], v: &[f64], jv: &mut [f64]) {
         jv[0] = v[1];
         jv[1] = -self.drag * v[1];
     }
@@ -203,25 +202,32 @@ impl HybridSystem for Ball {
     fn clock(&self) -> &Clock {
         &self.clock
     }
-    fn flow(&self) -> Flow<'_> {
-        Flow::Smooth(self)
+    fn field(&self) -> &dyn VectorField {
+        self
     }
-    fn guards(&self, _: Mode, out: &mut Vec<Guard>) {
+    fn guards(&self, _: &Mode, out: &mut Vec<GuardId>) {
         out.clear();
-        out.push(Guard { id: FLOOR });
+        out.push(FLOOR);
     }
-    fn guard(&self, _: Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
+    fn guard(&self, _: &Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
         x[0]
     }
-    fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, x: &mut [f64], _: &mut [f64]) -> Result<Jump, ModelError> {
+    fn jump(
+        &self,
+        from: &Jump,
+        fired: &GuardSet,
+        _: Instant,
+        x: &mut [f64],
+        _: &mut [f64],
+    ) -> Result<Jump, ModelError> {
         let projected = x[0].abs();
         (x[0], x[1]) = (0.0, -self.restitution * x[1]);
-        Ok(Jump { mode: from.mode, pinned: fired, projected, ..Jump::default() })
+        Ok(Jump { mode: from.mode.clone(), pinned: fired.clone(), projected, ..Jump::default() })
     }
     fn restitution(&self, _: GuardId) -> Option<f64> {
         Some(self.restitution)
     }
-    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+    fn settle(&self, from: &Jump, fired: &GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         self.jump(from, fired, at, x, &mut [])
     }
 }
@@ -387,7 +393,8 @@ mod gears {
     fn real_gears_in_real_units_agree() {
         use flank::{
             gear::{MeshHarmonic, MeshStiffness},
-            train::{Body, Flanks, GearPair, Mesh, Support, mesh_damping},
+            system::Flanks,
+            train::{Body, GearPair, Mesh, Support, mesh_damping},
         };
         let body = Body { translation: Support::ratio(5e8, 0.05), ..Body::new(1.0, 2.0e-3, 0.05) };
         let damping = mesh_damping(2e8, 0.06, [body.rotary_mass, body.rotary_mass]);
@@ -491,10 +498,10 @@ struct Dip {
 }
 
 impl VectorField for Dip {
-    fn eval(&self, _: Mode, _: Instant, _: f64, x: &[f64], dx: &mut [f64]) {
+    fn eval(&self, _: &Mode, _: Instant, _: f64, x: &[f64], dx: &mut [f64]) {
         (dx[0], dx[1]) = (x[1], 2.0);
     }
-    fn jac_mul(&self, _: Mode, _: Instant, _: f64, _: &[f64], v: &[f64], jv: &mut [f64]) {
+    fn jac_mul(&self, _: &Mode, _: Instant, _: f64, _: &[f64], v: &[f64], jv: &mut [f64]) {
         (jv[0], jv[1]) = (v[1], 0.0);
     }
 }
@@ -506,23 +513,30 @@ impl HybridSystem for Dip {
     fn clock(&self) -> &Clock {
         &self.ball.clock
     }
-    fn flow(&self) -> Flow<'_> {
-        Flow::Smooth(self)
+    fn field(&self) -> &dyn VectorField {
+        self
     }
-    fn guards(&self, mode: Mode, out: &mut Vec<Guard>) {
+    fn guards(&self, mode: &Mode, out: &mut Vec<GuardId>) {
         self.ball.guards(mode, out);
     }
-    fn guard(&self, mode: Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
-        if mode.0 == 0 { x[0] } else { -x[0] }
+    fn guard(&self, mode: &Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
+        if mode.get(0) == 0 { x[0] } else { -x[0] }
     }
-    fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, x: &mut [f64], _: &mut [f64]) -> Result<Jump, ModelError> {
+    fn jump(
+        &self,
+        from: &Jump,
+        fired: &GuardSet,
+        _: Instant,
+        x: &mut [f64],
+        _: &mut [f64],
+    ) -> Result<Jump, ModelError> {
         x[0] = 0.0;
-        Ok(Jump { mode: Mode(1 - from.mode.0), pinned: fired, ..Jump::default() })
+        Ok(Jump { mode: Mode::default().with(0, 1 - from.mode.get(0)), pinned: fired.clone(), ..Jump::default() })
     }
-    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+    fn settle(&self, from: &Jump, fired: &GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         self.jump(from, fired, at, x, &mut [])
     }
-    fn rates(&self, _: Mode) -> Option<Rates> {
+    fn rates(&self, _: &Mode) -> Option<Rates> {
         None
     }
 }
@@ -552,11 +566,11 @@ fn two_crossings_within_one_step_are_found() {
 struct Blowup(Ball);
 
 impl VectorField for Blowup {
-    fn eval(&self, _: Mode, _: Instant, _: f64, x: &[f64], dx: &mut [f64]) {
+    fn eval(&self, _: &Mode, _: Instant, _: f64, x: &[f64], dx: &mut [f64]) {
         dx[0] = if x[0] < 1e6 { x[0] * x[0] } else { f64::NAN };
         dx[1] = 0.0;
     }
-    fn jac_mul(&self, _: Mode, _: Instant, _: f64, x: &[f64], v: &[f64], jv: &mut [f64]) {
+    fn jac_mul(&self, _: &Mode, _: Instant, _: f64, x: &[f64], v: &[f64], jv: &mut [f64]) {
         jv[0] = if x[0] < 1e6 { 2.0 * x[0] * v[0] } else { f64::NAN };
         jv[1] = 0.0;
     }
@@ -569,19 +583,19 @@ impl HybridSystem for Blowup {
     fn clock(&self) -> &Clock {
         &self.0.clock
     }
-    fn flow(&self) -> Flow<'_> {
-        Flow::Smooth(self)
+    fn field(&self) -> &dyn VectorField {
+        self
     }
-    fn guards(&self, _: Mode, out: &mut Vec<Guard>) {
+    fn guards(&self, _: &Mode, out: &mut Vec<GuardId>) {
         out.clear();
     }
-    fn guard(&self, _: Mode, _: GuardId, _: Instant, _: &[f64]) -> f64 {
+    fn guard(&self, _: &Mode, _: GuardId, _: Instant, _: &[f64]) -> f64 {
         1.0
     }
-    fn jump(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64], _: &mut [f64]) -> Result<Jump, ModelError> {
-        Ok(Jump { mode: from.mode, ..Jump::default() })
+    fn jump(&self, from: &Jump, _: &GuardSet, _: Instant, _: &mut [f64], _: &mut [f64]) -> Result<Jump, ModelError> {
+        Ok(Jump { mode: from.mode.clone(), ..Jump::default() })
     }
-    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+    fn settle(&self, from: &Jump, fired: &GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         self.jump(from, fired, at, x, &mut [])
     }
 }
@@ -604,16 +618,18 @@ fn slivers_of_arcs_and_late_times_are_as_good_as_any() {
     for choice in solvers() {
         let mut integrator = with(choice, 1e-8, &s);
         let from = start(&s, &[0.2], &[0.5]);
+        let motion = s.motion(&from.jump.mode);
         let mut end = vec![0.0; 2];
         for span in [1e-300, 1e-100, 1e-18, 1e-13, 1e-9] {
             let arc = flank::integrate::Arc {
-                mode: from.jump.mode,
+                mode: &from.jump.mode,
+                motion: motion.as_deref(),
                 at: from.at,
                 x: &from.x,
                 low: &[],
                 carried: &[],
-                pinned: GuardSet::EMPTY,
-                still: GuardSet::EMPTY,
+                pinned: &GuardSet::default(),
+                still: &GuardSet::default(),
                 bound: clock.advance(from.at, span),
             };
             let mut visits = 0;

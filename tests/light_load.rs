@@ -5,11 +5,14 @@
 
 #![allow(clippy::unwrap_used)] // a test may panic
 
+mod presets;
+
 use flank::{
     analysis::Contacts,
     engine::{Engine, Options, Outcome, State},
     integrate::{Integrator, Taylor},
-    train::{Freedoms, Structure, planetary::presets},
+    system::Structure,
+    train::Freedoms,
 };
 
 /// Apart fraction, mean and largest force of the first sun and the first ring mesh.

@@ -1,15 +1,16 @@
 //! Planetary stages: mesh forces at rest and under their errors, against independently computed numbers.
 
+mod presets;
+
 use std::f64::consts::TAU;
 
 use approx::assert_relative_eq;
 use flank::gear::MeshHarmonic;
 use flank::gear::contact::Law;
-use flank::train::planetary::presets::{lin_parker, reference_heavy, reference_light};
-use flank::train::{
-    ContactSpec, Freedoms, Phasing, Planetary, Spec, Support, Teeth, TrainError, bonded_stiffness, equilibrium,
-};
+use flank::system::{ContactSpec, Spec};
+use flank::train::{Freedoms, Phasing, Planetary, Support, Teeth, TrainError, bonded_stiffness, equilibrium};
 use nalgebra::{Complex, DMatrix, DVector};
+use presets::{lin_parker, reference_heavy, reference_light};
 
 #[test]
 fn static_forces() {

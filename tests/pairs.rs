@@ -5,9 +5,9 @@ use std::f64::consts::TAU;
 use approx::assert_relative_eq;
 use flank::gear::contact::{Law, Rigid};
 use flank::gear::{Harmonic, MeshStiffness, Stiffness};
+use flank::system::{Flanks, Spec};
 use flank::train::{
-    Body, Flanks, GearPair, KahramanSingh, Mesh, Spec, Support, TrainError, Walled, Walls, bonded_modes, equilibrium,
-    frame,
+    Body, GearPair, KahramanSingh, Mesh, Support, TrainError, Walled, Walls, bonded_modes, equilibrium, frame,
 };
 
 #[test]

@@ -11,12 +11,13 @@ use flank::{
         Harmonic, Stiffness,
         contact::{Law, Linear, PowerLaw, Ratio, Release},
     },
-    hybrid::{GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode},
+    hybrid::{GuardSet, HybridSystem, Instant, Jet, JetRequest, Mode},
     integrate::{Arc, Choice, Integrator, Tableau, Taylor, build},
-    train::{
-        ContactMode, ContactSpec, Flanks, LoadHarmonic, Spec, Structure, Watch, damped_restitution, equilibrium,
-        guard_id, with_contact,
+    system::{
+        ContactMode, ContactSpec, Flanks, LoadHarmonic, Spec, Structure, Watch, damped_restitution, guard_id,
+        set_contact,
     },
+    train::equilibrium,
 };
 use nalgebra::DMatrix;
 
@@ -213,7 +214,7 @@ fn random_train(random: &mut Random) -> (Structure, Mode, Vec<f64>) {
         let mut c = contact(&format!("c{j}"), direction, random.decades(-1.0, 1.0), law);
         c.error = vec![Harmonic { omega: 1.3, amplitude: random.between(0.0, 0.1), phase: random.between(0.0, 6.0) }];
         contacts.push(c);
-        mode = with_contact(mode, j, ContactMode::Drive);
+        set_contact(&mut mode, j, ContactMode::Drive);
     }
     let mut spec = bodies(&masses, contacts);
     spec.load_harmonics =
@@ -254,24 +255,24 @@ fn the_defect_bounds_the_error() {
         {
             continue;
         }
-        let mut pinned = GuardSet::EMPTY;
+        let mut pinned = GuardSet::default();
         if depth == 0.0 {
             pinned.insert(guard_id(0, Watch::DriveFlank));
         }
         let tolerance = random.decades(-9.0, -4.0);
         let request = JetRequest {
-            mode,
             at,
             x: &x,
             low: &[],
             carried: &[],
-            pinned,
-            still: GuardSet::EMPTY,
+            pinned: &pinned,
+            still: GuardSet::none(),
             span: random.decades(-2.0, 1.0),
             tolerance,
         };
         let mut jet = Jet::default();
-        s.jet(&request, &mut jet);
+        let motion = s.motion(&mode).unwrap();
+        motion.jet(&request, &mut jet);
         assert!(jet.reach > 0.0);
         let elapsed = jet.time_at(1.0);
         // Not beyond the end of the contact.
@@ -282,7 +283,17 @@ fn the_defect_bounds_the_error() {
         jet.state_at(1.0, &mut y);
         let mut truth = vec![0.0; x.len()];
         let end = s.clock().advance(at, elapsed);
-        let arc = Arc { mode, at, x: &x, low: &[], carried: &[], pinned, still: GuardSet::EMPTY, bound: end };
+        let arc = Arc {
+            mode: &mode,
+            motion: Some(&*motion),
+            at,
+            x: &x,
+            low: &[],
+            carried: &[],
+            pinned: &pinned,
+            still: GuardSet::none(),
+            bound: end,
+        };
 
         let outcome = Taylor::default().integrate_arc(&s, &arc, &mut truth, &mut [], &mut |step| {
             let leaves = (0..step.guards().len()).any(|i| step.guard(i).iter().sum::<f64>() <= 0.0);
@@ -293,7 +304,7 @@ fn the_defect_bounds_the_error() {
             continue; // Some contact ends: nothing is claimed beyond.
         }
         for (i, guard) in jet.guards.iter().enumerate() {
-            let j = usize::from(guard.id.0) / 3;
+            let j = usize::from(guard.0) / 3;
             let Some((_, bound)) = jet.guard_in_time(i, 1.0) else { continue };
             let error = (s.deflection(j, end, &y).0 - s.deflection(j, end, &truth).0).abs();
             assert!(
@@ -428,25 +439,28 @@ fn guards_have_derivatives_in_time() {
             (spec.load, spec.omega) = (vec![0.0, -2.0], Some(2.0));
             spec.load_harmonics = vec![LoadHarmonic { vector: vec![0.0, 1.0], omega: 2.0, phase: -1.0 }];
             let s = Structure::new(spec).unwrap();
-            let mode = with_contact(Mode::default(), 0, ContactMode::Drive);
-            let mut pinned = GuardSet::EMPTY;
+            let mut mode = Mode::default();
+            set_contact(&mut mode, 0, ContactMode::Drive);
+            let mut pinned = GuardSet::default();
             if depth == 0.0 {
                 pinned.insert(guard_id(0, Watch::DriveFlank));
             }
             let x = [depth, -0.1, 0.3, 0.7, 0.4];
+            let motion = s.motion(&mode).unwrap();
             let arc = Arc {
-                mode,
+                mode: &mode,
+                motion: Some(&*motion),
                 at: Instant::default(),
                 x: &x,
                 low: &[],
                 carried: &[],
-                pinned,
-                still: GuardSet::EMPTY,
+                pinned: &pinned,
+                still: GuardSet::none(),
                 bound: s.clock().instant(1e-2),
             };
             let mut found = None;
             let mut visit = |step: &dyn flank::integrate::DenseStep| {
-                let ball = step.guards().iter().position(|g| g.id == guard_id(1, Watch::DriveFlank)).unwrap();
+                let ball = step.guards().iter().position(|g| *g == guard_id(1, Watch::DriveFlank)).unwrap();
                 assert!(step.plain_span().is_none() || q == 1);
                 found = step.guard_derivatives_in_time(ball);
                 ControlFlow::Break(())
@@ -507,7 +521,7 @@ fn stiff_columns_are_relieved() {
             log.0.retain(|r| !r.start);
             log.0.truncate(12);
             let times: Vec<_> =
-                log.0.iter().map(|r| (s.clock().time(r.at).value(), r.fired, r.conditioning.time)).collect();
+                log.0.iter().map(|r| (s.clock().time(r.at).value(), r.fired.clone(), r.conditioning.time)).collect();
             (times, engine.state().x.clone(), engine.counters().steps)
         };
         let (auto, taylor) = (run(Choice::Auto), run(Choice::Taylor));

@@ -13,7 +13,7 @@ use flank::{
     engine::{Engine, Options, Outcome, State},
     integrate::{Choice, build},
     scene::Scene,
-    train::Structure,
+    system::Structure,
 };
 use serde_json::Value;
 

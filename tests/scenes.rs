@@ -1,5 +1,7 @@
 //! Scenes that are right: the examples, the presets, and what each choice builds.
 
+mod presets;
+
 use std::{
     collections::BTreeMap,
     f64::consts::{PI, TAU},
@@ -13,11 +15,9 @@ use flank::{
         contact::{Law, Linear, Release},
     },
     scene::{Built, Duration, Scene},
-    train::{
-        Freedoms,
-        planetary::presets::{self, ReferenceDamping, ReferenceStiffness},
-    },
+    train::Freedoms,
 };
+use presets::{ReferenceDamping, ReferenceStiffness};
 use serde_json::{Value, json};
 
 fn examples() -> Vec<PathBuf> {

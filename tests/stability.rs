@@ -7,33 +7,21 @@ use std::{
 };
 
 use flank::{
+    Simulation, Task,
     accuracy::{
         Contender,
-        stability::{Map, Outcome, Plan, Rule, Start, Subject, figure, map},
+        stability::{Map, Outcome, Plan, Rule, figure, map},
     },
-    scene::Scene,
-    study::Case,
+    gear::contact::{Law, Rigid},
+    system::Structure,
     train::Quantity,
 };
 
-fn subject(json: &str) -> Subject {
-    let scene = Scene::from_json(json, "scene").unwrap();
-    let case = Case::new(&scene).unwrap();
-    let start = match scene.resolved()["initial"].as_str() {
-        Some("static") => Start::Equilibrium,
-        _ => Start::At(case.built.q0.clone(), case.built.v0.clone()),
-    };
-    Subject {
-        at: case.built.run.instants(case.clock())[0],
-        period: case.built.run.period.unwrap(),
-        choice: case.built.run.method,
-        tolerance: case.built.run.tolerance,
-        spec: case.built.spec,
-        start,
-    }
+fn simulation(json: &str) -> Simulation {
+    Simulation::from_json(json).unwrap()
 }
 
-fn made(subject: &Subject, methods: &[&str], factors: &[f64], steps: &[u64]) -> Map {
+fn made(simulation: &Simulation, methods: &[&str], factors: &[f64], steps: &[u64]) -> Map {
     let plan = Plan {
         over: Quantity::Stiffness,
         factors: factors.to_vec(),
@@ -42,7 +30,7 @@ fn made(subject: &Subject, methods: &[&str], factors: &[f64], steps: &[u64]) -> 
         references: Vec::new(),
         rule: Rule { cycles: 60, ..Rule::default() },
     };
-    map(subject, &plan, &AtomicBool::new(false), &|| ()).unwrap()
+    map(simulation, &plan, Task::default()).unwrap().unwrap()
 }
 
 fn outcomes(map: &Map, row: usize, method: usize) -> Vec<Outcome> {
@@ -50,9 +38,9 @@ fn outcomes(map: &Map, row: usize, method: usize) -> Vec<Outcome> {
 }
 
 /// A mass on a spring that never lets go, damping ratio 0.003, forced once a time unit; ω = 2√2 · `limit`.
-fn linear(limit: f64) -> Subject {
+fn linear(limit: f64) -> Simulation {
     let omega = 2.0 * SQRT_2 * limit;
-    subject(&format!(
+    simulation(&format!(
         r#"{{ "flank": 1, "train": {{ "kind": "matrices", "mass_kg": [1], "load_n": [5],
             "load_harmonics": [{{ "vector_n": [50], "frequency_rad_per_s": {TAU} }}],
             "contacts": [{{ "direction": [1], "stiffness": {}, "law": {{ "kind": "bilateral", "damping_n_s_per_m": {} }} }}] }},
@@ -89,8 +77,8 @@ fn explicit_methods_blow_up_beyond_their_limit_and_newmark_never() {
 
 /// A sine of amplitude 1, whose crest, halfway through the cycle, touches a feather at 0.999 for
 /// 2 arccos(0.999)/2π = 0.0142 of a cycle.
-fn brief() -> Subject {
-    subject(&format!(
+fn brief() -> Simulation {
+    simulation(&format!(
         r#"{{ "flank": 1, "train": {{ "kind": "matrices", "mass_kg": [1], "stiffness_n_per_m": [{}],
             "load_harmonics": [{{ "vector_n": [{}], "frequency_rad_per_s": {TAU}, "phase_rad": {PI} }}],
             "contacts": [{{ "direction": [1], "flanks": "drive", "half_backlash_m": 0.999, "stiffness": 1e-6,
@@ -114,8 +102,8 @@ fn two_passages_inside_a_step_are_missed() {
 }
 
 /// The gear pair of Kahraman and Singh where its teeth separate.
-fn pair() -> Subject {
-    subject(
+fn pair() -> Simulation {
+    simulation(
         r#"{ "flank": 1, "train": { "kind": "gear-pair-dimensionless", "damping_ratio": 0.05, "damping_in_gap": true,
             "mean_load": 0.1, "transmission_error": [{ "amplitude": 0.2, "frequency": 0.6 }] },
             "initial": { "q": [1.1] }, "run": { "cycles": 50 } }"#,
@@ -152,10 +140,10 @@ fn coarse_steps_go_wrong_in_several_ways() {
 
 #[test]
 fn threads_do_not_enter() {
-    let subject = pair();
+    let pair = pair();
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let map = pool.install(|| made(&subject, &["rk4", "newmark"], &[0.3, 1.0, 3.0], &[11, 101]));
+        let map = pool.install(|| made(&pair, &["rk4", "newmark"], &[0.3, 1.0, 3.0], &[11, 101]));
         (serde_json::to_string(&map).unwrap(), figure("pair", &map).json())
     };
     assert_eq!(with(1), with(3));
@@ -163,11 +151,12 @@ fn threads_do_not_enter() {
 
 #[test]
 fn a_factor_without_an_answer_says_why() {
-    // Nothing carries a load that is no number.
-    let mut subject = pair();
-    subject.start = Start::Equilibrium;
-    subject.spec.load = vec![f64::NAN];
-    let map = made(&subject, &["rk4"], &[1.0], &[11]);
+    // The force of a rigid contact has no stiffness.
+    let mut pair = pair();
+    let mut spec = pair.structure.spec().clone();
+    spec.contacts[0].law = Law::Rigid(Rigid { restitution: 0.5 });
+    (pair.structure, pair.is_static) = (Structure::new(spec).unwrap(), true);
+    let map = made(&pair, &["rk4"], &[1.0], &[11]);
     assert!(map.rows[0].error.as_ref().unwrap().contains("equilibrium"), "{:?}", map.rows[0].error);
     assert!(map.rows[0].cells.is_empty());
 }
@@ -182,7 +171,7 @@ fn an_interrupted_map_is_none() {
         references: Vec::new(),
         rule: Rule::default(),
     };
-    assert!(map(&pair(), &plan, &AtomicBool::new(true), &|| ()).is_none());
+    assert!(map(&pair(), &plan, Task::new(&AtomicBool::new(true), &|_| ())).unwrap().is_none());
 }
 
 #[cfg(feature = "cli")]
@@ -255,6 +244,13 @@ mod command {
         }
         let drawn: Value = serde_json::from_slice(&first["stability-stiffness.json"]).unwrap();
         assert_eq!(drawn["panels"][0]["tiles"].as_array().unwrap().len(), 9);
+        // Tiles meet halfway in ratios, and reach as far beyond the first and the last.
+        let edges = [11.0 * (11.0f64 / 101.0).sqrt(), (11.0f64 * 101.0).sqrt(), (101.0f64 * 1001.0).sqrt()];
+        for (tile, ends) in drawn["panels"][0]["tiles"].as_array().unwrap().iter().zip(edges.windows(2)) {
+            for (end, wanted) in ends.iter().enumerate() {
+                assert!((tile["x"][end].as_f64().unwrap() / wanted - 1.0).abs() < 1e-12, "{tile}");
+            }
+        }
     }
 
     #[test]

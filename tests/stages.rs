@@ -1,18 +1,19 @@
 //! Planetary stages: natural frequencies, freedoms, phases and checks, against published and independently computed numbers.
 
+mod presets;
+
 use std::f64::consts::TAU;
 
 use approx::assert_relative_eq;
 use flank::gear::contact::Law;
 use flank::gear::{MeshStiffness, PathOfContact, Waveform};
 use flank::linalg::multiplicities;
-use flank::train::planetary::presets::{
+use flank::system::Flanks;
+use flank::train::planetary::{Family, FamilyError, FamilyModes, families};
+use flank::train::{Freedoms, Phasing, Planetary, Support, TrainError, Warning, bonded_modes, bonded_stiffness};
+use presets::{
     ReferenceDamping, ReferenceStiffness, lin_parker, reference, reference_float, reference_heavy, reference_hertz,
     reference_light,
-};
-use flank::train::planetary::{Family, FamilyError, FamilyModes, families};
-use flank::train::{
-    Flanks, Freedoms, Phasing, Planetary, Support, TrainError, Warning, bonded_modes, bonded_stiffness,
 };
 
 fn hertz(stage: &Planetary, freedoms: &Freedoms) -> Vec<f64> {

@@ -8,7 +8,9 @@
 use std::sync::atomic::AtomicBool;
 
 use flank::{
+    Task,
     scene::Scene,
+    simulation::SimulationError,
     study::{
         StudyError,
         steady::{Rule, Seed, Steady, steady},
@@ -25,7 +27,7 @@ fn scene(preset: &str, rpm: f64, load: f64) -> Scene {
 }
 
 fn run(scene: &Scene, seed: Option<&Seed>) -> Steady {
-    steady(scene, seed, &Rule::default(), &AtomicBool::new(false)).unwrap()
+    steady(scene, seed, &Rule::default(), Task::default()).unwrap()
 }
 
 #[track_caller]
@@ -46,7 +48,7 @@ fn three_ways_to_end() {
     let with = |scene: &Scene, most_cycles: u64| {
         let mut rule = Rule { irregular_cycles: 4, ..Rule::default() };
         rule.settling.most_cycles = most_cycles;
-        steady(scene, None, &rule, &AtomicBool::new(false)).unwrap().settled.word()
+        steady(scene, None, &rule, Task::default()).unwrap().settled.word()
     };
     let light = scene("reference-light", 500.0, 0.0);
     assert_eq!([with(&light, 10), with(&light, 100)], ["settling", "periodic"]);
@@ -128,8 +130,17 @@ fn what_cannot_be_settled_says_so() {
         "run": { "t_end_s": 1 }
     });
     let ball = Scene::from_value(ball, "ball").unwrap();
-    let error = steady(&ball, None, &Rule::default(), &AtomicBool::new(false)).unwrap_err();
-    assert!(matches!(error, StudyError::Missing { .. }) && error.to_string().contains("period"), "{error}");
-    let stopped = steady(&scene("reference-light", 500.0, 0.0), None, &Rule::default(), &AtomicBool::new(true));
+    let error = steady(&ball, None, &Rule::default(), Task::default()).unwrap_err();
+    assert!(
+        matches!(error, StudyError::Simulation(SimulationError::Missing { .. }))
+            && error.to_string().contains("period"),
+        "{error}"
+    );
+    let stopped = steady(
+        scene("reference-light", 500.0, 0.0),
+        None,
+        &Rule::default(),
+        Task::new(&AtomicBool::new(true), &|_| ()),
+    );
     assert!(matches!(stopped, Err(StudyError::Interrupted)));
 }

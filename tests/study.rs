@@ -6,27 +6,27 @@
 #![cfg(feature = "cli")]
 #![allow(clippy::unwrap_used)] // a test may panic
 
-use std::{fs, path::Path, sync::atomic::AtomicBool};
+use std::{fs, path::Path};
 
 use assert_cmd::Command;
 use flank::{
+    Task,
     plot::Figure,
     study::{
         Kind,
         changes::{changes, effects},
+        claims::{Comparison, Verdict},
         figures::{self, Context, Way},
         plan::Plan,
-        published::{self, Comparison, Verdict, contradictions},
+        published,
         steady::Rule,
         threshold::{Search, Threshold, locate},
     },
 };
 use serde_json::Value;
 
-static NEVER: AtomicBool = AtomicBool::new(false);
-
 fn context() -> Context<'static> {
-    Context { rule: Rule::default(), interrupted: &NEVER, done: &|| () }
+    Context { rule: Rule::default(), task: Task::default() }
 }
 
 /// The reference study on a few speeds and loads.
@@ -234,7 +234,7 @@ fn changes_do_what_they_did_in_the_prototype() {
         ("sun shaft damping x 0.75", 0.350, 0.242, 113.0),
         ("sun shaft damping x 1.25", 0.349, 0.264, 127.0),
     ];
-    let all = changes(&plan.light);
+    let all = changes(&plan.light).unwrap();
     assert_eq!(all.len(), table.len() + 2);
     // Two loads, no bisection: thresholds are not asked for.
     let search = Search { range: [0.0, 60.0], scan: 2, resolution: 60.0 };
@@ -272,7 +272,7 @@ fn verdicts_do_not_flatter() {
     // A few points are no curve: nothing is said about them.
     assert!(small().make(Kind::Harmonics, &context()).unwrap().comparisons.is_empty());
     assert!(small().make(Kind::ApartVsSpeed, &context()).unwrap().comparisons.is_empty());
-    let source = contradictions().unwrap();
+    let source = Plan::reference().unwrap().contradictions().unwrap();
     assert!(source.len() >= 11 && source.iter().all(|row| row.verdict == Verdict::Contradiction));
     // Kinematics: 209.23 Hz at 500 rev/min, 412 Hz at 984.6, and planets that do not fit.
     let words: String = source.iter().map(|row| row.found.as_str()).collect();

@@ -6,13 +6,12 @@ use std::{fs, ops::ControlFlow};
 
 use assert_cmd::Command;
 use flank::{
+    Simulation,
     engine::Observer,
     event::EventRecord,
     hybrid::HybridSystem,
     integrate::Choice,
-    scene::Scene,
-    study::Case,
-    train::Structure,
+    system::Structure,
     verify::{Difference, Verifier},
 };
 use serde_json::Value;
@@ -48,9 +47,12 @@ const POWER: &str =
     r#"{ "kind": "power", "exponent": "3/2", "hysteresis": "lankarani-nikravesh", "restitution": 0.7 }"#;
 
 fn verify(scene: &str, words: &[&str]) -> (TempDir, assert_cmd::assert::Assert) {
+    verify_by(Command::cargo_bin("flank").unwrap(), scene, words)
+}
+
+fn verify_by(mut command: Command, scene: &str, words: &[&str]) -> (TempDir, assert_cmd::assert::Assert) {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("scene.json"), scene).unwrap();
-    let mut command = Command::cargo_bin("flank").unwrap();
     let done = command.current_dir(&folder).args(["run", "scene.json", "--quiet", "--out", "out"]).args(words).assert();
     (folder, done)
 }
@@ -105,12 +107,12 @@ fn verdict(
     choice: Choice,
     change: impl FnMut(usize, EventRecord) -> Option<EventRecord>,
 ) -> Result<(), Difference> {
-    let case = Case::new(&Scene::from_json(scene, "scene").unwrap()).unwrap();
+    let case = Simulation::from_json(scene).unwrap();
     let start = case.start().unwrap();
     let period = case.clock().period().map(|t| t.value());
     let mut verifier = Verifier::new(&case.structure, &start, period, choice);
     let mut engine = case.engine(start).unwrap();
-    let end = case.built.run.instants(case.clock())[2];
+    let end = case.instants()[2];
     engine.run(end, &mut Wrong { verifier: &mut verifier, records: 0, change }).unwrap();
     verifier.finish(engine.state().at)
 }
@@ -119,7 +121,7 @@ const BOTH: [Choice; 2] = [Choice::Taylor, Choice::Explicit];
 
 #[test]
 fn a_late_event_is_found() {
-    let case = Case::new(&Scene::from_json(WALLS, "scene").unwrap()).unwrap();
+    let case = Simulation::from_json(WALLS).unwrap();
     let clock = *case.clock();
     for (choice, late) in [(Choice::Taylor, 1e-12), (Choice::Explicit, 1e-7)] {
         for sign in [1.0, -1.0] {
@@ -157,7 +159,7 @@ fn a_missing_event_is_found() {
 
 #[test]
 fn an_invented_event_is_found() {
-    let case = Case::new(&Scene::from_json(WALLS, "scene").unwrap()).unwrap();
+    let case = Simulation::from_json(WALLS).unwrap();
     for choice in BOTH {
         let mut last: Option<EventRecord> = None;
         let found = verdict(WALLS, choice, |i, mut record| {
@@ -177,13 +179,13 @@ fn an_invented_event_is_found() {
 #[test]
 fn another_contact_is_found() {
     let soft = pair(LINEAR, 1.1, r#"{ "cycles": 12 }"#);
-    let case = Case::new(&Scene::from_json(&soft, "scene").unwrap()).unwrap();
+    let case = Simulation::from_json(&soft).unwrap();
     for choice in BOTH {
         let found = verdict(&soft, choice, |i, mut record| {
             let mut guards = Vec::new();
-            case.structure.guards(record.from, &mut guards);
+            case.structure.guards(&record.from, &mut guards);
             if i > 1 && guards.len() > 1 {
-                record.fired.0 = guards.iter().fold(0, |set, guard| set | 1 << guard.id.0) & !record.fired.0;
+                record.fired = &guards.iter().copied().collect() - &record.fired;
             }
             Some(record)
         });
@@ -215,11 +217,19 @@ fn blind() -> [String; 4] {
     })
 }
 
+/// The command with the step rule of old.
+#[cfg(feature = "old-steps")]
+fn old() -> Command {
+    let mut command = Command::cargo_bin("flank").unwrap();
+    command.env("FLANK_OLD_STEPS", "1");
+    command
+}
+
 #[test]
 #[cfg(feature = "old-steps")]
 fn the_step_rule_of_old_is_noticed() {
     for scene in blind() {
-        let (folder, done) = verify(&scene, &["--verify"]);
+        let (folder, done) = verify_by(old(), &scene, &["--verify"]);
         let text = String::from_utf8(done.code(1).get_output().stderr.clone()).unwrap();
         assert!(text.contains("the check by"), "{scene}: {text}");
         assert!(folder.path().join("out/events.jsonl").exists());
@@ -234,15 +244,13 @@ fn a_wrong_row_of_a_sweep_says_so() {
     let scene = pair(LINEAR, 0.0, r#"{ "cycles": 4, "verify": true }"#);
     fs::write(folder.path().join("scene.json"), scene).unwrap();
     let axis = "/train/mesh/error/0/phase_rad=0,1.1";
-    let mut command = Command::cargo_bin("flank").unwrap();
-    command.current_dir(&folder).args(["sweep", "scene.json", "--quiet", "--vary", axis]).assert().code(0);
+    old().current_dir(&folder).args(["sweep", "scene.json", "--quiet", "--vary", axis]).assert().code(0);
     let table = fs::read_to_string(folder.path().join("sweep/sweep.csv")).unwrap();
     let rows: Vec<&str> = table.lines().skip(1).collect();
     assert!(rows[0].contains("the check by") && !rows[1].contains("the check by"), "{table}");
 }
 
 #[test]
-#[cfg(not(feature = "old-steps"))]
 fn scenes_that_the_step_rule_of_old_got_wrong_pass() {
     for scene in blind() {
         verify(&scene, &["--verify"]).1.code(0);

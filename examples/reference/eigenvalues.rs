@@ -1,8 +1,8 @@
 //! Natural frequencies of the planetary stage of Lin and Parker, with the family of each.
 
-use flank::train::{
-    Freedoms, bonded_stiffness,
-    planetary::{families, presets},
+use flank::{
+    scene::Scene,
+    train::{bonded_stiffness, planetary::families},
 };
 use serde_json::{Value, json};
 
@@ -13,7 +13,10 @@ pub fn table(case: &Value) -> Outcome<Vec<Value>> {
     let text = case["description"].as_str().unwrap_or_default();
     let (_, rest) = text.split_once("N=").ok_or("the description names no number of planets N=…")?;
     let digits: String = rest.chars().take_while(char::is_ascii_digit).collect();
-    let spec = presets::lin_parker(digits.parse()?).assemble(&Freedoms::FullCarrier)?;
+    let planets: u64 = digits.parse()?;
+    let train = json!({ "kind": "planetary", "preset": "lin-parker", "planets": planets });
+    let scene = Scene::from_value(json!({ "flank": 1, "train": train, "run": { "t_end_s": 1 } }), text)?;
+    let spec = scene.build()?.spec;
     let mut rows = Vec::new();
     for part in families(&spec, &bonded_stiffness(&spec, None))? {
         let row = |f| (f, part.multiplicity, part.family);

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use flank::{
-    analysis::Contacts, engine::Observer, event::EventRecord, hybrid::Mode, integrate::DenseStep, train::Structure,
+    analysis::Contacts, engine::Observer, event::EventRecord, hybrid::Mode, integrate::DenseStep, system::Structure,
 };
 use serde_json::{Value, json};
 
@@ -82,7 +82,7 @@ struct Watch<'s> {
 }
 
 impl Observer for Watch<'_> {
-    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         self.contacts.step(mode, step, until)?;
         self.turning.step(mode, step, until)
     }
@@ -113,7 +113,7 @@ impl Turning {
 }
 
 impl Observer for Turning {
-    fn step(&mut self, _: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+    fn step(&mut self, _: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         if self.at.is_none() && self.speed(step, until) <= 0.0 {
             let (mut low, mut high) = (0.0, until);
             for _ in 0..100 {

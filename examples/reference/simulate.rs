@@ -7,7 +7,7 @@ use flank::{
     engine::{Engine, Observer, Options, State},
     integrate::{Choice, build},
     scene::Scene,
-    train::Structure,
+    system::Structure,
 };
 use serde_json::{Value, json};
 

@@ -1,6 +1,7 @@
 //! Work–precision charts.
 
-use super::{Contender, Kind, Score, Setting, Truth, Work};
+use super::{Contender, Kind, RunTime, Score, Setting, Truth};
+use crate::baseline::Counters;
 use crate::integrate::Choice;
 use crate::plot::{Axis, Figure, Guide, Panel, Series, Style};
 
@@ -13,17 +14,19 @@ pub struct Row<'a> {
     pub setting: Setting,
     /// How far from the truth.
     pub score: Score,
-    /// Work over the window.
-    pub work: Work,
+    /// Work over the window; of the engine its steps alone.
+    pub work: Counters,
+    /// Its time and Flank's.
+    pub time: RunTime,
+    /// Why it stopped before its end, if it did.
+    pub stopped: Option<String>,
 }
 
-/// A row with its time.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Timed<'a> {
-    /// The run.
-    pub row: &'a Row<'a>,
-    /// Time a cycle, s.
-    pub seconds: f64,
+impl Row<'_> {
+    /// Evaluations of the contact forces; none of the engine, which expands series.
+    pub(super) fn evaluations(&self) -> Option<u64> {
+        (!matches!(self.contender.kind, Kind::Engine(_))).then_some(self.work.evaluations)
+    }
 }
 
 /// A measure of error: its name, its unit, its value.
@@ -36,38 +39,35 @@ const MEASURES: [Measure; 4] = [
     ("relative error of the largest force", "", |s| s.peak_force),
 ];
 
-/// Errors against steps a cycle. Open marks: the sequence of events is wrong.
+/// Errors against steps a cycle, and against time. Open marks: the sequence of events is wrong.
 #[must_use]
-pub fn by_steps(name: &str, truth: &Truth, rows: &[Row<'_>]) -> Figure {
-    let cycles = truth.window.cycles as f64;
-    let points: Vec<_> = rows.iter().map(|row| (row, row.work.steps as f64 / cycles)).collect();
-    let panels = MEASURES.iter().map(|m| panel(m, &points, ("steps a cycle", ""), truth));
-    Figure {
-        id: "work-precision".to_owned(),
-        title: format!("Accuracy against steps: {name}"),
-        caption: caption(truth),
-        columns: 2,
-        panels: panels.filter(|p| !p.series.is_empty()).collect(),
-    }
+pub fn charts(name: &str, truth: &Truth, rows: &[Row<'_>]) -> [Figure; 2] {
+    let chart = |id: &str, against: &str, caption: String, x: Axis, cost: &dyn Fn(&Row<'_>) -> f64, count: usize| {
+        let points: Vec<_> = rows.iter().map(|row| (row, cost(row))).collect();
+        let panels = MEASURES[..count].iter().map(|m| panel(m, &points, &x, truth));
+        Figure {
+            id: id.to_owned(),
+            title: format!("Accuracy against {against}: {name}"),
+            caption,
+            columns: 2,
+            panels: panels.filter(|p| !p.series.is_empty()).collect(),
+        }
+    };
+    let (cycles, caption) = (truth.window.cycles as f64, caption(truth));
+    let timed = format!("{caption} Medians of alternating repetitions on one core.");
+    let (steps, time) = (logarithmic("steps a cycle", ""), logarithmic("time a cycle", "µs"));
+    [
+        chart("work-precision", "steps", caption, steps, &|row| row.work.steps as f64 / cycles, MEASURES.len()),
+        chart("work-precision-time", "time", timed, time, &|row| 1e6 * row.time.seconds_per_cycle, 2),
+    ]
 }
 
-/// Errors against time.
-#[must_use]
-pub fn by_time(name: &str, truth: &Truth, rows: &[Timed<'_>]) -> Figure {
-    let points: Vec<_> = rows.iter().map(|t| (t.row, 1e6 * t.seconds)).collect();
-    let panels = MEASURES[..2].iter().map(|m| panel(m, &points, ("time a cycle", "µs"), truth));
-    Figure {
-        id: "work-precision-time".to_owned(),
-        title: format!("Accuracy against time: {name}"),
-        caption: format!("{} Medians of alternating repetitions on one core.", caption(truth)),
-        columns: 2,
-        panels: panels.filter(|p| !p.series.is_empty()).collect(),
-    }
+fn logarithmic(label: &str, unit: &str) -> Axis {
+    Axis { logarithmic: true, ..Axis::new(label, unit) }
 }
 
 /// A growth, as written.
-#[must_use]
-pub fn fold(growth: f64) -> String {
+pub(super) fn fold(growth: f64) -> String {
     if growth < 10.0 { format!("{growth:.1}") } else { format!("{growth:.0}") }
 }
 
@@ -86,7 +86,7 @@ fn caption(truth: &Truth) -> String {
 const ENGINE: usize = 6;
 
 /// Errors of nothing cannot be drawn on a logarithmic axis; they stand at the truth's own.
-fn panel(measure: &Measure, points: &[(&Row<'_>, f64)], (label, unit): (&str, &str), truth: &Truth) -> Panel {
+fn panel(measure: &Measure, points: &[(&Row<'_>, f64)], x: &Axis, truth: &Truth) -> Panel {
     let (name, error_unit, of) = measure;
     let floor = truth.error.max(f64::EPSILON);
     let mut names: Vec<&str> = Vec::new();
@@ -118,11 +118,7 @@ fn panel(measure: &Measure, points: &[(&Row<'_>, f64)], (label, unit): (&str, &s
             series.push(Series::line("sequence of events wrong", colour, wrong_x, wrong_y).styled(Style::Marks));
         }
     }
-    let log = |label: &str, unit: &str| Axis { logarithmic: true, ..Axis::new(label, unit) };
-    let guides = if measure.0 == MEASURES[0].0 {
-        vec![Guide::Horizontal { y: floor, name: "error of the reference".to_owned() }]
-    } else {
-        Vec::new()
-    };
-    Panel { x: log(label, unit), y: log(name, error_unit), series, guides, ..Panel::default() }
+    let reference = || Guide::Horizontal { y: floor, name: "error of the reference".to_owned() };
+    let guides = (*name == MEASURES[0].0).then(reference).into_iter().collect();
+    Panel { x: x.clone(), y: logarithmic(name, error_unit), series, guides, ..Panel::default() }
 }

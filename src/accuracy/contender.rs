@@ -11,7 +11,7 @@ use crate::{
         Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Solver, Watch, drive,
     },
     integrate::Choice,
-    train::Structure,
+    system::Structure,
 };
 
 /// What solves.
@@ -60,33 +60,6 @@ impl fmt::Display for Setting {
     }
 }
 
-/// Work done over the window.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Work {
-    /// Steps.
-    pub steps: u64,
-    /// Evaluations of the contact forces; absent for the engine, which expands series.
-    pub evaluations: Option<u64>,
-    /// Newton iterations.
-    pub iterations: u64,
-    /// Matrices factorised.
-    pub factorisations: u64,
-    /// Steps whose Newton iteration did not converge.
-    pub unconverged: u64,
-}
-
-impl From<Counters> for Work {
-    fn from(c: Counters) -> Self {
-        Self {
-            steps: c.steps,
-            evaluations: Some(c.evaluations),
-            iterations: c.iterations,
-            factorisations: c.factorisations,
-            unconverged: c.unconverged,
-        }
-    }
-}
-
 /// What a run gave.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Performance {
@@ -98,13 +71,12 @@ pub struct Performance {
     pub peak: Vec<f64>,
     /// Mechanical energy at the sections, J.
     pub energy: Vec<f64>,
-    /// Work done.
-    pub work: Work,
+    /// Work done; of the engine its steps alone.
+    pub work: Counters,
     /// Why it stopped before the end, if it did.
     pub stopped: Option<String>,
 }
 
-/// The words [`Contender::parse`] knows.
 const WORDS: &str = "rk4, newmark, hht[=ALPHA], generalized-alpha[=RHO], euler, verlet, tsit45, esdirk34, bdf, flank, \
                      flank-explicit, flank-sdirk, flank-bdf; after a baseline +cubic, +tanh=SIGMA, +sqrt=SIGMA, +poly=SIGMA";
 
@@ -186,6 +158,12 @@ impl Contender {
         }
     }
 
+    /// Largest `h ω` at which a fixed-step method is stable: see [`Method::stability_limit`].
+    #[must_use]
+    pub fn stability_limit(&self) -> Option<f64> {
+        if let Kind::Fixed(method) = self.kind { method.stability_limit() } else { None }
+    }
+
     /// Settings from coarse to fine, with at most `most` steps over `cycles`.
     #[must_use]
     pub fn settings(&self, cycles: u64, most: u64) -> Vec<Setting> {
@@ -210,13 +188,14 @@ impl Contender {
         if let Kind::Engine(choice) = self.kind {
             return engine(problem, cycles, other(choice, setting));
         }
-        let model = Penalty::new(problem.structure, self.ramp);
+        let model = Penalty::new(problem.structure(), self.ramp);
         let mut crossings = Crossings::new(&model, self.interpolation);
-        let mut record = Record::new(&model, self.per_cycle(setting));
+        let (per_cycle, peak) = (self.per_cycle(setting), vec![0.0; model.contacts()]);
+        let mut record = Record { model: &model, per_cycle, sections: Vec::new(), energy: Vec::new(), peak };
         let done = self.drive(&model, problem, cycles, setting, &mut (&mut crossings, &mut record));
         let (work, stopped) = match done {
-            Ok(counters) => (counters.into(), None),
-            Err((counters, why)) => (counters.into(), Some(why)),
+            Ok(counters) => (counters, None),
+            Err((counters, why)) => (counters, Some(why)),
         };
         let Record { sections, peak, energy, .. } = record;
         let mut passages = crossings.found;
@@ -235,7 +214,7 @@ impl Contender {
             engine.run(problem.section(cycles), &mut passages)?;
             return Ok(passages.found.len());
         }
-        let model = Penalty::new(problem.structure, self.ramp);
+        let model = Penalty::new(problem.structure(), self.ramp);
         let mut crossings = Crossings::new(&model, self.interpolation);
         // One that breaks down has done its work up to there.
         let _ = self.drive(&model, problem, cycles, setting, &mut crossings);
@@ -244,10 +223,7 @@ impl Contender {
 
     /// Grid points a cycle: an adaptive solver is asked for the starts of cycles, and sampled at its own steps besides.
     fn per_cycle(&self, setting: Setting) -> u64 {
-        match setting {
-            Setting::StepsPerCycle(n) => n,
-            _ => 1,
-        }
+        if let Setting::StepsPerCycle(n) = setting { n } else { 1 }
     }
 
     fn drive(
@@ -262,11 +238,11 @@ impl Contender {
         let step = problem.period / per_cycle as f64;
         let grid = Grid { from: problem.start.at, step, steps: per_cycle * cycles };
         match (self.kind, setting) {
-            (Kind::Fixed(method), _) => drive(model, method, &grid, problem.start(), watch)
+            (Kind::Fixed(method), _) => drive(model, method, &grid, problem.coordinates(), watch)
                 .map_err(|diverged| (diverged.counters, diverged.to_string())),
             #[cfg(feature = "diffsol")]
             (Kind::Adaptive(solver), Setting::Tolerance(rtol)) => {
-                crate::baseline::adaptive(model, solver, rtol, &grid, problem.start(), watch)
+                crate::baseline::adaptive(model, solver, rtol, &grid, problem.coordinates(), watch)
                     .map_err(|error| (Counters::default(), error.to_string()))
             }
             _ => Err((Counters::default(), "not part of this build: it needs the cargo feature `diffsol`".to_owned())),
@@ -275,16 +251,13 @@ impl Contender {
 }
 
 fn other(choice: Choice, setting: Setting) -> Option<(Choice, f64)> {
-    match setting {
-        Setting::Tolerance(tolerance) => Some((choice, tolerance)),
-        _ => None,
-    }
+    if let Setting::Tolerance(tolerance) = setting { Some((choice, tolerance)) } else { None }
 }
 
 fn engine(problem: &Problem<'_>, cycles: u64, other: Option<(Choice, f64)>) -> Result<Performance, AccuracyError> {
-    let n = problem.structure.freedoms();
-    let model = Penalty::new(problem.structure, Ramp::Sharp);
-    let mut watch = (Passages::new(problem), Contacts::new(problem.structure, None).keep(0));
+    let n = problem.structure().freedoms();
+    let model = Penalty::new(problem.structure(), Ramp::Sharp);
+    let mut watch = (Passages::new(problem), Contacts::new(problem.structure(), None).keep(0));
     let mut engine = problem.engine(problem.start.clone(), other)?;
     let mut run = Performance::default();
     for k in 0..=cycles {
@@ -313,12 +286,6 @@ struct Record<'m> {
     sections: Vec<Vec<f64>>,
     energy: Vec<f64>,
     peak: Vec<f64>,
-}
-
-impl<'m> Record<'m> {
-    fn new(model: &'m Penalty, per_cycle: u64) -> Self {
-        Self { model, per_cycle, sections: Vec::new(), energy: Vec::new(), peak: vec![0.0; model.contacts()] }
-    }
 }
 
 impl Watch for Record<'_> {

@@ -1,7 +1,8 @@
 use crate::{
     engine::EngineError,
     integrate::IntegrateError,
-    train::{AssembleError, StartError, TrainError},
+    system::{AssembleError, StartError},
+    train::TrainError,
 };
 
 /// Why a comparison cannot be made.

@@ -2,7 +2,8 @@
 //!
 //! A [`Truth`] is the engine's own solution with a bound on its error that was measured, not assumed, over a window that ends
 //! before the motion amplifies errors. A [`Contender`] is any way of solving the problem; its [`Score`] says how far it is
-//! from the truth and what work it did. Nothing here reads a clock: time is taken by whoever runs the contenders.
+//! from the truth and what work it did. Nothing here reads a clock: a
+//! [`WorkPrecision`] is given one.
 
 mod charts;
 mod contender;
@@ -12,11 +13,16 @@ mod problem;
 mod score;
 pub mod stability;
 mod truth;
+mod work_precision;
+#[cfg(feature = "plot")]
+mod work_precision_page;
 
-pub use charts::{Row, Timed, by_steps, by_time, fold};
-pub use contender::{Contender, Kind, Performance, Setting, Work};
+use charts::fold;
+pub use charts::{Row, charts};
+pub use contender::{Contender, Kind, Performance, Setting};
 pub use error::AccuracyError;
 pub use order::{Order, Roughness, orders, reached};
 pub use problem::Problem;
 pub use score::{Score, score};
 pub use truth::{Truth, Window};
+pub use work_precision::{ContenderSummary, RunTime, WorkPrecision, median};

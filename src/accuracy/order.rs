@@ -9,7 +9,7 @@ use crate::{
         Stiffness,
         contact::{Law, Release},
     },
-    train::Structure,
+    system::{ContactSpec, Structure},
 };
 
 /// How rough the right-hand side of a train is where a fixed step runs across an event.
@@ -68,22 +68,15 @@ impl Roughness {
             Self::Latch => (1.0, "the approach speed that hysteresis keeps is found at the end of a step"),
             Self::Kink => (2.0, "the force has a kink inside steps"),
             Self::Closed => (f64::INFINITY, ""),
-            // A step that straddles a start is wrong by its length times the force it missed, h · hⁿ.
-            Self::Smooth => (
-                1.0 + lowest_exponent(structure),
-                "the force of a power law is smooth to its exponent n and no further",
-            ),
+            Self::Smooth => {
+                let exponent =
+                    |c: &ContactSpec| if let Law::Power(l) = c.law { l.exponent.value() } else { f64::INFINITY };
+                let lowest = structure.spec().contacts.iter().map(exponent).fold(f64::INFINITY, f64::min);
+                // A step that straddles a start is wrong by its length times the force it missed, h · hⁿ.
+                (1.0 + lowest, "the force of a power law is smooth to its exponent n and no further")
+            }
         }
     }
-}
-
-/// Lowest exponent of the power laws of a train.
-fn lowest_exponent(structure: &Structure) -> f64 {
-    let exponents = structure.spec().contacts.iter().filter_map(|c| match c.law {
-        Law::Power(l) => Some(l.exponent.value()),
-        _ => None,
-    });
-    exponents.fold(f64::INFINITY, f64::min)
 }
 
 /// The order seen on the finest steps, the one expected, and why.
@@ -174,29 +167,4 @@ pub fn reached(runs: &[(Option<f64>, f64)], target: f64, order: Option<f64>) -> 
         }
         _ => (c1, true),
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn costs_are_read_off_straight_lines() {
-        // Order 2: error = 1/cost².
-        let runs = [(Some(1e-2), 1e1), (Some(1e-4), 1e2), (Some(1e-6), 1e3)];
-        let (cost, is_reached) = reached(&runs, 1e-5, None).unwrap();
-        assert!((cost - 10f64.powf(2.5)).abs() < 1e-9 * cost && is_reached);
-        let (cost, is_reached) = reached(&runs, 1e-8, Some(2.0)).unwrap();
-        assert!((cost - 1e4).abs() < 1e-8 * cost && !is_reached);
-        assert_eq!(reached(&runs, 1e-8, None), None);
-        assert_eq!(reached(&runs, 1e-8, Some(0.1)), None);
-        assert_eq!(reached(&runs, 0.1, None), Some((10.0, true)));
-        // A lucky run in between does not count, and a wrong one is no end to interpolate from.
-        assert!(reached(&[(Some(1e-2), 1.0), (Some(1e-7), 2.0), (Some(1e-3), 3.0)], 1e-6, None).is_none());
-        assert_eq!(reached(&[(None, 1.0), (Some(1e-7), 2.0)], 1e-6, None), Some((2.0, true)));
-        assert_eq!(reached(&[(Some(1e-2), 1.0), (None, 2.0)], 1e-6, Some(2.0)), None);
-        // Order 2, and a constant.
-        let runs: Vec<(u64, f64)> = (1..8).map(|k| (10 * k, 3.0 / (k * k) as f64)).collect();
-        assert!((slope(&runs).unwrap() - 2.0).abs() < 1e-12);
-    }
 }

@@ -6,31 +6,55 @@ use crate::{
     event::EventRecord,
     hybrid::{Clock, ContactView, Instant, Watch},
     integrate::{Choice, IntegrateError, build},
-    train::Structure,
+    scene::Duration,
+    simulation::Simulation,
+    system::{StartError, Structure},
 };
 
-/// What is solved: a train from a start on, over whole cycles.
+/// What is solved: a simulation over whole cycles, without the limits of its run.
 #[derive(Clone, Debug)]
 pub struct Problem<'s> {
-    /// The train.
-    pub structure: &'s Structure,
+    /// The train and the integrator of the engine.
+    pub simulation: &'s Simulation,
     /// Where it starts.
     pub start: State,
     /// Length of a cycle T, s: the unit of times and the distance of sections.
     pub period: f64,
     /// Cycles, ≥ 1.
     pub cycles: u64,
-    /// Integrator of the engine.
-    pub choice: Choice,
-    /// Its tolerance.
-    pub tolerance: f64,
 }
 
+/// Cycles of a problem that names none, at most.
+const CYCLES: u64 = 50;
+
 impl<'s> Problem<'s> {
+    /// The simulation from its start over `cycles`; over those of its run, but not more than 50, if none are given. A run
+    /// without a period is one cycle.
+    pub fn new(simulation: &'s Simulation, cycles: Option<u64>) -> Result<Self, StartError> {
+        let (run, clock) = (&simulation.settings, simulation.clock());
+        let [at, _, end] = simulation.instants();
+        let span = clock.between(at, end);
+        let period = run.period.or_else(|| clock.period().map(|t| t.value())).unwrap_or(span);
+        let all = match run.duration {
+            Duration::Cycles(n) => n,
+            // OK to convert: whole cycles within the run.
+            Duration::Until(_) => ((span / period * (1.0 + 1e-12)).floor() as u64).max(1),
+        };
+        let start = simulation.structure.start(at, &simulation.q0, &simulation.v0)?;
+        let start = State { at, x: start.x, jump: start.jump };
+        Ok(Self { simulation, start, period, cycles: cycles.unwrap_or(all.min(CYCLES)) })
+    }
+
+    /// The train.
+    #[must_use]
+    pub fn structure(&self) -> &'s Structure {
+        &self.simulation.structure
+    }
+
     /// Coordinates and velocities at the start, `[n]` each.
     #[must_use]
-    pub fn start(&self) -> (&[f64], &[f64]) {
-        let n = self.structure.freedoms();
+    pub fn coordinates(&self) -> (&[f64], &[f64]) {
+        let n = self.structure().freedoms();
         (&self.start.x[..n], &self.start.x[n..2 * n])
     }
 
@@ -39,9 +63,10 @@ impl<'s> Problem<'s> {
     /// # Errors
     /// [`IntegrateError`] if this build has no such method.
     pub fn engine(&self, start: State, other: Option<(Choice, f64)>) -> Result<Engine<'s>, IntegrateError> {
-        let (choice, tolerance) = other.unwrap_or((self.choice, self.tolerance));
-        let (integrator, _) = build(choice, tolerance, self.structure)?;
-        Ok(Engine::new(self.structure, integrator, Options::default(), start))
+        let run = &self.simulation.settings;
+        let (choice, tolerance) = other.unwrap_or((run.method, run.tolerance));
+        let (integrator, _) = build(choice, tolerance, self.structure())?;
+        Ok(Engine::new(self.structure(), integrator, Options::default(), start))
     }
 
     /// The start of cycle `k`, counted from the start; on a clock of the same period exactly.
@@ -59,7 +84,7 @@ impl<'s> Problem<'s> {
     /// The forcing clock.
     #[must_use]
     pub fn clock(&self) -> &'s Clock {
-        self.structure.clock()
+        self.structure().clock()
     }
 
     /// Time since the start, s.
@@ -86,7 +111,7 @@ impl<'p> Passages<'p> {
     }
 
     pub fn measure(&mut self, x: &[f64]) {
-        let n = self.problem.structure.freedoms();
+        let n = self.problem.structure().freedoms();
         let most = |x: &[f64]| x.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         self.sizes = [self.sizes[0].max(most(&x[..n])), self.sizes[1].max(most(&x[n..2 * n]))];
     }
@@ -98,7 +123,7 @@ impl Observer for Passages<'_> {
             return ControlFlow::Continue(());
         }
         self.measure(&record.x_minus);
-        let structure = self.problem.structure;
+        let structure = self.problem.structure();
         let t = self.problem.elapsed(record.at);
         for (contact, watch) in record.fired.iter().map(|id| structure.watch(id)) {
             if watch == Watch::Force {

@@ -34,15 +34,6 @@ impl Score {
     }
 }
 
-/// What two solutions are compared by.
-pub(super) struct Measured<'a> {
-    pub passages: &'a [Crossing],
-    pub sections: &'a [Vec<f64>],
-    pub apart: &'a [f64],
-    pub peak: &'a [f64],
-    pub energy: &'a [f64],
-}
-
 /// Events further apart than this share of a period are not the same event.
 const GATE: f64 = 0.02;
 /// Nor are events further apart than this share of the way to the next passage of the same kind.
@@ -93,23 +84,22 @@ fn largest(errors: impl Iterator<Item = f64>) -> Option<f64> {
 #[must_use]
 pub fn score(truth: &Truth, run: &Performance, period: f64) -> Score {
     let end = truth.window.cycles as f64 * period;
-    let exact = truth.measured();
-    let (matched, missed, spurious) = pairs(exact.passages, &run.passages, period, end);
+    let (matched, missed, spurious) = pairs(&truth.passages, &run.passages, period, end);
     let event_time = largest(matched.iter().map(|(a, b)| (a.t - b.t).abs() / period));
     let apart = time_apart(&run.passages, &truth.closed, &truth.rigid, end);
-    let apart = exact.apart.iter().zip(&apart).zip(&truth.rigid).filter(|(_, rigid)| !**rigid);
+    let apart = truth.apart.iter().zip(&apart).zip(&truth.rigid).filter(|(_, rigid)| !**rigid);
     let apart = largest(apart.map(|((a, b), _)| (a - b).abs() / end));
     let mut state: f64 = 0.0;
-    for (a, b) in exact.sections.iter().zip(&run.sections) {
+    for (a, b) in truth.sections.iter().zip(&run.sections) {
         let n = a.len() / 2;
         for (i, (a, b)) in a.iter().zip(b).enumerate() {
             state = state.max((a - b).abs() / truth.sizes[usize::from(i >= n)]);
         }
     }
-    let forces = exact.peak.iter().zip(&run.peak).filter(|(exact, _)| **exact > 0.0);
+    let forces = truth.peak.iter().zip(&run.peak).filter(|(exact, _)| **exact > 0.0);
     let peak_force = largest(forces.map(|(exact, found)| (found - exact).abs() / exact));
-    let most = exact.energy.iter().fold(f64::MIN_POSITIVE, |m: f64, e| m.max(e.abs()));
-    let energy = exact.energy.iter().zip(&run.energy).map(|(a, b)| (b - a) / most);
+    let most = truth.energy.iter().fold(f64::MIN_POSITIVE, |m: f64, e| m.max(e.abs()));
+    let energy = truth.energy.iter().zip(&run.energy).map(|(a, b)| (b - a) / most);
     let energy = energy.fold(0.0, |m: f64, e| if e.abs() > m.abs() { e } else { m });
     let whole = run.stopped.is_none();
     let [state, energy] = [state, energy].map(|e| Some(e).filter(|e| whole && e.is_finite()));

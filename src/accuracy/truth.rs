@@ -5,14 +5,14 @@ use serde::Serialize;
 use super::{
     AccuracyError, Problem,
     problem::{Passages, time_apart},
-    score::{Measured, pairs},
+    score::pairs,
 };
 use crate::{
     analysis::Contacts,
     baseline::{Crossing, Penalty, Ramp},
     engine::State,
     integrate::Choice,
-    train::contact_mode,
+    system::contact_mode,
 };
 
 /// Where errors can be compared: before the motion itself amplifies them.
@@ -69,20 +69,15 @@ const INDEPENDENT: f64 = 1e-12;
 /// Pieces a cycle in which the control run is cut: a number with no simple relation to stiffness steps.
 const PIECES: u64 = 7;
 
-/// One run of the engine, section by section.
-struct Pass<'p> {
-    passages: Passages<'p>,
-    sections: Vec<Vec<f64>>,
-}
-
+/// One run of the engine, section by section: its passages and the states at the sections.
 fn pass<'p>(
     problem: &'p Problem<'p>,
     start: State,
     cycles: u64,
     pieces: u64,
     other: Option<(Choice, f64)>,
-) -> Result<Pass<'p>, AccuracyError> {
-    let dim = 2 * problem.structure.freedoms();
+) -> Result<(Passages<'p>, Vec<Vec<f64>>), AccuracyError> {
+    let dim = 2 * problem.structure().freedoms();
     let mut passages = Passages::new(problem);
     passages.measure(&start.x);
     let mut sections = vec![start.x[..dim].to_vec()];
@@ -96,7 +91,7 @@ fn pass<'p>(
         passages.measure(&engine.state().x);
         sections.push(engine.state().x[..dim].to_vec());
     }
-    Ok(Pass { passages, sections })
+    Ok((passages, sections))
 }
 
 impl Truth {
@@ -115,7 +110,7 @@ impl Truth {
         let independent =
             pass(problem, problem.start.clone(), truth.window.cycles, 1, Some((Choice::Explicit, INDEPENDENT)))
                 .ok()
-                .and_then(|other| shift(problem, &truth.passages, &other.passages.found, truth.window.cycles));
+                .and_then(|(other, _)| shift(problem, &truth.passages, &other.found, truth.window.cycles));
         Ok(Self { independent, ..truth })
     }
 
@@ -124,8 +119,7 @@ impl Truth {
     /// # Errors
     /// [`AccuracyError`] if the engine fails.
     pub fn quick(problem: &Problem<'_>, limit: f64) -> Result<Self, AccuracyError> {
-        let pass_of = |start, cycles, pieces| pass(problem, start, cycles, pieces, None);
-        let Pass { passages, mut sections } = pass_of(problem.start.clone(), problem.cycles, 1)?;
+        let (passages, mut sections) = pass(problem, problem.start.clone(), problem.cycles, 1, None)?;
         let sizes = passages.sizes.map(|s| s.max(f64::MIN_POSITIVE));
         let mut found = passages.found;
         let window = window(problem, &found, sizes, limit)?;
@@ -135,19 +129,19 @@ impl Truth {
         sections.truncate(window.cycles as usize + 1);
 
         // The same solution again, cut into other steps.
-        let control = pass_of(problem.start.clone(), window.cycles, PIECES)?.passages;
+        let (control, _) = pass(problem, problem.start.clone(), window.cycles, PIECES, None)?;
         let stated = passages.uncertainty[..count].iter().fold(0.0, |m: f64, u| m.max(*u)) / problem.period;
         let error = shift(problem, &found, &control.found, window.cycles).map_or(f64::INFINITY, |s| s.max(stated))
             + window.growth * f64::EPSILON;
 
-        let model = Penalty::new(problem.structure, Ramp::Sharp);
-        let n = problem.structure.freedoms();
+        let model = Penalty::new(problem.structure(), Ramp::Sharp);
+        let n = problem.structure().freedoms();
         let point = |k: usize, x: &[f64]| model.point(problem.section(k as u64), &x[..n], &x[n..]);
-        let mode = problem.start.jump.mode;
+        let mode = &problem.start.jump.mode;
         let closed: Vec<bool> = (0..model.contacts()).map(|j| contact_mode(mode, j).side() != 0.0).collect();
         let rigid: Vec<bool> = (0..model.contacts()).map(|j| model.flanks(j).2).collect();
         let energy = sections.iter().enumerate().map(|(k, x)| model.energy(&point(k, x))).collect();
-        let mut forces = Contacts::new(problem.structure, None).keep(0);
+        let mut forces = Contacts::new(problem.structure(), None).keep(0);
         problem.engine(problem.start.clone(), None)?.run(problem.section(window.cycles), &mut forces)?;
         Ok(Self {
             window,
@@ -162,17 +156,6 @@ impl Truth {
             closed,
             rigid,
         })
-    }
-
-    /// What a contender is compared with.
-    pub(super) fn measured(&self) -> Measured<'_> {
-        Measured {
-            passages: &self.passages,
-            sections: &self.sections,
-            apart: &self.apart,
-            peak: &self.peak,
-            energy: &self.energy,
-        }
     }
 }
 
@@ -192,8 +175,8 @@ fn scattered(seed: u64) -> f64 {
 }
 
 fn window(problem: &Problem<'_>, found: &[Crossing], sizes: [f64; 2], limit: f64) -> Result<Window, AccuracyError> {
-    let n = problem.structure.freedoms();
-    let (q, v) = problem.start();
+    let n = problem.structure().freedoms();
+    let (q, v) = problem.coordinates();
     let all = problem.cycles as f64 * problem.period;
     // Growth at each event that grew more than any before it.
     let mut rises: Vec<(f64, f64)> = Vec::new();
@@ -204,11 +187,11 @@ fn window(problem: &Problem<'_>, found: &[Crossing], sizes: [f64; 2], limit: f64
         };
         // A start on a flank stays there: moved off it, it would have an event more or less.
         let reach = if problem.start.jump.pinned.is_empty() { sizes[0] } else { 0.0 };
-        let start = problem.structure.start(problem.start.at, &moved(q, reach, 0), &moved(v, sizes[1], n))?;
+        let start = problem.structure().start(problem.start.at, &moved(q, reach, 0), &moved(v, sizes[1], n))?;
         let mut x = start.x;
         x[2 * n..].copy_from_slice(&problem.start.x[2 * n..]);
         let state = State { at: problem.start.at, x, jump: start.jump };
-        let other = pass(problem, state, problem.cycles, 1, None)?.passages.found;
+        let other = pass(problem, state, problem.cycles, 1, None)?.0.found;
         let (matched, missed, spurious) = pairs(found, &other, problem.period, all);
         rises.extend(matched.iter().map(|(a, b)| (a.t, (a.t - b.t).abs() / (NEAR * problem.period))));
         if missed + spurious > 0 {

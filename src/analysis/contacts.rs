@@ -118,7 +118,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
     }
 
     /// The piece `[a, b]` of a step.
-    fn piece(&mut self, mode: Mode, step: &dyn DenseStep, a: f64, b: f64, measured: bool) {
+    fn piece(&mut self, mode: &Mode, step: &dyn DenseStep, a: f64, b: f64, measured: bool) {
         let Self { system, clock, rule, nodes, x, tracks, .. } = self;
         let count = rule.nodes.len();
         let at_theta = |theta: f64, x: &mut [f64]| {
@@ -192,7 +192,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
     /// Contact `j` at an instant.
     fn follow(&mut self, j: usize, record: &EventRecord, measured: bool) {
         let system = self.system;
-        let (before, after) = (system.contact_mode(j, record.from), system.contact_mode(j, record.to));
+        let (before, after) = (system.contact_mode(j, &record.from), system.contact_mode(j, &record.to));
         let (_, rate) = system.deflection(j, record.at, &record.x_minus);
         if self.tracks[j].spell.is_none() {
             self.begin(j, before, record.at);
@@ -236,8 +236,8 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
             }
             None if before.is_closed() && !after.is_closed() => {
                 let release = -before.side() * rate;
-                let dropped = system.stored(j, record.from, record.at, &record.x_minus)
-                    - system.stored(j, record.to, record.at, &record.x_minus);
+                let dropped = system.stored(j, &record.from, record.at, &record.x_minus)
+                    - system.stored(j, &record.to, record.at, &record.x_minus);
                 let track = &mut self.tracks[j];
                 if let Some(mut spell) = track.spell.take() {
                     spell.lost.add(dropped);
@@ -310,7 +310,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
 }
 
 impl<S: HybridSystem + ContactView + ?Sized> Observer for Contacts<'_, S> {
-    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         for j in 0..self.tracks.len() {
             if self.tracks[j].spell.is_none() {
                 self.begin(j, self.system.contact_mode(j, mode), step.start());

@@ -162,7 +162,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFl
 
     fn contact(&self, j: usize, kind: Kind, record: &EventRecord) -> ContactEvent {
         let s = self.system;
-        let (before, after) = (s.contact_mode(j, record.from), s.contact_mode(j, record.to));
+        let (before, after) = (s.contact_mode(j, &record.from), s.contact_mode(j, &record.to));
         let (deflection, rate) = s.deflection(j, record.at, &record.x_minus);
         // At rest on a flank just struck, the flank is the one after.
         let side = if s.is_rigid(j) { flank_side(s, j, record, before, after) } else { 0.0 };
@@ -204,7 +204,7 @@ fn flank_side<S: ContactView + ?Sized>(
 
 /// What happened to contact `j`: up to two things (an impact that comes to rest at once).
 fn kinds<S: ContactView + ?Sized>(s: &S, j: usize, record: &EventRecord) -> [Option<Kind>; 2] {
-    let (before, after) = (s.contact_mode(j, record.from), s.contact_mode(j, record.to));
+    let (before, after) = (s.contact_mode(j, &record.from), s.contact_mode(j, &record.to));
     let fired = |flank: bool| {
         record.fired.iter().map(|id| s.watch(id)).any(|(k, watch)| k == j && (watch.side() != 0.0 || !flank))
     };
@@ -238,7 +238,7 @@ fn start(record: &EventRecord, on_flank: bool) -> Option<Kind> {
 }
 
 impl<S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFlow<()>> Observer for EventLog<'_, S, F> {
-    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         self.contacts.step(mode, step, until)
     }
 

@@ -95,7 +95,7 @@ impl Balance {
     }
 
     /// Whether the residual is more than the rounding of the throughput and of `energy`, J
-    /// ([`Structure::rounded_energy`](crate::train::Structure::rounded_energy)).
+    /// ([`Structure::rounded_energy`](crate::system::Structure::rounded_energy)).
     #[must_use]
     pub fn is_open(&self, energy: f64, steps: u64) -> bool {
         self.residual.abs() > Self::rounding(steps) * (self.throughput + energy)
@@ -164,7 +164,7 @@ impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {
 }
 
 impl<S: HybridSystem + PowerBalance + ?Sized> Observer for Ledger<'_, S> {
-    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         if self.start.is_none() {
             step.state(0.0, &mut self.x);
             let energy = self.system.energy(mode, step.start(), &self.x);
@@ -200,7 +200,7 @@ impl<S: HybridSystem + PowerBalance + ?Sized> Observer for Ledger<'_, S> {
             return ControlFlow::Continue(());
         }
         if self.start.is_none() {
-            self.start = Some(self.system.energy(record.from, record.at, &record.x_minus));
+            self.start = Some(self.system.energy(&record.from, record.at, &record.x_minus));
         }
         let jump = self.system.energy_jump(&record.transition());
         let t = &mut self.totals;
@@ -211,7 +211,7 @@ impl<S: HybridSystem + PowerBalance + ?Sized> Observer for Ledger<'_, S> {
             column.add(w);
             t.flows.add(w.abs());
         }
-        self.arrive(self.system.energy(record.to, record.at, &record.x_plus));
+        self.arrive(self.system.energy(&record.to, record.at, &record.x_plus));
         ControlFlow::Continue(())
     }
 }

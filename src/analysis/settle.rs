@@ -1,9 +1,6 @@
 //! When a transient is over: the section decides, not a count of cycles.
 
-use std::{
-    collections::VecDeque,
-    sync::atomic::{AtomicBool, Ordering},
-};
+use std::collections::VecDeque;
 
 use serde::{Deserialize, Serialize};
 
@@ -11,6 +8,7 @@ use super::Window;
 use crate::{
     engine::{Engine, EngineError, Observer, Outcome},
     hybrid::{Clock, Instant},
+    task::Task,
 };
 
 /// When a motion counts as periodic.
@@ -181,7 +179,7 @@ impl Sections {
 /// Runs `engine` from the start of cycle to the start of cycle until its motion is periodic, by the rule given, or until
 /// the cycles allowed are spent. `freedoms` is the number n of displacements: the state is `(q, q̇, latched)`.
 ///
-/// Returns `None` if the run was broken off: by `interrupted`, by the observer or by the engine's own event budget.
+/// Returns `None` if the run was broken off: by `task`, by the observer or by the engine's own event budget.
 ///
 /// # Errors
 /// [`EngineError`] of the run.
@@ -191,7 +189,7 @@ pub fn settle(
     freedoms: usize,
     rule: &Settling,
     observer: &mut dyn Observer,
-    interrupted: &AtomicBool,
+    task: Task<'_>,
 ) -> Result<Option<Settled>, EngineError> {
     let mut sections = Sections::new(freedoms, clock.omega(), rule.longest_period.max(1));
     let first = engine.state().at;
@@ -200,7 +198,7 @@ pub fn settle(
     let mut halfway = f64::INFINITY;
     let mut settled = Settled { distance: f64::INFINITY, ..Settled::default() };
     loop {
-        if engine.run(clock.at(next, 0.0), observer)? != Outcome::ReachedEnd || interrupted.load(Ordering::Relaxed) {
+        if engine.run(clock.at(next, 0.0), observer)? != Outcome::ReachedEnd || task.is_cancelled() {
             return Ok(None);
         }
         if let Some((period, distance)) = sections.take(&engine.state().x, rule.tolerance) {

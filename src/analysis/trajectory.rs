@@ -35,7 +35,7 @@ pub struct Sample<'a> {
     /// Time, s, rounded to a double.
     pub t: f64,
     /// Mode.
-    pub mode: Mode,
+    pub mode: &'a Mode,
     /// State, `[dim]`.
     pub x: &'a [f64],
 }
@@ -88,7 +88,7 @@ impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
         }
     }
 
-    fn emit(&mut self, at: Instant, mode: Mode) -> ControlFlow<()> {
+    fn emit(&mut self, at: Instant, mode: &Mode) -> ControlFlow<()> {
         let sample = Sample { index: self.emitted, at, t: self.clock.time(at).value(), mode, x: &self.x };
         self.emitted += 1;
         self.number += 1;
@@ -99,14 +99,14 @@ impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Trajectory<F> {
     pub fn finish(&mut self, state: &State) -> ControlFlow<()> {
         while let Some(at) = self.due().filter(|at| self.clock.between(*at, state.at) >= 0.0) {
             self.x.copy_from_slice(&state.x);
-            self.emit(at, state.jump.mode)?;
+            self.emit(at, &state.jump.mode)?;
         }
         ControlFlow::Continue(())
     }
 }
 
 impl<F: FnMut(&Sample<'_>) -> ControlFlow<()>> Observer for Trajectory<F> {
-    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let span = step.time(until);
         // A sample exactly at the end belongs to what follows: the state after an event there.
         while let Some(at) = self.due() {

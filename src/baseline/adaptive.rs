@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     gear::contact::Law,
-    hybrid::{Clock, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, VectorField},
+    hybrid::{Clock, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, VectorField},
     integrate::{Arc, DenseStep, Diffsol, IntegrateError, Integrator, Method},
 };
 
@@ -27,7 +27,7 @@ struct Scratch {
 }
 
 impl VectorField for Through<'_> {
-    fn eval(&self, _: Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]) {
+    fn eval(&self, _: &Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]) {
         let Scratch { forcing, moment, force, touches, evaluations } = &mut *self.scratch.borrow_mut();
         *evaluations += 1;
         forcing.at(self.model, self.model.clock.advance(base, t), moment);
@@ -38,7 +38,7 @@ impl VectorField for Through<'_> {
         self.model.accelerations(moment, q, v, force.iter().copied(), dv);
     }
 
-    fn jac_mul(&self, _: Mode, base: Instant, t: f64, x: &[f64], y: &[f64], jv: &mut [f64]) {
+    fn jac_mul(&self, _: &Mode, base: Instant, t: f64, x: &[f64], y: &[f64], jv: &mut [f64]) {
         let Scratch { forcing, moment, touches, .. } = &mut *self.scratch.borrow_mut();
         forcing.at(self.model, self.model.clock.advance(base, t), moment);
         let n = self.model.n;
@@ -65,20 +65,20 @@ impl HybridSystem for Through<'_> {
     fn clock(&self) -> &Clock {
         &self.model.clock
     }
-    fn flow(&self) -> Flow<'_> {
-        Flow::Smooth(self)
+    fn field(&self) -> &dyn VectorField {
+        self
     }
-    fn guards(&self, _: Mode, out: &mut Vec<Guard>) {
+    fn guards(&self, _: &Mode, out: &mut Vec<GuardId>) {
         out.clear();
     }
-    fn guard(&self, _: Mode, _: GuardId, _: Instant, _: &[f64]) -> f64 {
+    fn guard(&self, _: &Mode, _: GuardId, _: Instant, _: &[f64]) -> f64 {
         1.0
     }
-    fn jump(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64], _: &mut [f64]) -> Result<Jump, ModelError> {
-        Ok(*from)
+    fn jump(&self, from: &Jump, _: &GuardSet, _: Instant, _: &mut [f64], _: &mut [f64]) -> Result<Jump, ModelError> {
+        Ok(from.clone())
     }
-    fn settle(&self, from: &Jump, _: GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
-        Ok(*from)
+    fn settle(&self, from: &Jump, _: &GuardSet, _: Instant, _: &mut [f64]) -> Result<Jump, ModelError> {
+        Ok(from.clone())
     }
 }
 
@@ -117,8 +117,18 @@ pub fn adaptive(
     let mut counters = Counters::default();
     let start: Vec<f64> = q.iter().chain(v).copied().collect();
     let bound = model.clock.advance(grid.from, grid.steps as f64 * grid.step);
-    let (mode, none) = (Mode::default(), GuardSet::EMPTY);
-    let arc = Arc { mode, at: grid.from, x: &start, low: &[], carried: &[], pinned: none, still: none, bound };
+    let (mode, none) = (Mode::default(), GuardSet::default());
+    let arc = Arc {
+        mode: &mode,
+        motion: None,
+        at: grid.from,
+        x: &start,
+        low: &[],
+        carried: &[],
+        pinned: &none,
+        still: &none,
+        bound,
+    };
     let mut integrator = Diffsol::new(
         match solver {
             Solver::Explicit => Method::Explicit,

@@ -172,10 +172,6 @@ impl GeneralisedAlpha {
 }
 
 impl Stepper for GeneralisedAlpha {
-    fn strides(&self) -> u32 {
-        1
-    }
-
     fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, counters: &mut Counters) {
         let Alpha { mass, force, beta, gamma } = self.alpha;
         if !self.started || force != 0.0 {

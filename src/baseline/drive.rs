@@ -2,6 +2,8 @@
 
 use std::ops::ControlFlow;
 
+use serde::Serialize;
+
 use super::{Method, Penalty, Point, forcing::Forcing};
 use crate::hybrid::Instant;
 
@@ -17,7 +19,7 @@ pub struct Grid {
 }
 
 /// Work done.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counters {
     /// Steps.
     pub steps: u64,
@@ -58,14 +60,12 @@ pub trait Watch {
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()>;
 }
 
-/// Watches nothing.
 impl Watch for () {
     fn sample(&mut self, _: &Sample<'_>) -> ControlFlow<()> {
         ControlFlow::Continue(())
     }
 }
 
-/// Both watch.
 impl<A: Watch, B: Watch> Watch for (A, B) {
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
         self.0.sample(sample)?;
@@ -82,7 +82,9 @@ impl<T: Watch + ?Sized> Watch for &mut T {
 /// A fixed-step method: from the point at the start of a step to coordinates and velocities at its end.
 pub(super) trait Stepper {
     /// Strides of the forcing in a step: 2 where its middle is used.
-    fn strides(&self) -> u32;
+    fn strides(&self) -> u32 {
+        1
+    }
     /// One step of length h. Leaves `point.moment` at the end of the step.
     fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, counters: &mut Counters);
 }

@@ -16,10 +16,6 @@ impl SemiImplicitEuler {
 }
 
 impl Stepper for SemiImplicitEuler {
-    fn strides(&self) -> u32 {
-        1
-    }
-
     fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, _: &mut Counters) {
         model.accelerations(&point.moment, &point.q, &point.v, point.forces(), &mut self.a);
         for ((q, v), a) in point.q.iter_mut().zip(&mut point.v).zip(&self.a) {

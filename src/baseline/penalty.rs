@@ -12,7 +12,7 @@ use crate::{
         contact::{Law, Release},
     },
     hybrid::{Clock, Instant},
-    train::{Flanks, Structure},
+    system::{Flanks, Structure},
 };
 
 /// A contact without modes.
@@ -245,23 +245,12 @@ impl Penalty {
         }
     }
 
-    /// A point at rest in nothing: the sizes are right, the values zero.
-    fn blank(&self) -> Point {
-        let initial = |c: &Contact| if let Law::Power(l) = c.law { l.initial_speed } else { 0.0 };
-        Point {
-            q: vec![0.0; self.n],
-            v: vec![0.0; self.n],
-            contacts: self.contacts.iter().map(|c| Touch { latch: initial(c), ..Touch::default() }).collect(),
-            moment: self.moment(),
-        }
-    }
-
     /// The point with coordinates `q` and velocities `v`, `[n]` each, at an instant, as a run that starts there sees it.
     #[must_use]
     pub fn point(&self, at: Instant, q: &[f64], v: &[f64]) -> Point {
-        let mut point = self.blank();
-        point.q.copy_from_slice(q);
-        point.v.copy_from_slice(v);
+        let initial = |c: &Contact| if let Law::Power(l) = c.law { l.initial_speed } else { 0.0 };
+        let contacts = self.contacts.iter().map(|c| Touch { latch: initial(c), ..Touch::default() }).collect();
+        let mut point = Point { q: q.to_vec(), v: v.to_vec(), contacts, moment: self.moment() };
         Forcing::new(self, at, 0.0).moment(self, &mut point.moment);
         // A start beyond a flank latches nothing: the scene says with which speed contact began.
         for ((c, forced), touch) in self.contacts.iter().zip(&point.moment.contacts).zip(&mut point.contacts) {

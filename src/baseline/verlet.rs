@@ -23,10 +23,6 @@ impl Verlet {
 }
 
 impl Stepper for Verlet {
-    fn strides(&self) -> u32 {
-        1
-    }
-
     fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, counters: &mut Counters) {
         model.accelerations(&point.moment, &point.q, &point.v, point.forces(), &mut self.a);
         for (k, predicted) in self.predicted.iter_mut().enumerate() {

@@ -3,7 +3,9 @@
 use std::{path::PathBuf, time::Instant};
 
 use flank::{
-    output::Request,
+    Task,
+    accuracy::median,
+    plot::{REPORT, figure_files, write_figure},
     study::{
         StudyError,
         advise::{Advice, Plan, Rung, figures},
@@ -14,15 +16,7 @@ use flank::{
 use serde::Serialize;
 use serde_json::json;
 
-use super::{
-    CliError, Done,
-    compare::median,
-    print,
-    progress::{catch_interrupt, counting, interrupt, interrupted},
-    session::read,
-    study::{REPORT, forms, write},
-    table::Table,
-};
+use super::{CliError, Done, print, progress::counted, read_scene, report_line, request};
 
 /// Arguments of `flank advise`.
 #[derive(Debug, clap::Args)]
@@ -75,31 +69,26 @@ const STEPS: f64 = 4_000.0;
 
 /// Advises.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let plan = Plan::new(&read(arguments.scene.as_deref())?)?;
+    let plan = Plan::new(&read_scene(arguments.scene.as_deref())?)?;
     // Refused before anything is run, made when there is something to write.
-    let figures = ["rungs", "freedoms"].into_iter().flat_map(forms);
+    let figures = ["rungs", "freedoms"].into_iter().flat_map(figure_files);
     let files = figures.chain([TABLE, ADVICE, TIMING, REPORT].map(String::from)).collect();
-    let (input, force) = (arguments.scene.as_deref(), arguments.force);
-    let request = arguments.out.as_deref().map(|folder| Request { folder, command: "advise", input, force, files });
-    request.as_ref().map(Request::check).transpose()?;
-    catch_interrupt();
-    let bar = counting("models", arguments.quiet);
-    bar.set_length(plan.runs() as u64);
-    let done = || bar.inc(1);
-    let context = Context { rule: Rule::default(), interrupted: interrupt(), done: &done };
-    let found = plan.advice(&context, arguments.tolerance);
-    bar.finish_and_clear();
-    let stopped = || print("interrupted: nothing was written\n").map(|()| Done::Partly);
-    let advice = match found {
-        Err(StudyError::Interrupted) => return stopped(),
+    let (out, scene) = (arguments.out.as_deref(), arguments.scene.as_deref());
+    let request = request(out, "advise", scene, arguments.force, files)?;
+    let found = counted(plan.runs(), 0, "models", arguments.quiet, |task| {
+        let advice = plan.advice(&Context { rule: Rule::default(), task }, arguments.tolerance)?;
+        let timing = timing(&advice, task)?;
+        Ok((advice, timing))
+    });
+    let (advice, timing) = match found {
+        Err(StudyError::Interrupted) => return print("interrupted: nothing was written\n").map(|()| Done::Partly),
         found => found?,
     };
-    let Some(timing) = timing(&advice)? else { return stopped() };
 
     if let Some(request) = &request {
         let mut folder = request.open()?;
         for figure in [figures::rungs(&advice), figures::freedoms(&advice)].into_iter().flatten() {
-            write(&mut folder, &figure)?;
+            write_figure(&mut folder, &figure)?;
         }
         folder.bytes(TABLE, advice.csv().as_bytes())?;
         folder.complete(ADVICE, &json!({ "flank": env!("CARGO_PKG_VERSION"), "advice": advice }))?;
@@ -107,11 +96,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         folder.bytes(REPORT, advice.report(env!("CARGO_PKG_VERSION")).html().as_bytes())?;
     }
     if !arguments.quiet {
-        let mut text = text(&advice, &timing);
-        if let Some(out) = &arguments.out {
-            text += &format!("\nreport: {}\n", out.join(REPORT).display());
-        }
-        print(&text)?;
+        let report = if out.is_some() { "\n".to_owned() + &report_line(out) } else { String::new() };
+        print(&(text(&advice, &timing) + &report))?;
     }
     Ok(Done::Completely)
 }
@@ -124,15 +110,15 @@ fn timed(advice: &Advice) -> Vec<&Rung> {
     models
 }
 
-/// Times a forcing cycle of every model, the models in turn; none if interrupted.
-fn timing(advice: &Advice) -> Result<Option<Timing>, CliError> {
+/// Times a forcing cycle of every model, the models in turn.
+fn timing(advice: &Advice, task: Task<'_>) -> Result<Timing, StudyError> {
     let models = timed(advice);
     let cycles = |rung: &Rung| (STEPS / rung.motion.work.steps.max(1.0)).clamp(4.0, 1_000.0) as u64;
     let mut seconds = vec![Vec::new(); models.len()];
     for _ in 0..REPETITIONS {
         for (rung, seconds) in models.iter().zip(&mut seconds) {
-            if interrupted() {
-                return Ok(None);
+            if task.is_cancelled() {
+                return Err(StudyError::Interrupted);
             }
             let start = Instant::now();
             rung.advance(cycles(rung))?;
@@ -145,7 +131,7 @@ fn timing(advice: &Advice) -> Result<Option<Timing>, CliError> {
         cycle_s: median(seconds),
     };
     let models = models.iter().zip(seconds).map(timed).collect();
-    Ok(Some(Timing { repetitions: REPETITIONS, models }))
+    Ok(Timing { repetitions: REPETITIONS, models })
 }
 
 fn text(advice: &Advice, timing: &Timing) -> String {
@@ -157,10 +143,10 @@ fn text(advice: &Advice, timing: &Timing) -> String {
     for (row, timed) in models.rows.iter_mut().zip(&timing.models) {
         row[place] = format!("{:.1}", 1e6 * timed.cycle_s);
     }
-    text += &format!("{}\n", Table::new(models.head).with(models.rows));
+    text += &format!("{models}\n");
     let freedoms = advice.freedoms_table();
     if freedoms.rows.len() > 1 {
-        text += &format!("{}\n", Table::new(freedoms.head).with(freedoms.rows));
+        text += &format!("{freedoms}\n");
     }
     for line in advice.verdicts() {
         text += &wrapped(&line);

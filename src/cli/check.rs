@@ -3,19 +3,18 @@
 use std::{fmt::Write, path::PathBuf};
 
 use flank::{
+    Simulation,
     gear::contact::{Law, Release},
     hybrid::{HybridSystem, Mode},
     integrate::PerMode,
     linalg::multiplicities,
+    output::{Table, five_digits as number},
     scene::Duration,
-    train::{ContactMode, ContactSpec, Flanks, bonded_modes, with_contact},
+    system::{ContactMode, ContactSpec, Flanks, contact_mode, set_contact},
+    train::bonded_modes,
 };
 
-use super::{
-    CliError, geometry, print,
-    session::Session,
-    table::{Table, number},
-};
+use super::{CliError, geometry, open, print};
 
 /// Arguments of `flank check`.
 #[derive(Debug, clap::Args)]
@@ -31,32 +30,31 @@ const SAME: f64 = 1e-9;
 
 /// Shows what a scene builds.
 pub fn execute(arguments: &Arguments) -> Result<(), CliError> {
-    let session = Session::open(arguments.scene.as_deref())?;
-    let (engine, why) = session.engine(u64::MAX)?;
-    drop(engine);
-    print(&text(&session, &why).unwrap_or_default())
+    let simulation = open(arguments.scene.as_deref())?;
+    let start = simulation.start()?;
+    let (_, why) = simulation.limited(start.clone(), u64::MAX)?;
+    print(&text(&simulation, &start.jump.mode, &why).unwrap_or_default())
 }
 
-fn text(session: &Session, why: &str) -> Result<String, std::fmt::Error> {
+fn text(simulation: &Simulation, start: &Mode, why: &str) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
-    let (spec, s) = (session.case.structure.spec(), session.unit("s"));
-    let kind = session.scene.resolved()["train"]["kind"].as_str().unwrap_or_default();
-    writeln!(out, "{}  ({kind})", session.scene.name())?;
-    writeln!(out, "  scene {}", session.scene.hash())?;
+    let (spec, s) = (simulation.structure.spec(), simulation.unit("s"));
+    writeln!(out, "{}  ({})", simulation.name, simulation.kind())?;
+    writeln!(out, "  scene {}", simulation.hash().unwrap_or_default())?;
     writeln!(out, "  freedoms: {}", spec.freedoms.join(" "))?;
-    writeln!(out, "  state: {} numbers, latched speeds included", session.case.structure.dim())?;
-    let run = &session.case.built.run;
+    writeln!(out, "  state: {} numbers, latched speeds included", simulation.structure.dim())?;
+    let run = &simulation.settings;
     let length = match run.duration {
         Duration::Cycles(n) => format!("{n} cycles, the first {} not measured", run.transient_cycles),
         Duration::Until(end) => format!("until t = {end} {s}"),
     };
     let period = run.period.map_or("none".to_owned(), |p| format!("{} {s}", number(p)));
     writeln!(out, "  run: {length}; cycle {period}")?;
-    contacts(&mut out, session)?;
-    let mut warnings: Vec<String> = session.case.built.warnings.iter().map(ToString::to_string).collect();
-    frequencies(&mut out, session, &mut warnings)?;
-    out.push_str(&geometry::text(&session.scene)?);
-    integrators(&mut out, session, why)?;
+    contacts(&mut out, simulation, start)?;
+    let mut warnings: Vec<String> = simulation.warnings.iter().map(ToString::to_string).collect();
+    frequencies(&mut out, simulation, &mut warnings)?;
+    out.push_str(&geometry::text(simulation.resolved(), &simulation.meshes)?);
+    integrators(&mut out, simulation, start, why)?;
     writeln!(out)?;
     if warnings.is_empty() {
         writeln!(out, "No warnings")?;
@@ -89,27 +87,21 @@ fn automaton(contact: &ContactSpec) -> (&'static str, String, String) {
     }
 }
 
-fn contacts(out: &mut String, session: &Session) -> std::fmt::Result {
-    let spec = session.case.structure.spec();
+fn contacts(out: &mut String, simulation: &Simulation, start: &Mode) -> std::fmt::Result {
+    let spec = simulation.structure.spec();
     writeln!(out, "\nContacts, delta positive towards the drive flank")?;
-    let mut table = Table::new(&["contact", "law", "b", "mean stiffness", "modes", "guards", "starts"]);
-    for (j, contact) in spec.contacts.iter().enumerate() {
+    let rows = spec.contacts.iter().enumerate().map(|(j, contact)| {
         let (law, modes, guards) = automaton(contact);
-        table.row(vec![
-            contact.name.clone(),
-            law.to_owned(),
-            number(contact.half_backlash),
-            number(contact.stiffness.mean()),
-            modes,
-            guards,
-            flank::train::contact_mode(session.start.jump.mode, j).name().to_owned(),
-        ]);
-    }
-    write!(out, "{table}")
+        let [b, stiffness] = [contact.half_backlash, contact.stiffness.mean()].map(number);
+        let state = contact_mode(start, j).name().to_owned();
+        vec![contact.name.clone(), law.to_owned(), b, stiffness, modes, guards, state]
+    });
+    let head = ["contact", "law", "b", "mean stiffness", "modes", "guards", "starts"];
+    write!(out, "{}", Table::new(head).with(rows))
 }
 
-fn frequencies(out: &mut String, session: &Session, warnings: &mut Vec<String>) -> std::fmt::Result {
-    let spec = session.case.structure.spec();
+fn frequencies(out: &mut String, simulation: &Simulation, warnings: &mut Vec<String>) -> std::fmt::Result {
+    let spec = simulation.structure.spec();
     let modes = match bonded_modes(spec) {
         Ok(modes) => modes,
         Err(error) => {
@@ -117,8 +109,8 @@ fn frequencies(out: &mut String, session: &Session, warnings: &mut Vec<String>) 
             return Ok(());
         }
     };
-    let unit = if session.case.built.dimensionless { "rad per unit of time" } else { "Hz" };
-    let values = if session.case.built.dimensionless { modes.omega.clone() } else { modes.hertz() };
+    let unit = if simulation.dimensionless { "rad per unit of time" } else { "Hz" };
+    let values = if simulation.dimensionless { modes.omega.clone() } else { modes.hertz() };
     writeln!(out, "\nNatural frequencies, every contact closed at its mean stiffness, {unit}")?;
     if spec.contacts.iter().any(|c| matches!(c.law, Law::Power(_) | Law::Rigid(_))) {
         writeln!(out, "  (laws that are not linear are taken at stiffness K: an order of magnitude at best)")?;
@@ -129,7 +121,7 @@ fn frequencies(out: &mut String, session: &Session, warnings: &mut Vec<String>) 
     });
     writeln!(out, "  {}", words.collect::<Vec<_>>().join(", "))?;
     let highest = modes.omega.iter().copied().fold(0.0, f64::max);
-    let forcing = session.case.structure.clock().omega();
+    let forcing = simulation.structure.clock().omega();
     if forcing > 0.0 && highest > STIFF * forcing {
         let ratio = number(highest / forcing);
         warnings.push(format!("the highest natural frequency is {ratio} times the forcing frequency: steps are short"));
@@ -137,27 +129,27 @@ fn frequencies(out: &mut String, session: &Session, warnings: &mut Vec<String>) 
     Ok(())
 }
 
-fn integrators(out: &mut String, session: &Session, why: &str) -> std::fmt::Result {
-    let structure = &session.case.structure;
+fn integrators(out: &mut String, simulation: &Simulation, start: &Mode, why: &str) -> std::fmt::Result {
+    let structure = &simulation.structure;
     writeln!(out, "\nIntegrator\n  {why}")?;
     let count = structure.contacts().len();
-    let set = |state| (0..count).fold(session.start.jump.mode, |mode, j| with_contact(mode, j, state));
+    let set = |state| {
+        let mut mode = start.clone();
+        (0..count).for_each(|j| set_contact(&mut mode, j, state));
+        mode
+    };
     let modes: [(&str, Mode); 3] = [
-        ("at the start", session.start.jump.mode),
+        ("at the start", start.clone()),
         ("every contact open", set(ContactMode::Separated)),
         ("every contact on its drive flank", set(ContactMode::Drive)),
     ];
-    let [from, _, end] = session.instants;
-    let mut table = Table::new(&["mode", "fastest decay 1/s", "fastest oscillation rad/s", "stiff"]);
-    for (name, mode) in modes {
-        let rates = structure.rates(mode).unwrap_or_default();
-        let stiff = PerMode::is_stiff(structure, mode, structure.clock().between(from, end));
-        table.row(vec![
-            name.to_owned(),
-            number(rates.damped),
-            number(rates.oscillating),
-            if stiff { "yes" } else { "no" }.to_owned(),
-        ]);
-    }
-    write!(out, "{table}")
+    let [from, _, end] = simulation.instants();
+    let rows = modes.into_iter().map(|(name, mode)| {
+        let rates = structure.rates(&mode).unwrap_or_default();
+        let stiff = PerMode::is_stiff(structure, &mode, structure.clock().between(from, end));
+        let stiff = if stiff { "yes" } else { "no" };
+        vec![name.to_owned(), number(rates.damped), number(rates.oscillating), stiff.to_owned()]
+    });
+    let head = ["mode", "fastest decay 1/s", "fastest oscillation rad/s", "stiff"];
+    write!(out, "{}", Table::new(head).with(rows))
 }

@@ -1,22 +1,19 @@
 //! `flank compare`.
 
 use std::{
-    path::PathBuf,
-    time::{Duration, Instant as Stopwatch},
+    path::{Path, PathBuf},
+    time::Instant,
 };
 
 use flank::{
-    accuracy::{AccuracyError, Contender, Kind, Problem, Row, Setting, Truth, score},
-    output::Request,
-    scene::Duration as Length,
+    accuracy::{AccuracyError, Contender, ContenderSummary, Kind, Problem, WorkPrecision},
+    simulation::SimulationError,
 };
 
 use super::{
-    CliError, Done,
-    comparison::{Comparison, Time},
-    print,
-    progress::{catch_interrupt, counting, interrupted},
-    session::Session,
+    CliError, Done, open, print,
+    progress::{catch_interrupt, counted},
+    report_line, request,
 };
 
 /// Arguments of `flank compare`.
@@ -56,91 +53,31 @@ fn growth(word: &str) -> Result<f64, String> {
 
 /// What is compared if nobody says.
 const USUAL: [&str; 8] = ["flank", "rk4", "rk4+cubic", "newmark", "verlet", "euler", "tsit45", "bdf"];
-/// Cycles if nobody says.
-const CYCLES: u64 = 50;
-/// Flank is run so long in each repetition that a clock can tell.
-const MEASURABLE: Duration = Duration::from_millis(3);
-/// One setting is not timed longer than this, repetitions and all.
-const PATIENCE: Duration = Duration::from_secs(6);
 
 /// Compares methods on a scene.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let session = Session::open(arguments.scene.as_deref())?;
-    let problem = problem(&session, arguments.cycles);
+    let simulation = open(arguments.scene.as_deref())?;
+    let problem = Problem::new(&simulation, arguments.cycles).map_err(SimulationError::from)?;
     let contenders = contenders(arguments, &problem)?;
-    let (input, force, files) = (arguments.scene.as_deref(), arguments.force, Comparison::files());
-    let request = arguments.out.as_deref().map(|folder| Request { folder, command: "compare", input, force, files });
-    request.as_ref().map(Request::check).transpose()?;
+    let (out, scene) = (arguments.out.as_deref(), arguments.scene.as_deref());
+    let request = request(out, "compare", scene, arguments.force, WorkPrecision::files())?;
     catch_interrupt();
 
-    let truth = Truth::find(&problem, arguments.growth)?;
-    let cycles = truth.window.cycles;
-    let plan: Vec<(&Contender, Setting)> = contenders
-        .iter()
-        .flat_map(|c| c.settings(cycles, arguments.most_steps).into_iter().map(move |s| (c, s)))
-        .collect();
-    if let Some(idle) = contenders.iter().find(|c| !plan.iter().any(|(p, _)| p.name == c.name)) {
-        let problem = format!(
-            "no run of {cycles} cycles fits into --most-steps {}: allow {} or more",
-            arguments.most_steps,
-            47 * cycles
-        );
-        return Err(AccuracyError::Word { word: idle.name.clone(), problem }.into());
+    let mut found = WorkPrecision::new(&problem, &contenders, arguments.growth, arguments.most_steps)?;
+    let start = Instant::now();
+    let clock = || start.elapsed().as_secs_f64();
+    let (runs, repetitions) = (found.runs(), arguments.repetitions);
+    if !counted(runs, 0, "runs", arguments.quiet, |task| found.run(repetitions, &clock, task))? {
+        return print("interrupted: nothing was written\n").map(|()| Done::Partly);
     }
-    let bar = counting("runs", arguments.quiet);
-    bar.set_length(plan.len() as u64);
-    let (mut rows, mut times, mut stopped) = (Vec::new(), Vec::new(), Vec::new());
-    for (contender, setting) in plan {
-        if interrupted() {
-            bar.finish_and_clear();
-            return print("interrupted: nothing was written\n").map(|()| Done::Partly);
-        }
-        let run = contender.perform(&problem, cycles, setting)?;
-        let score = score(&truth, &run, problem.period);
-        stopped.push(run.stopped);
-        rows.push(Row { contender, setting, score, work: run.work });
-        times.push(time(contender, setting, &problem, cycles, arguments.repetitions)?);
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
-
-    let comparison = Comparison {
-        session: &session,
-        problem: &problem,
-        truth: &truth,
-        rows: &rows,
-        times: &times,
-        stopped: &stopped,
-    };
-    let summaries = comparison.summaries(&contenders);
+    let summaries = found.summaries();
     if let Some(request) = &request {
-        comparison.write(&mut request.open()?, &summaries)?;
+        found.write(&mut request.open()?, &summaries)?;
     }
     if !arguments.quiet {
-        print(&comparison.text(&summaries, arguments.out.as_deref()))?;
+        print(&text(&simulation.name, &found, &summaries, out))?;
     }
     Ok(Done::Completely)
-}
-
-fn problem(session: &Session, cycles: Option<u64>) -> Problem<'_> {
-    let run = &session.case.built.run;
-    let clock = session.case.clock();
-    let [from, _, end] = session.instants;
-    let span = clock.between(from, end);
-    let period = run.period.or_else(|| clock.period().map(|t| t.value())).unwrap_or(span);
-    let own = match run.duration {
-        Length::Cycles(n) => n,
-        // OK to convert: whole cycles within the run.
-        Length::Until(_) => ((span / period * (1.0 + 1e-12)).floor() as u64).max(1),
-    };
-    Problem {
-        structure: &session.case.structure,
-        start: session.start.clone(),
-        period,
-        cycles: cycles.unwrap_or(own.min(CYCLES)),
-        choice: run.method,
-        tolerance: run.tolerance,
-    }
 }
 
 fn contenders(arguments: &Arguments, problem: &Problem<'_>) -> Result<Vec<Contender>, CliError> {
@@ -155,7 +92,7 @@ fn contenders(arguments: &Arguments, problem: &Problem<'_>) -> Result<Vec<Conten
     for word in words {
         match Contender::parse(word) {
             Ok(contender) if found.iter().any(|c| c.name == contender.name) => {}
-            Ok(contender) if contender.applies_to(problem.structure) => found.push(contender),
+            Ok(contender) if contender.applies_to(problem.structure()) => found.push(contender),
             Ok(_) if arguments.methods.is_empty() => {}
             Ok(contender) => faults.push(AccuracyError::Word {
                 word: word.to_owned(),
@@ -172,38 +109,25 @@ fn contenders(arguments: &Arguments, problem: &Problem<'_>) -> Result<Vec<Conten
     if faults.is_empty() { Ok(found) } else { Err(CliError::Methods(faults)) }
 }
 
-fn time(
-    contender: &Contender,
-    setting: Setting,
-    problem: &Problem<'_>,
-    cycles: u64,
-    repetitions: u16,
-) -> Result<Time, CliError> {
-    let flank = Contender::parse("flank")?;
-    let once = |contender: &Contender, setting: Setting| -> Result<f64, CliError> {
-        let watch = Stopwatch::now();
-        let mut runs = 0u32;
-        while runs == 0 || watch.elapsed() < MEASURABLE {
-            contender.solve(problem, cycles, setting)?;
-            runs += 1;
-        }
-        Ok(watch.elapsed().as_secs_f64() / f64::from(runs) / cycles as f64)
-    };
-    let (mut theirs, mut ours, mut ratios) = (Vec::new(), Vec::new(), Vec::new());
-    let watch = Stopwatch::now();
-    while ratios.is_empty() || (ratios.len() < usize::from(repetitions) && watch.elapsed() < PATIENCE) {
-        let (a, b) = (once(&flank, Setting::RoundOff)?, once(contender, setting)?);
-        ours.push(a);
-        theirs.push(b);
-        ratios.push(b / a);
+fn text(name: &str, found: &WorkPrecision<'_>, summaries: &[ContenderSummary], out: Option<&Path>) -> String {
+    let mut text = format!("{name}\n\n{}\n", found.reference().join("\n"));
+    if out.is_none() {
+        text += &format!("\n{}", found.run_table());
     }
-    let repetitions = ratios.len();
-    let [seconds_per_cycle, flank_seconds_per_cycle, ratio] = [theirs, ours, ratios].map(median);
-    Ok(Time { seconds_per_cycle, flank_seconds_per_cycle, ratio, repetitions })
-}
-
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let middle = values.len() / 2;
-    if values.len().is_multiple_of(2) { 0.5 * (values[middle - 1] + values[middle]) } else { values[middle] }
+    text += "\n";
+    // Without the last column, which follows in words.
+    let mut orders = found.order_table(summaries);
+    orders.rows.iter_mut().chain([&mut orders.head]).for_each(|row| drop(row.pop()));
+    text += &format!("{orders}\n");
+    for s in summaries {
+        let order = s.order.as_ref().filter(|o| !o.reason.is_empty());
+        text += &order.map_or(String::new(), |o| format!("{} falls short of its order: {}\n", s.name, o.reason));
+    }
+    text += &(found.verdicts(summaries).join("\n") + "\n");
+    let failures = found.failures();
+    if !failures.is_empty() {
+        text += "\nFailed:\n";
+        failures.iter().for_each(|line| text += &format!("  {line}\n"));
+    }
+    if out.is_some() { text + "\n" + &report_line(out) } else { text }
 }

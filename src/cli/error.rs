@@ -4,10 +4,11 @@ use std::{fmt, path::Path, process::ExitCode};
 
 use flank::{
     accuracy::AccuracyError,
-    output::OutputError,
+    output::{Fault, OutputError},
     scene::SceneError,
+    simulation::SimulationError,
     study::{StudyError, identify::IdentifyError},
-    sweep::{Fault, GridError, SweepError},
+    sweep::{GridError, SweepError},
 };
 use miette::Diagnostic;
 
@@ -34,41 +35,49 @@ pub enum CliError {
     #[error("{0}")]
     #[diagnostic(help("{1}"))]
     Sweep(SweepError, &'static str),
-    /// The study, or a single run, cannot be made, fails, or does not agree with its check.
+    /// A simulation cannot be made, fails, or contradicts itself.
     #[error("{0}")]
-    Study(StudyError, #[help] Option<&'static str>),
+    Simulation(SimulationError, #[help] Option<&'static str>),
+    /// A study cannot be made.
+    #[error("{0}")]
+    Study(StudyError),
     /// Methods that cannot be compared, all of them.
     #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
     Methods(Vec<AccuracyError>),
     /// The comparison cannot be made.
     #[error(transparent)]
     Accuracy(#[from] AccuracyError),
-    /// The energy ledger does not balance.
-    #[error("the energy ledger of the run is open by {closure:e} of its throughput; rounding explains {rounding:e}")]
-    #[diagnostic(help("the run is not to be trusted; please report the scene"))]
-    Energy {
-        /// Residual over throughput.
-        closure: f64,
-        /// What rounding explains.
-        rounding: f64,
-    },
-    /// A measure of the run is not a number.
-    #[error("{0} is beyond the range of double precision")]
-    #[diagnostic(help("loads, speeds or masses of the scene are too large: state them in other units"))]
-    Overflow(String),
     /// A file cannot be written.
     #[error("{0}: {1}")]
     File(String, std::io::Error),
 }
 
+impl From<SimulationError> for CliError {
+    fn from(error: SimulationError) -> Self {
+        let help = match &error {
+            SimulationError::Integrator(_) => "set run.integrator.method to \"auto\", or use a build that has it",
+            SimulationError::Verify(_) => "please report the scene; events.jsonl holds the run up to there",
+            SimulationError::Energy { .. } => "the run is not to be trusted; please report the scene",
+            SimulationError::Overflow(_) => {
+                "loads, speeds or masses of the scene are too large: state them in other units"
+            }
+            _ => "",
+        };
+        match error {
+            SimulationError::Scene(error) => error.into(),
+            SimulationError::Output(error) => error.into(),
+            SimulationError::File(name, error) => Self::file(name, error),
+            error => Self::Simulation(error, Some(help).filter(|help| !help.is_empty())),
+        }
+    }
+}
+
 impl From<StudyError> for CliError {
     fn from(error: StudyError) -> Self {
-        let help = match &error {
-            StudyError::Integrator(_) => Some("set run.integrator.method to \"auto\", or use a build that has it"),
-            StudyError::Verify(_) => Some("please report the scene; events.jsonl holds the run up to there"),
-            _ => None,
-        };
-        Self::Study(error, help)
+        match error {
+            StudyError::Simulation(error) => error.into(),
+            error => Self::Study(error),
+        }
     }
 }
 
@@ -89,7 +98,6 @@ impl From<OutputError> for CliError {
 impl From<SweepError> for CliError {
     fn from(error: SweepError) -> Self {
         let help = match &error {
-            SweepError::Occupied(path) => return OutputError::Occupied(path.clone()).into(),
             SweepError::Unfinished(_) => "write --resume to go on with it, or --force to begin anew",
             SweepError::InUse(_) => "wait for it, or name another folder with --out",
             SweepError::Mismatch { .. } => {
@@ -101,7 +109,6 @@ impl From<SweepError> for CliError {
             _ => "ask for fewer threads with --threads",
         };
         match error {
-            SweepError::File { path, source } => Self::path(&path, source),
             SweepError::Output(error) => error.into(),
             error => Self::Sweep(error, help),
         }
@@ -122,9 +129,10 @@ impl CliError {
     /// Writes the error to standard error and gives the exit code.
     pub fn report(self) -> ExitCode {
         let code = match self {
-            Self::Overflow(_) | Self::Energy { .. } | Self::File(..) | Self::Accuracy(AccuracyError::Engine(_)) => 1,
-            Self::Study(StudyError::Run(_) | StudyError::Verify(_), _) => 1,
-            Self::Study(StudyError::Budget { .. } | StudyError::Overflow(_), _) => 1,
+            Self::File(..) | Self::Accuracy(AccuracyError::Engine(_)) => 1,
+            Self::Simulation(SimulationError::Run(_) | SimulationError::Verify(_), _) => 1,
+            Self::Simulation(SimulationError::Energy { .. } | SimulationError::Overflow(_), _) => 1,
+            Self::Study(StudyError::Budget { .. } | StudyError::Overflow(_)) => 1,
             _ => 2,
         };
         eprintln!("{:?}", miette::Report::new(self));

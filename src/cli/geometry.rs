@@ -3,68 +3,25 @@
 use std::fmt::Write;
 
 use flank::{
-    gear::{BasicRack, Gear, MeshGeometry, MeshKind, phase},
-    scene::Scene,
+    gear::{MeshGeometry, phase},
+    output::{Table, five_digits as number},
 };
 use serde_json::Value;
 
-use super::table::{Table, number};
-
-/// Geometry and phases of the meshes of a scene; nothing for trains without teeth.
-pub fn text(scene: &Scene) -> Result<String, std::fmt::Error> {
-    let train = &scene.resolved()["train"];
-    match train["kind"].as_str() {
-        Some("planetary") => Ok(stage_meshes(train)? + &phases(train)?),
-        Some("gear-pair") => {
-            let gears = [&train["driving"], &train["driven"]].map(|g| gear(&g["teeth"], &g["profile_shift"]));
-            meshes(&train["rack"], &[("mesh", gears, MeshKind::External)])
-        }
-        _ => Ok(String::new()),
+/// Geometry and phases of the meshes of a resolved scene; nothing for trains without teeth.
+pub fn text(scene: &Value, meshes: &[(&str, MeshGeometry)]) -> Result<String, std::fmt::Error> {
+    let mut out = String::new();
+    if !meshes.is_empty() {
+        let head = ["mesh", "working angle deg", "centre distance mm", "base radii mm", "contact ratio"];
+        let rows = meshes.iter().map(|(name, g)| {
+            let [one, two] = g.base_radii.map(|r| number(1e3 * r));
+            let [angle, distance] = [g.pressure_angle.to_degrees(), 1e3 * g.centre_distance].map(number);
+            vec![(*name).to_owned(), angle, distance, format!("{one} {two}"), number(g.path.contact_ratio())]
+        });
+        write!(out, "\nMesh geometry\n{}", Table::new(head).with(rows))?;
     }
-}
-
-fn gear(teeth: &Value, shift: &Value) -> Option<Gear> {
-    Some(Gear { teeth: u32::try_from(teeth.as_u64()?).ok()?, shift: shift.as_f64()? })
-}
-
-fn stage_meshes(train: &Value) -> Result<String, std::fmt::Error> {
-    let rack = &train["rack"];
-    let of = |name: &str| gear(&train["teeth"][name], &rack["profile_shift"][name]);
-    let (sun, planet, ring) = (of("sun"), of("planet"), of("ring"));
-    let pairs = [("sun mesh", [sun, planet], MeshKind::External), ("ring mesh", [planet, ring], MeshKind::Internal)];
-    meshes(rack, &pairs)
-}
-
-fn angle(object: &Value, stem: &str) -> Option<f64> {
-    let degrees = object[format!("{stem}_deg")].as_f64().map(f64::to_radians);
-    object[format!("{stem}_rad")].as_f64().or(degrees)
-}
-
-fn meshes(rack: &Value, pairs: &[(&str, [Option<Gear>; 2], MeshKind)]) -> Result<String, std::fmt::Error> {
-    let number_at = |key: &str| rack[key].as_f64();
-    let read = || {
-        Some(BasicRack {
-            module: number_at("module_m")?,
-            pressure_angle: angle(rack, "pressure_angle")?,
-            addendum: number_at("addendum")?,
-            dedendum: number_at("dedendum")?,
-        })
-    };
-    let Some(rack) = read() else { return Ok(String::new()) };
-    let mut table = Table::new(&["mesh", "working angle deg", "centre distance mm", "base radii mm", "contact ratio"]);
-    for (name, gears, kind) in pairs {
-        let [Some(pinion), Some(wheel)] = *gears else { continue };
-        let Ok(g) = MeshGeometry::new(&rack, pinion, wheel, *kind) else { continue };
-        let [one, two] = g.base_radii.map(|r| number(1e3 * r));
-        table.row(vec![
-            (*name).to_owned(),
-            number(g.pressure_angle.to_degrees()),
-            number(1e3 * g.centre_distance),
-            format!("{one} {two}"),
-            number(g.path.contact_ratio()),
-        ]);
-    }
-    Ok(format!("\nMesh geometry\n{table}"))
+    let train = &scene["train"];
+    Ok(if train["kind"] == "planetary" { out + &phases(train)? } else { out })
 }
 
 /// Positions of the planets and mesh phases as the scene has them.

@@ -3,18 +3,14 @@
 use std::{fmt::Write, path::PathBuf, str::FromStr};
 
 use flank::{
-    output::Request,
-    scene::{Fault, Scene},
-    study::identify::{Identification, IdentifyError, Parameter, Side, Target, check, identify_watched},
+    Task,
+    output::{Fault, Table, five_digits as number},
+    scene::Scene,
+    study::identify::{Identification, IdentifyError, Parameter, STARTS, Side, Target, check, identify_watched},
 };
 use serde::Serialize;
 
-use super::{
-    CliError, Done, print,
-    progress::{catch_interrupt, counting, unless_interrupted},
-    session,
-    table::{Table, number},
-};
+use super::{CliError, Done, print, progress::counted, read_scene, request};
 
 /// Arguments of `flank identify`.
 #[derive(Debug, clap::Args)]
@@ -59,7 +55,7 @@ struct Source<'a> {
 
 /// Finds numbers of a scene.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let scene = session::read(arguments.scene.as_deref())?;
+    let scene = read_scene(arguments.scene.as_deref())?;
     let mut faults = Vec::new();
     let parameters: Vec<Parameter> = read(&arguments.vary, &mut faults);
     let targets: Vec<Target> = read(&arguments.target, &mut faults);
@@ -67,20 +63,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if !faults.is_empty() {
         return Err(IdentifyError { faults }.into());
     }
-    let request = arguments.out.as_deref().map(|folder| {
-        let (input, files) = (arguments.scene.as_deref(), [SCENE, ANSWER].map(String::from).to_vec());
-        Request { folder, command: "identify", input, force: arguments.force, files }
-    });
+    let (out, files) = (arguments.out.as_deref(), [SCENE, ANSWER].map(String::from).to_vec());
+    let request = request(out, "identify", arguments.scene.as_deref(), arguments.force, files)?;
     let folder = request.map(|request| request.open()).transpose()?;
-    catch_interrupt();
-    let bar = counting("descents", arguments.quiet);
-    let found = identify_watched(&scene, &parameters, &targets, &mut |done, all| {
-        bar.set_length(all as u64);
-        bar.set_position(done as u64);
-        unless_interrupted()
-    });
-    bar.finish_and_clear();
-    let Some(found) = found? else {
+    let descend = |task: Task<'_>| identify_watched(&scene, &parameters, &targets, task);
+    let Some(found) = counted(STARTS, 0, "descents", arguments.quiet, descend)? else {
         eprintln!("stopped: nothing is found, nothing is written");
         return Ok(Done::Partly);
     };
@@ -110,10 +97,10 @@ fn text(scene: &Scene, found: &Identification) -> Result<String, std::fmt::Error
         let contacts = found.tangent_contacts.join(", ");
         writeln!(out, "  natural frequencies about the static equilibrium: tangent stiffness of {contacts}")?;
     }
-    numbers(&mut out, found)?;
-    targets(&mut out, found)?;
-    sensitivity(&mut out, found)?;
-    writeln!(out, "\n{}", found.uniqueness)?;
+    writeln!(out, "\nNumbers\n{}\nTargets\n{}", numbers(found), targets(found))?;
+    let values: Vec<String> = found.uniqueness.singular_values.iter().map(|value| number(*value)).collect();
+    let values = format!("  singular values, sigma per factor e: {}", values.join(" "));
+    writeln!(out, "Sensitivity, % per %\n{}{values}\n\n{}", sensitivity(found), found.uniqueness)?;
     solutions(&mut out, found)?;
     if !found.converged {
         writeln!(out, "warning: the descent was cut off before it came to rest")?;
@@ -121,31 +108,25 @@ fn text(scene: &Scene, found: &Identification) -> Result<String, std::fmt::Error
     Ok(out)
 }
 
-fn numbers(out: &mut String, found: &Identification) -> std::fmt::Result {
-    writeln!(out, "\nNumbers")?;
-    let mut table = Table::new(&["", "scene", "found", "standard error", "between", "and", ""]);
-    for (i, p) in found.parameters.iter().enumerate() {
-        let bound =
-            p.at_bound.map_or("", |side| if side == Side::Low { "on its lower bound" } else { "on its upper bound" });
-        table.row(vec![
-            format!("[{}] {}", i + 1, p.pointers.join(",")),
-            number(p.own),
-            number(p.found),
-            p.standard_error.map_or("not determined".to_owned(), number),
-            number(p.low),
-            number(p.high),
-            bound.to_owned(),
-        ]);
-    }
-    write!(out, "{table}")
+/// The numbers sought, each with its place in the list.
+fn names(found: &Identification) -> impl Iterator<Item = String> {
+    found.parameters.iter().enumerate().map(|(i, p)| format!("[{}] {}", i + 1, p.pointers.join(",")))
 }
 
-fn targets(out: &mut String, found: &Identification) -> std::fmt::Result {
-    writeln!(out, "\nTargets")?;
-    let mut table = Table::new(&["", "wanted", "sigma", "got", "off", "off %", "off / sigma"]);
-    for t in &found.targets {
+fn numbers(found: &Identification) -> Table {
+    let rows = names(found).zip(&found.parameters).map(|(name, p)| {
+        let bound =
+            p.at_bound.map_or("", |side| if side == Side::Low { "on its lower bound" } else { "on its upper bound" });
+        let error = p.standard_error.map_or("not determined".to_owned(), number);
+        vec![name, number(p.own), number(p.found), error, number(p.low), number(p.high), bound.to_owned()]
+    });
+    Table::new(["", "scene", "found", "standard error", "between", "and", ""]).with(rows)
+}
+
+fn targets(found: &Identification) -> Table {
+    let rows = found.targets.iter().map(|t| {
         let matched = t.matched.as_ref().map_or(String::new(), |name| format!(" ({name})"));
-        table.row(vec![
+        vec![
             format!("{}{matched} {}", t.quantity, t.unit),
             number(t.wanted),
             number(t.sigma),
@@ -153,9 +134,9 @@ fn targets(out: &mut String, found: &Identification) -> std::fmt::Result {
             rounded(t.residual, t.wanted),
             t.relative_residual.map_or("-".to_owned(), |off| rounded(100.0 * off, 100.0)),
             rounded(t.residual / t.sigma, 1.0),
-        ]);
-    }
-    write!(out, "{table}")
+        ]
+    });
+    Table::new(["", "wanted", "sigma", "got", "off", "off %", "off / sigma"]).with(rows)
 }
 
 /// A difference to four decimals; nothing where that, or a millionth of `scale`, is more than it is.
@@ -163,40 +144,32 @@ fn rounded(value: f64, scale: f64) -> String {
     if value.abs() < f64::max(5e-5, 1e-6 * scale.abs()) { "0".to_owned() } else { format!("{value:+.4}") }
 }
 
-fn sensitivity(out: &mut String, found: &Identification) -> std::fmt::Result {
-    writeln!(out, "\nSensitivity, % per %")?;
+fn sensitivity(found: &Identification) -> Table {
     let columns = (1..=found.parameters.len()).map(|i| format!("[{i}]"));
-    let head: Vec<String> = std::iter::once(String::new()).chain(columns).collect();
-    let mut table = Table::new(head);
-    for (target, row) in found.targets.iter().zip(&found.sensitivity) {
+    let rows = found.targets.iter().zip(&found.sensitivity).map(|(target, row)| {
         let cells = row.iter().map(|cell| cell.map_or("-".to_owned(), |percent| rounded(percent, 1.0)));
-        table.row(std::iter::once(target.quantity.clone()).chain(cells).collect());
-    }
-    write!(out, "{table}")?;
-    let values: Vec<String> = found.uniqueness.singular_values.iter().map(|value| number(*value)).collect();
-    writeln!(out, "  singular values, sigma per factor e: {}", values.join(" "))
+        std::iter::once(target.quantity.clone()).chain(cells).collect()
+    });
+    Table::new(std::iter::once(String::new()).chain(columns)).with(rows)
 }
 
 fn solutions(out: &mut String, found: &Identification) -> std::fmt::Result {
     let count = found.solutions.len();
     if !found.uniqueness.is_unique() && count > 1 {
         writeln!(out, "{count} points of equal quality were found. They range over")?;
-        let mut table = Table::new(&["", "from", "to"]);
-        for (i, parameter) in found.parameters.iter().enumerate() {
+        let rows = names(found).enumerate().map(|(i, name)| {
             let values = || found.solutions.iter().map(|solution| solution.values[i]);
             let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-            table.row(vec![format!("[{}] {}", i + 1, parameter.pointers.join(",")), number(low), number(high)]);
-        }
-        write!(out, "{table}")?;
+            vec![name, number(low), number(high)]
+        });
+        write!(out, "{}", Table::new(["", "from", "to"]).with(rows))?;
     } else if count > 1 {
         writeln!(out, "{count} distinct solutions of equal quality were found:")?;
-        let mut table = Table::default();
-        for (i, parameter) in found.parameters.iter().enumerate() {
+        let rows = names(found).enumerate().map(|(i, name)| {
             let values = found.solutions.iter().map(|solution| number(solution.values[i]));
-            let name = format!("[{}] {}", i + 1, parameter.pointers.join(","));
-            table.row(std::iter::once(name).chain(values).collect());
-        }
-        write!(out, "{table}")?;
+            std::iter::once(name).chain(values).collect()
+        });
+        write!(out, "{}", Table::default().with(rows))?;
     } else {
         writeln!(out, "No other solution of equal quality was found.")?;
     }

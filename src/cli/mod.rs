@@ -3,27 +3,28 @@
 mod advise;
 mod check;
 mod compare;
-mod comparison;
 mod error;
 mod geometry;
 mod identify;
 mod progress;
 mod report;
 mod run;
-mod scene;
-mod schema;
-mod session;
 mod stability;
 mod study;
-mod summary;
 mod sweep;
-mod table;
-mod trajectory;
-mod watch;
 
-use std::{io::Write, process::ExitCode};
+use std::{
+    io::Write,
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
 
 use clap::{Parser, Subcommand};
+use flank::{
+    Simulation,
+    output::Request,
+    scene::{self, Scene},
+};
 
 pub use error::CliError;
 
@@ -57,7 +58,16 @@ enum Command {
     Schema,
     /// Look at scenes
     #[command(subcommand)]
-    Scene(scene::Command),
+    Scene(Look),
+}
+
+#[derive(Debug, Subcommand)]
+enum Look {
+    /// Print a scene with every default written out
+    Show {
+        /// Scene file; the reference scene if left out
+        scene: Option<PathBuf>,
+    },
 }
 
 /// How a command ended.
@@ -90,10 +100,44 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
         Command::Stability(arguments) => return stability::execute(&arguments),
         Command::Identify(arguments) => return identify::execute(&arguments),
         Command::Check(arguments) => check::execute(&arguments)?,
-        Command::Schema => schema::execute()?,
-        Command::Scene(command) => scene::execute(&command)?,
+        Command::Schema => print(&format!("{:#}\n", scene::schema()))?,
+        Command::Scene(Look::Show { scene }) => print(&format!("{:#}\n", read_scene(scene.as_deref())?.resolved()))?,
     }
     Ok(Done::Completely)
+}
+
+/// Reads a scene, or the reference scene.
+fn read_scene(path: Option<&Path>) -> Result<Scene, CliError> {
+    Ok(path.map_or_else(Scene::reference, Scene::from_file)?)
+}
+
+/// The same, ready to run.
+fn open(path: Option<&Path>) -> Result<Simulation, CliError> {
+    Ok(path.map_or_else(|| Simulation::from_scene(Scene::reference()?), Simulation::from_file)?)
+}
+
+/// What a command that reads `scene` is to write into `out`, if that is given. Refused before any work; nothing is changed yet.
+fn request<'a>(
+    out: Option<&'a Path>,
+    command: &'a str,
+    input: Option<&'a Path>,
+    force: bool,
+    files: Vec<String>,
+) -> Result<Option<Request<'a>>, CliError> {
+    let request = out.map(|folder| Request { folder, command, input, force, files });
+    request.as_ref().map(Request::check).transpose()?;
+    Ok(request)
+}
+
+/// Where the page of a command lies; nothing if it writes none.
+fn report_line(out: Option<&Path>) -> String {
+    out.map_or_else(String::new, |out| format!("report: {}\n", out.join("report.html").display()))
+}
+
+/// Threads to work on: `count`, or as many as there are cores.
+fn threads(count: Option<u16>) -> Result<rayon::ThreadPool, CliError> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(count.map_or(0, usize::from)).build();
+    pool.map_err(|error| CliError::file("threads", std::io::Error::other(error)))
 }
 
 /// Writes text to standard output. A reader that has gone away, as `head` does, is no error.

@@ -2,24 +2,16 @@
 
 use std::{
     io::IsTerminal,
-    ops::ControlFlow,
     sync::atomic::{AtomicBool, Ordering},
 };
 
-use flank::{
-    engine::Observer,
-    event::EventRecord,
-    hybrid::{Clock, Instant, Mode},
-    integrate::DenseStep,
-};
+use flank::{Progress, Task};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Ctrl-C was pressed.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// Positions of the bar.
 const LENGTH: f64 = 10_000.0;
-/// Steps between two looks at the clock of the bar.
-const EVERY: u32 = 64;
 
 /// Makes Ctrl-C end the run; a second one ends the program at once.
 pub fn catch_interrupt() {
@@ -31,14 +23,21 @@ pub fn catch_interrupt() {
     });
 }
 
-/// The flag that Ctrl-C sets.
-pub fn interrupt() -> &'static AtomicBool {
-    &INTERRUPTED
+/// Does work that Ctrl-C cancels under a bar of `count` things, `kept` of which are done already.
+pub fn counted<R>(count: usize, kept: usize, things: &str, quiet: bool, work: impl FnOnce(Task<'_>) -> R) -> R {
+    catch_interrupt();
+    let template = format!("{{bar:40}} {{pos}} of {{len}} {things}  {{per_sec}}  {{eta}} left");
+    let bar = bar(count as u64, &template, quiet);
+    bar.set_position(kept as u64);
+    bar.reset_eta();
+    let done = work(cancellable(&|_| bar.inc(1)));
+    bar.finish_and_clear();
+    done
 }
 
-/// Whether Ctrl-C has been pressed.
-pub fn interrupted() -> bool {
-    INTERRUPTED.load(Ordering::Relaxed)
+/// Work that Ctrl-C cancels and `progress` follows.
+pub fn cancellable<'a>(progress: &'a (dyn Fn(Progress) + Sync)) -> Task<'a> {
+    Task::new(&INTERRUPTED, progress)
 }
 
 /// A bar on standard error if that is a terminal and `quiet` is false; else nothing is shown.
@@ -53,60 +52,17 @@ fn bar(length: u64, template: &str, quiet: bool) -> ProgressBar {
     bar
 }
 
-/// A bar that counts things as they come.
-pub fn counting(things: &str, quiet: bool) -> ProgressBar {
-    bar(0, &format!("{{bar:40}} {{pos}} of {{len}} {things}  {{per_sec}}  {{eta}} left"), quiet)
+/// A bar for the length of a run.
+pub fn running(quiet: bool) -> ProgressBar {
+    bar(LENGTH as u64, "{bar:40} {percent:>3} %  {msg}  {eta} left", quiet)
 }
 
-/// Shows how far a run has come, and breaks it off on Ctrl-C.
-pub struct Progress {
-    clock: Clock,
-    from: Instant,
-    span: f64,
-    /// Cycles of the whole run, if it has cycles.
-    cycles: Option<f64>,
-    bar: ProgressBar,
-    steps: u32,
-}
-
-impl Progress {
-    /// A bar on standard error if that is a terminal and `quiet` is false; else nothing is shown.
-    pub fn new(clock: Clock, [from, _, to]: [Instant; 3], period: Option<f64>, quiet: bool) -> Self {
-        let bar = bar(LENGTH as u64, "{bar:40} {percent:>3} %  {msg}  {eta} left", quiet);
-        let span = clock.between(from, to);
-        Self { clock, from, span, cycles: period.map(|period| span / period), bar, steps: 0 }
-    }
-
-    /// Takes the bar away.
-    pub fn finish(&self) {
-        self.bar.finish_and_clear();
-    }
-
-    fn show(&self, at: Instant) {
-        let done = self.clock.between(self.from, at) / self.span;
-        self.bar.set_position((done * LENGTH) as u64);
-        let seconds = self.bar.elapsed().as_secs_f64();
-        if let Some(cycles) = self.cycles.filter(|_| seconds > 0.0) {
-            self.bar.set_message(format!("{:.0} cycles/s", done * cycles / seconds));
-        }
-    }
-}
-
-/// Goes on until Ctrl-C.
-pub fn unless_interrupted() -> ControlFlow<()> {
-    if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-}
-
-impl Observer for Progress {
-    fn step(&mut self, _: Mode, step: &dyn DenseStep, _: f64) -> ControlFlow<()> {
-        self.steps = (self.steps + 1) % EVERY;
-        if self.steps == 0 && !self.bar.is_hidden() {
-            self.show(step.start());
-        }
-        unless_interrupted()
-    }
-
-    fn event(&mut self, _: &EventRecord) -> ControlFlow<()> {
-        unless_interrupted()
+/// Shows that a share of a run is done, which has so many cycles if it has cycles.
+pub fn show(bar: &ProgressBar, progress: Progress, cycles: Option<f64>) {
+    let Progress::Share(done) = progress else { return };
+    bar.set_position((done * LENGTH) as u64);
+    let seconds = bar.elapsed().as_secs_f64();
+    if let Some(cycles) = cycles.filter(|_| seconds > 0.0) {
+        bar.set_message(format!("{:.0} cycles/s", done * cycles / seconds));
     }
 }

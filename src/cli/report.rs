@@ -2,21 +2,28 @@
 
 use std::fmt::Write;
 
-use super::{
-    session::Session,
-    summary::{Summary, asked_for},
-    table::{Table, number},
+use flank::{
+    Simulation,
+    analysis::ContactReport,
+    output::{Table, five_digits as number, label},
+    scene::Duration,
+    simulation::Summary,
 };
 
 /// The whole report.
-pub fn text(session: &Session, summary: &Summary) -> Result<String, std::fmt::Error> {
+pub fn text(simulation: &Simulation, summary: &Summary) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
     let train = &summary.train;
-    let closed = session.case.structure.contacts().len();
+    let closed = simulation.structure.contacts().len();
     writeln!(out, "{}  ({}, {} freedoms, {closed} contacts)", summary.scene.name, train.kind, train.freedoms.len())?;
-    let s = session.unit("s");
+    let s = simulation.unit("s");
     let ending = &summary.outcome;
-    write!(out, "  {}: {}, t = {} {s}", asked_for(session), ending.kind.replace('-', " "), number(ending.seconds))?;
+    let asked = match simulation.settings.duration {
+        Duration::Cycles(n) => format!("{n} cycles"),
+        Duration::Until(end) => format!("until t = {end}"),
+    };
+    let kind = label(ending.kind).replace('-', " ");
+    write!(out, "  {asked}: {kind}, t = {} {s}", number(ending.seconds))?;
     if let Some(cycle) = train.cycle {
         write!(out, ", cycle {}", number((ending.seconds / cycle * 1e9).round() / 1e9))?;
     }
@@ -28,8 +35,8 @@ pub fn text(session: &Session, summary: &Summary) -> Result<String, std::fmt::Er
     for (mode, name) in &summary.integrator.modes {
         writeln!(out, "    {name}: {mode}")?;
     }
-    contacts(&mut out, session, summary)?;
-    energy(&mut out, session, summary)?;
+    contacts(&mut out, simulation, summary)?;
+    write!(out, "\nEnergy {}\n{}", simulation.unit("J"), energy(summary))?;
     let w = &summary.work;
     writeln!(
         out,
@@ -42,11 +49,11 @@ pub fn text(session: &Session, summary: &Summary) -> Result<String, std::fmt::Er
     Ok(out)
 }
 
-fn contacts(out: &mut String, session: &Session, summary: &Summary) -> std::fmt::Result {
-    let (s, n) = (session.unit("s"), session.unit("N"));
+fn contacts(out: &mut String, simulation: &Simulation, summary: &Summary) -> std::fmt::Result {
+    let (s, n) = (simulation.unit("s"), simulation.unit("N"));
     let unit = |name: &str, unit: &str| if unit.is_empty() { name.to_owned() } else { format!("{name} {unit}") };
     writeln!(out, "\nContacts over {} {s}", number(summary.measured_time))?;
-    let per = if session.case.built.run.period.is_some() { "/cycle" } else { "" };
+    let per = if simulation.settings.period.is_some() { "/cycle" } else { "" };
     let head = [
         "contact".to_owned(),
         "apart %".to_owned(),
@@ -58,32 +65,21 @@ fn contacts(out: &mut String, session: &Session, summary: &Summary) -> std::fmt:
         unit("mean force", n),
         unit("max force", n),
     ];
-    let mut table = Table::new(head);
     // Cycles of the run; of the train's own forcing where the scene names none.
-    let cycles = session.case.built.run.period.map_or(1.0, |period| summary.measured_time / period);
+    let cycles = simulation.settings.period.map_or(1.0, |period| summary.measured_time / period);
     let each = |count: u64| number((cycles > 0.0).then(|| count as f64 / cycles));
-    for c in &summary.contacts {
-        table.row(vec![
-            c.name.clone(),
-            number(100.0 * c.no_force_fraction),
-            each(c.separations),
-            number(c.durations.min),
-            number(c.durations.mean),
-            number(c.durations.max),
-            each(c.drive_contacts + c.back_contacts),
-            number(c.force_mean),
-            number(c.force_abs_max),
-        ]);
-    }
-    write!(out, "{table}")
+    let row = |c: &ContactReport| {
+        let [least, mean, most] = [c.durations.min, c.durations.mean, c.durations.max].map(number);
+        let (share, closed) = (number(100.0 * c.no_force_fraction), each(c.drive_contacts + c.back_contacts));
+        let [force, largest] = [c.force_mean, c.force_abs_max].map(number);
+        vec![c.name.clone(), share, each(c.separations), least, mean, most, closed, force, largest]
+    };
+    write!(out, "{}", Table::new(head).with(summary.contacts.iter().map(row)))
 }
 
-fn energy(out: &mut String, session: &Session, summary: &Summary) -> std::fmt::Result {
+fn energy(summary: &Summary) -> Table {
     let e = &summary.energy;
-    let j = session.unit("J");
-    writeln!(out, "\nEnergy {j}")?;
-    let mut table = Table::default();
-    for (name, value) in [
+    let rows = [
         ("at the start", e.start),
         ("+ work of loads", e.load),
         ("+ work of errors", e.error),
@@ -94,10 +90,7 @@ fn energy(out: &mut String, session: &Session, summary: &Summary) -> std::fmt::R
         ("- rigid impacts", e.impact),
         ("at the end", e.end),
         ("unexplained", e.residual),
-    ] {
-        if value != 0.0 || !name.starts_with(['+', '-']) {
-            table.row(vec![name.to_owned(), number(value)]);
-        }
-    }
-    write!(out, "{table}")
+    ];
+    let shown = rows.into_iter().filter(|(name, value)| *value != 0.0 || !name.starts_with(['+', '-']));
+    Table::default().with(shown.map(|(name, value)| vec![name.to_owned(), number(value)]))
 }

@@ -1,26 +1,13 @@
 //! `flank run`.
 
-use std::{
-    io::{BufWriter, LineWriter},
-    ops::ControlFlow,
-    path::PathBuf,
-};
+use std::path::PathBuf;
 
-use flank::{
-    analysis::{Balance, Contacts, EventLog, Grid, Ledger, Trajectory},
-    engine::Outcome,
-    output::Request,
-    study::StudyError,
-};
+use flank::{hybrid::Clock, simulation::Ended};
 
 use super::{
-    CliError, Done, print,
-    progress::{Progress, catch_interrupt},
+    CliError, Done, open, print,
+    progress::{cancellable, catch_interrupt, running, show},
     report,
-    session::Session,
-    summary::{Ending, Integrator, Provenance, Summary, Train},
-    trajectory::{self, TrajectoryFile},
-    watch::EventFile,
 };
 
 /// Arguments of `flank run`.
@@ -48,100 +35,31 @@ pub struct Arguments {
     quiet: bool,
 }
 
-const EVENTS: &str = "events.jsonl";
-const TRAJECTORY: &str = "trajectory.csv";
-const SUMMARY: &str = "summary.json";
-
 /// Runs a scene.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let session = Session::open(arguments.scene.as_deref())?;
-    let run = &session.case.built.run;
-    let most = run.event_budget.min(arguments.events.unwrap_or(u64::MAX));
-    let (mut engine, why) = session.engine(most)?;
-    let warnings: Vec<String> = session.case.built.warnings.iter().map(ToString::to_string).collect();
-
-    let sampled = arguments.trajectory || run.samples_per_cycle > 0;
-    let files = [Some(EVENTS), sampled.then_some(TRAJECTORY), Some(SUMMARY)];
-    let files = files.into_iter().flatten().map(String::from).collect();
-    let (input, force) = (arguments.scene.as_deref(), arguments.force);
-    let request = arguments.out.as_deref().map(|folder| Request { folder, command: "run", input, force, files });
-    let mut folder = request.map(|request| request.open()).transpose()?;
-    // Each line reaches the file as it is written.
-    let mut events = EventFile::new(folder.as_mut().map(|f| f.create(EVENTS)).transpose()?.map(LineWriter::new));
-    let file = folder.as_mut().filter(|_| sampled).map(|folder| folder.create(TRAJECTORY)).transpose()?;
-    let mut samples = file.map(|file| TrajectoryFile::new(&session, BufWriter::new(file)));
-
-    let structure = &session.case.structure;
-    let [from, measured, end] = session.instants;
-    let measures = Contacts::new(structure, Some(measured)).keep(0);
-    let mut log = EventLog::new(structure, measures, |row| events.write(&row));
-    let mut ledger = Ledger::new(structure);
-    // A grid that is never due stands for no trajectory.
-    let grid = if samples.is_some() { trajectory::grid(&session) } else { Grid::Interval { interval: 0.0 } };
-    let mut trajectory = Trajectory::new(structure, grid, from, |sample| match &mut samples {
-        Some(file) => file.write(sample),
-        None => ControlFlow::Continue(()),
-    });
-    let mut progress = Progress::new(*structure.clock(), session.instants, run.period, arguments.quiet);
-    let mut check = (arguments.verify || run.verify).then(|| session.case.verifier(&session.start));
+    let simulation = open(arguments.scene.as_deref())?;
+    let ([from, _, end], run) = (simulation.instants(), &simulation.settings);
+    let cycles = run.period.map(|period| Clock::between(simulation.clock(), from, end) / period);
+    let bar = running(arguments.quiet);
+    let progress = |progress| show(&bar, progress, cycles);
+    let mut job = simulation.job();
+    job.task = cancellable(&progress);
+    job.max_events = run.event_budget.min(arguments.events.unwrap_or(u64::MAX));
+    job.verify |= arguments.verify;
+    job.trajectory |= arguments.trajectory;
+    job.replace = arguments.force;
     catch_interrupt();
-    let result = engine.run(end, &mut (((&mut log, &mut check), &mut ledger), (&mut trajectory, &mut progress)));
-    progress.finish();
-    let state = engine.state();
-    if let Ok(Outcome::ReachedEnd) = result {
-        // A break here is a file that cannot be written: it is reported with the file.
-        let _ = trajectory.finish(state);
-    }
-    let verified = check.as_mut().map_or(Ok(()), |check| check.finish(state.at));
-    let summary = Summary {
-        flank: env!("CARGO_PKG_VERSION"),
-        scene: Provenance::of(&session),
-        train: Train::of(&session),
-        integrator: Integrator {
-            asked: run.method.name(),
-            tolerance: run.tolerance,
-            why,
-            modes: engine.integrator().chosen().into_iter().map(|(m, name)| (session.mode_in_words(m), name)).collect(),
-        },
-        outcome: Ending::of(&session, &result, state),
-        measured_time: log.contacts().time(),
-        contacts: (0..structure.contacts().len()).map(|j| log.contacts().report(j)).collect(),
-        energy: ledger.balance(),
-        work: engine.counters().into(),
-        verification: check.as_ref().map(flank::verify::Verifier::verification),
-        warnings,
-    };
-    let place = |name: &'static str| move |error| CliError::file(name, error);
-    let written = events.finish().map_err(place(EVENTS));
-    let sampled = samples.map_or(Ok(()), TrajectoryFile::finish).map_err(place(TRAJECTORY));
-    folder.map_or(Ok(()), |mut folder| folder.complete(SUMMARY, &summary))?;
-    written.and(sampled)?;
+    let record = job.attempt(arguments.out.as_deref());
+    bar.finish_and_clear();
+    let record = record?;
     if !arguments.quiet {
-        print(&report::text(&session, &summary).unwrap_or_default())?;
-    }
-    // A difference comes before what follows from it.
-    verified.map_err(StudyError::from)?;
-    // The ledger takes K as symmetric, and knows rounding only.
-    let (spec, steps) = (structure.spec(), engine.counters().steps);
-    let is_exact = summary.integrator.modes.iter().all(|(_, name)| *name == "taylor");
-    let step = structure.clock().between(from, state.at) / steps.max(1) as f64;
-    let energy = structure.rounded_energy(step, summary.energy.throughput);
-    let is_symmetric = spec.stiffness == spec.stiffness.transpose();
-    if result.is_ok() && is_exact && is_symmetric && summary.energy.is_open(energy, steps) {
-        let (closure, throughput) = (summary.energy.closure(), summary.energy.throughput);
-        let beside = if throughput > 0.0 { energy / throughput } else { 0.0 };
-        let rounding = Balance::rounding(steps) * (1.0 + beside);
-        return Err(CliError::Energy { closure, rounding });
-    }
-    // A run that failed says so itself.
-    if let Some(measure) = summary.overflow().filter(|_| result.is_ok()) {
-        return Err(CliError::Overflow(measure));
+        print(&report::text(&simulation, &record).unwrap_or_default())?;
     }
     let asked = arguments.events.is_some_and(|n| n <= run.event_budget);
-    match result {
-        Ok(Outcome::ReachedEnd) => Ok(Done::Completely),
-        Ok(Outcome::EventBudgetSpent) if asked => Ok(Done::Completely),
-        Ok(_) => Ok(Done::Partly),
-        Err(error) => Err(StudyError::from(error).into()),
+    match (record.failure, record.summary.outcome.kind) {
+        (Some(failure), _) => Err(failure.into()),
+        (None, Ended::ReachedEnd) => Ok(Done::Completely),
+        (None, Ended::EventBudgetSpent) if asked => Ok(Done::Completely),
+        _ => Ok(Done::Partly),
     }
 }

@@ -3,15 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use flank::{
-    output::{Folder, Request},
-    plot::{self, Theme},
+    output::{Request, Table, label},
+    plot::{REPORT, figure_files, write_figure},
     scene::Scene,
+    simulation::SimulationError,
     study::{
-        Kind, Listing, StudyError,
+        Kind, StudyError,
+        claims::Comparison,
         figures::Context,
         page::Contents,
         plan::{Entry, Plan},
-        published::{Comparison, contradictions},
         steady::Rule,
     },
     sweep::{Axis, GridError},
@@ -19,11 +20,7 @@ use flank::{
 use serde::Serialize;
 use serde_json::json;
 
-use super::{
-    CliError, Done, print,
-    progress::{catch_interrupt, counting, interrupt},
-    session::threads,
-};
+use super::{CliError, Done, print, progress::counted, report_line, threads};
 
 /// Arguments of `flank study`.
 #[derive(Debug, clap::Args)]
@@ -62,7 +59,6 @@ fn kind(word: &str) -> Result<Kind, String> {
 
 const TABLE: &str = "table.csv";
 const SUMMARY: &str = "study.json";
-pub(super) const REPORT: &str = "report.html";
 
 /// The table behind a figure.
 fn table(kind: Kind) -> String {
@@ -86,64 +82,60 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let asked: Vec<Kind> = Kind::ALL
         .into_iter()
         .filter(|kind| arguments.only.is_empty() || arguments.only.contains(kind))
-        .filter(|kind| plan.published || !kind.is_of_reference() || arguments.only.contains(kind))
+        .filter(|kind| !plan.claims.is_empty() || !kind.is_of_reference() || arguments.only.contains(kind))
         .collect();
 
-    let figures = asked.iter().flat_map(|kind| forms(kind.id()).into_iter().chain([table(*kind)]));
+    let figures = asked.iter().flat_map(|kind| figure_files(kind.id()).into_iter().chain([table(*kind)]));
     let files = figures.chain([TABLE, SUMMARY, REPORT].map(String::from)).collect();
     let (input, force) = (arguments.scene.as_deref(), arguments.force);
     let mut folder = Request { folder: &arguments.out, command: "study", input, force, files }.open()?;
 
-    catch_interrupt();
-    let bar = counting("runs", arguments.quiet);
-    bar.set_length(asked.iter().map(|kind| plan.runs(*kind) as u64).sum());
-    let done = || bar.inc(1);
-    let context = Context { rule: Rule::default(), interrupted: interrupt(), done: &done };
     let pool = threads(arguments.threads)?;
-
+    let (rule, runs) = (Rule::default(), asked.iter().map(|kind| plan.runs(*kind)).sum());
     let mut failed = false;
     let mut contents = Contents { title: title(&plan), ..Contents::default() };
-    for kind in asked {
-        match pool.install(|| plan.make(kind, &context)) {
-            Ok(entry) => {
-                if let Some(figure) = &entry.figure {
-                    write(&mut folder, figure)?;
+    let made = counted(runs, 0, "runs", arguments.quiet, |task| -> Result<(), CliError> {
+        for kind in asked {
+            match pool.install(|| plan.make(kind, &Context { rule, task })) {
+                Ok(entry) => {
+                    if let Some(figure) = &entry.figure {
+                        write_figure(&mut folder, figure)?;
+                    }
+                    if let Some(listing) = &entry.listing {
+                        folder.bytes(&table(kind), listing_csv(listing).as_bytes())?;
+                    }
+                    contents.entries.push((kind, entry));
                 }
-                if let Some(listing) = &entry.listing {
-                    folder.bytes(&table(kind), listing_csv(listing).as_bytes())?;
+                // A train without what a figure shows is no failure, unless that figure was asked for by name.
+                Err(StudyError::Simulation(SimulationError::Missing { missing, .. })) if arguments.only.is_empty() => {
+                    contents.missing.push((kind, missing))
                 }
-                contents.entries.push((kind, entry));
-            }
-            Err(StudyError::Interrupted) => {
-                bar.finish_and_clear();
-                let (kept, out) = (contents.entries.len(), arguments.out.display());
-                let text =
-                    format!("interrupted: {kept} figures are kept in {out}/figures; there is no report of them\n");
-                return print(&text).map(|()| Done::Partly);
-            }
-            // A train without what a figure shows is no failure, unless that figure was asked for by name.
-            Err(StudyError::Missing { missing, .. }) if arguments.only.is_empty() => {
-                contents.missing.push((kind, missing))
-            }
-            Err(error @ (StudyError::Scene(_) | StudyError::Missing { .. })) => {
-                bar.finish_and_clear();
-                return Err(error.into());
-            }
-            // One figure that fails does not take the others with it.
-            Err(error) => {
-                failed = true;
-                contents.missing.push((kind, error.to_string()));
+                Err(StudyError::Simulation(error @ (SimulationError::Scene(_) | SimulationError::Missing { .. }))) => {
+                    return Err(error.into());
+                }
+                Err(error @ StudyError::Interrupted) => return Err(error.into()),
+                // One figure that fails does not take the others with it.
+                Err(error) => {
+                    failed = true;
+                    contents.missing.push((kind, error.to_string()));
+                }
             }
         }
+        Ok(())
+    });
+    if let Err(CliError::Study(StudyError::Interrupted)) = made {
+        let (kept, out) = (contents.entries.len(), arguments.out.display());
+        let text = format!("interrupted: {kept} figures are kept in {out}/figures; there is no report of them\n");
+        return print(&text).map(|()| Done::Partly);
     }
-    bar.finish_and_clear();
-    if plan.published && arguments.only.is_empty() {
-        contents.contradictions = contradictions().map_err(StudyError::from)?;
+    made?;
+    if !plan.claims.is_empty() && arguments.only.is_empty() {
+        contents.contradictions = plan.contradictions()?;
     }
-    contents.provenance = provenance(&contents, &context.rule);
+    contents.provenance = provenance(&contents, &rule);
 
     folder.bytes(TABLE, csv(&contents).as_bytes())?;
-    folder.complete(SUMMARY, &summary(&contents, context.rule))?;
+    folder.complete(SUMMARY, &summary(&contents, rule))?;
     folder.bytes(REPORT, contents.report().html().as_bytes())?;
     if !arguments.quiet {
         print(&text(&contents, &arguments.out))?;
@@ -156,7 +148,7 @@ fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
     // An axis has a pointer in a sweep; here it has the name of its argument.
     let mut values = |name: &str, text: &Option<String>| {
         let axis = Axis::parse(&format!("/{name}={}", text.as_ref()?)).map_err(|found| faults.extend(found)).ok()?;
-        Some((0..axis.count()).map(|i| axis.value(i)).collect::<Vec<f64>>())
+        Some(axis.all())
     };
     let (loads, speeds) = (values("loads", &arguments.loads), values("speeds", &arguments.speeds));
     if !faults.is_empty() {
@@ -175,25 +167,11 @@ fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
 }
 
 fn title(plan: &Plan) -> String {
-    if plan.published {
+    if !plan.claims.is_empty() {
         "Vibro-impact of the reference planetary set".to_owned()
     } else {
         format!("Study of {}", plan.light.name())
     }
-}
-
-/// The files of a figure.
-pub(super) fn forms(id: &str) -> [String; 4] {
-    ["csv", "json", "svg", "png"].map(|kind| format!("figures/{id}.{kind}"))
-}
-
-/// One figure in all its forms.
-pub(super) fn write(folder: &mut Folder, figure: &plot::Figure) -> Result<(), CliError> {
-    let [csv, json, svg, png] = forms(&figure.id);
-    folder.bytes(&csv, figure.csv().as_bytes())?;
-    folder.bytes(&json, figure.json().as_bytes())?;
-    folder.bytes(&svg, plot::svg(figure, Theme::Light).as_bytes())?;
-    Ok(folder.bytes(&png, &plot::png(figure, 1.5))?)
 }
 
 fn provenance(contents: &Contents, rule: &Rule) -> Vec<String> {
@@ -231,33 +209,32 @@ fn rows(contents: &Contents) -> impl Iterator<Item = &Comparison> {
 }
 
 /// A row as RFC 4180 asks, every field quoted.
-fn line<'f>(fields: impl IntoIterator<Item = &'f str>) -> String {
-    let quoted = |field: &str| format!("\"{}\"", field.replace('"', "\"\""));
+fn line<'f>(fields: impl IntoIterator<Item = &'f String>) -> String {
+    let quoted = |field: &String| format!("\"{}\"", field.replace('"', "\"\""));
     fields.into_iter().map(quoted).collect::<Vec<_>>().join(",") + "\r\n"
 }
 
 fn csv(contents: &Contents) -> String {
-    let mut text = line(["figure", "quantity", "published", "flank", "verdict", "note"]);
+    let mut text = line(&["figure", "quantity", "published", "flank", "verdict", "note"].map(String::from));
     for row in rows(contents) {
-        text += &line([row.place, &row.quantity, &row.published, &row.found, row.verdict.word(), &row.note]);
+        text += &line([&row.place, &row.quantity, &row.published, &row.found, &label(row.verdict), &row.note]);
     }
     text
 }
 
-fn listing_csv(listing: &Listing) -> String {
-    let rows = std::iter::once(&listing.head).chain(&listing.rows);
-    rows.map(|row| line(row.iter().map(String::as_str))).collect()
+fn listing_csv(listing: &Table) -> String {
+    std::iter::once(&listing.head).chain(&listing.rows).map(line).collect()
 }
 
 fn text(contents: &Contents, out: &Path) -> String {
     let mut text = format!("{}\n\n", contents.title);
     for row in contents.comparisons() {
-        let (word, place, quantity) = (row.verdict.word(), row.place, &row.quantity);
+        let (word, place, quantity) = (label(row.verdict), &row.place, &row.quantity);
         text += &format!("{word:<13}  {place:>6}  {quantity}: published {}, Flank {}\n", row.published, row.found);
     }
     text += "\n";
     for (kind, why) in &contents.missing {
         text += &format!("not made: {} ({why})\n", kind.id());
     }
-    text + &format!("report: {}\n", out.join("report.html").display())
+    text + &report_line(Some(out))
 }

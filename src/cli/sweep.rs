@@ -3,22 +3,11 @@
 use std::path::PathBuf;
 
 use flank::{
-    scene::{Scene, SceneError},
-    study::{
-        Case, StudyError,
-        steady::{ContactSteady, Rule, Seed, Steady, steady},
-    },
-    sweep::{
-        Begin, Cell, Ending, Entry, Grid, Journal, Outcome, Plan, Seeding, SweepError, Work, number, request, run,
-    },
+    study::{SteadySweep, steady::Rule},
+    sweep::{Begin, Ending, Grid, Journal, Plan, Seeding, request},
 };
-use serde_json::{Value, json};
 
-use super::{
-    CliError, Done, print,
-    progress::{catch_interrupt, counting, interrupt},
-    session,
-};
+use super::{CliError, Done, print, progress::counted, read_scene};
 
 /// Arguments of `flank sweep`.
 #[derive(Debug, clap::Args)]
@@ -79,21 +68,15 @@ fn tolerance(word: &str) -> Result<f64, String> {
 
 /// Sweeps a scene.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let scene = session::read(arguments.scene.as_deref())?;
+    let scene = read_scene(arguments.scene.as_deref())?;
     let grid = Grid::parse(&arguments.vary)?;
-    let dimensionless = corners(&scene, &grid)?;
     let seeding = match arguments.seed {
         Start::Fresh => Seeding::Fresh,
         Start::Up => Seeding::Up,
         Start::Down => Seeding::Down,
         Start::Both => Seeding::Both,
     };
-    let (plan, rule) = (Plan::new(grid, seeding), rule(arguments));
-    let mut header = plan.header();
-    header.insert("flank".to_owned(), env!("CARGO_PKG_VERSION").into());
-    header.insert("scene_sha256".to_owned(), scene.hash().into());
-    header.insert("rule".to_owned(), json!(rule));
-
+    let sweep = SteadySweep::new(scene, Plan::new(grid, seeding), rule(arguments))?;
     let begin = match (arguments.resume, arguments.force) {
         (true, _) => Begin::Resume,
         (_, true) => Begin::Replace,
@@ -102,34 +85,20 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if begin != Begin::New {
         request(&arguments.out, arguments.scene.as_deref(), begin).check()?;
     }
-    let out = arguments.out.display();
+    let (out, rows) = (arguments.out.display(), sweep.plan().rows());
     let say = |text: String| if arguments.quiet { Ok(()) } else { print(&text) };
-    let Some(mut journal) = Journal::<Steady, Seed>::open(&arguments.out, begin, header, plan.rows())? else {
+    let Some(mut journal) = Journal::open(&arguments.out, begin, sweep.header(), rows)? else {
         say(format!("{out} holds the whole sweep\n"))?;
         return Ok(Done::Completely);
     };
-    catch_interrupt();
-    let bar = counting("rows", arguments.quiet);
-    bar.set_length(plan.rows() as u64);
-    bar.set_position(journal.kept() as u64);
-    bar.reset_eta();
-    let point = |cell: &Cell, seed: Option<&Seed>| -> Result<(Steady, Seed), StudyError> {
-        let scene = at(&scene, plan.grid(), &cell.values)?;
-        let steady = steady(&scene, seed, &rule, interrupt())?;
-        let end = steady.end.clone();
-        Ok((steady, end))
-    };
-    let threads = arguments.threads.map_or(0, usize::from);
-    let work = Work { point, progress: |done, _| bar.set_position(done as u64), interrupted: interrupt(), threads };
-    let ending = run(&plan, &mut journal, &work);
-    bar.finish_and_clear();
-    if ending? == Ending::Interrupted {
-        let (kept, all) = (journal.kept(), plan.rows());
-        say(format!("interrupted: {kept} of {all} rows are kept in {out}; the same command with --resume goes on\n"))?;
+    let (kept, threads) = (journal.kept(), arguments.threads.map_or(0, usize::from));
+    let ending = counted(rows, kept, "rows", arguments.quiet, |task| sweep.run(&mut journal, threads, task))?;
+    if ending == Ending::Interrupted {
+        let kept = journal.kept();
+        say(format!("interrupted: {kept} of {rows} rows are kept in {out}; the same command with --resume goes on\n"))?;
         return Ok(Done::Partly);
     }
-    let contacts = contacts(&plan, &mut journal)?;
-    let tally = journal.finish(&plan, &columns(&contacts, dimensionless), |steady| cells(&contacts, steady))?;
+    let tally = sweep.finish(journal)?;
     let failed = match tally.failed {
         0 => String::new(),
         failed => format!(", {failed} of them failed (column error)"),
@@ -150,116 +119,4 @@ fn rule(arguments: &Arguments) -> Rule {
         (rule.measured_cycles, rule.irregular_cycles) = (cycles, cycles);
     }
     rule
-}
-
-/// The scene at a point.
-fn at(scene: &Scene, grid: &Grid, values: &[f64]) -> Result<Scene, SceneError> {
-    // Whole numbers are written as such: some keys take no others. Below 2⁵³ nothing is lost.
-    let json = |v: f64| if v.fract() == 0.0 && v.abs() < 9e15 { Value::from(v as i64) } else { Value::from(v) };
-    scene.with_all(grid.axes().iter().zip(values).map(|(axis, value)| (axis.pointer.as_str(), json(*value))))
-}
-
-/// Checks that the scene holds at both ends of every axis, with each other. Says whether it is dimensionless.
-fn corners(scene: &Scene, grid: &Grid) -> Result<bool, CliError> {
-    let mut corners = vec![Vec::new()];
-    for axis in grid.axes() {
-        let ends = [0, axis.count() - 1].map(|i| axis.value(i));
-        corners = corners.iter().flat_map(|corner: &Vec<f64>| ends.map(|end| [&corner[..], &[end]].concat())).collect();
-    }
-    let (mut scenes, mut faults) = (Vec::new(), Vec::new());
-    for corner in corners {
-        match at(scene, grid, &corner) {
-            Ok(scene) => scenes.push(scene),
-            Err(error) => faults.extend(error.faults),
-        }
-    }
-    if !faults.is_empty() {
-        faults = faults.iter().enumerate().filter(|(i, f)| !faults[..*i].contains(f)).map(|(_, f)| f.clone()).collect();
-        return Err(SceneError { name: scene.name().to_owned(), faults }.into());
-    }
-    let mut dimensionless = false;
-    for scene in &scenes {
-        let case = Case::new(scene)?;
-        case.period()?;
-        case.start()?;
-        dimensionless = case.built.dimensionless;
-    }
-    Ok(dimensionless)
-}
-
-/// Names of the contacts of all rows: where the train itself is varied, not every row has each.
-fn contacts(plan: &Plan, journal: &mut Journal<Steady, Seed>) -> Result<Vec<String>, SweepError> {
-    let mut names = Vec::new();
-    for row in 0..plan.rows() {
-        if let Some(Entry { outcome: Outcome::Done { result, .. }, .. }) = journal.entry(row)? {
-            for (name, _) in named(&result) {
-                if !names.contains(&name) {
-                    names.push(name);
-                }
-            }
-        }
-    }
-    Ok(names)
-}
-
-/// Contacts and their names, those that have been given before with a number.
-fn named(steady: &Steady) -> impl Iterator<Item = (String, &ContactSteady)> {
-    steady.contacts.iter().enumerate().map(|(j, contact)| {
-        let name = &contact.report.name;
-        let before = steady.contacts[..j].iter().filter(|other| other.report.name == *name).count();
-        (if before == 0 { name.clone() } else { format!("{name} ({})", before + 1) }, contact)
-    })
-}
-
-/// What is told of a contact: the name of the column, its unit, the value.
-type Measure = (&'static str, &'static str, fn(&ContactSteady) -> Option<f64>);
-
-const MEASURES: [Measure; 14] = [
-    ("apart_fraction", "", |c| Some(c.report.apart_fraction)),
-    ("no_force_fraction", "", |c| Some(c.report.no_force_fraction)),
-    ("separations_per_cycle", "", |c| c.report.separations_per_cycle),
-    ("contacts_per_cycle", "", |c| c.report.contacts_per_cycle),
-    ("no_force_mean", "_s", |c| c.report.durations.mean),
-    ("no_force_longest", "_s", |c| c.report.durations.max),
-    ("force_mean", "_n", |c| Some(c.report.force_mean)),
-    ("force_min", "_n", |c| c.report.force_min),
-    ("force_max", "_n", |c| c.report.force_max),
-    ("force_amplitude", "_n", |c| Some(c.force_amplitude)),
-    ("force_harmonic_1", "_n", |c| c.force_harmonics.first().copied()),
-    ("force_harmonic_2", "_n", |c| c.force_harmonics.get(1).copied()),
-    ("deflection_min", "_m", |c| c.report.deflection_min),
-    ("deflection_max", "_m", |c| c.report.deflection_max),
-];
-
-/// Columns of the table. A dimensionless train has no units.
-fn columns(contacts: &[String], dimensionless: bool) -> Vec<String> {
-    let with = |unit: &'static str| if dimensionless { "" } else { unit };
-    let orbit = ["seeded", "orbit", "period_cycles", "transient_cycles", "orbit_distance", "measured_cycles"];
-    let mut columns: Vec<String> = orbit.map(String::from).to_vec();
-    columns.extend([format!("cycle{}", with("_s")), "events".to_owned(), "grazes".to_owned()]);
-    for contact in contacts {
-        columns.extend(MEASURES.map(|(name, unit, _)| format!("{contact} {name}{}", with(unit))));
-    }
-    columns
-}
-
-/// A row of the table.
-fn cells(contacts: &[String], steady: &Steady) -> Vec<String> {
-    let settled = &steady.settled;
-    let mut cells = vec![
-        steady.seeded.to_string(),
-        settled.word().to_owned(),
-        settled.period.map_or_else(String::new, |period| period.to_string()),
-        settled.cycles.to_string(),
-        number(settled.distance),
-        steady.measured_cycles.to_string(),
-        number(steady.period_s),
-        steady.events.to_string(),
-        steady.grazes.to_string(),
-    ];
-    for name in contacts {
-        let contact = named(steady).find(|(other, _)| other == name).map(|(_, contact)| contact);
-        cells.extend(MEASURES.map(|(_, _, measure)| contact.and_then(measure).map_or_else(String::new, number)));
-    }
-    cells
 }

@@ -14,7 +14,7 @@
 use super::EngineError;
 use crate::{
     event::Located,
-    hybrid::{Guard, GuardId, GuardSet, HybridSystem, Instant, Mode},
+    hybrid::{GuardId, GuardSet, HybridSystem, Instant, Mode},
     integrate::DenseStep,
     poly,
 };
@@ -30,16 +30,15 @@ const MOVED: f64 = 10.0;
 const GATHERED: f64 = 2.0;
 
 /// Off where the old step rule is restored, so that the verification is tested and not the alarms.
-const ON: bool = cfg!(not(feature = "old-steps"));
-
-/// Guards a set has room for.
-const GUARDS: usize = 128;
+fn on() -> bool {
+    !crate::old_steps()
+}
 
 /// What is remembered from step to step.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Alarm {
     /// Largest rounding of each guard so far, in its units.
-    rounding: Box<[f64; GUARDS]>,
+    rounding: Vec<f64>,
     /// Values and errors at the end of the last step of the arc.
     ends: Vec<(GuardId, f64, f64)>,
     /// The mode of that step.
@@ -50,19 +49,6 @@ pub(super) struct Alarm {
     waited: f64,
     /// How far the state may be moved at the event at hand, in the guards' units.
     move_limit: f64,
-}
-
-impl Default for Alarm {
-    fn default() -> Self {
-        Self {
-            rounding: Box::new([0.0; GUARDS]),
-            ends: Vec::with_capacity(GUARDS),
-            mode: Mode::default(),
-            length: None,
-            waited: 0.0,
-            move_limit: f64::INFINITY,
-        }
-    }
 }
 
 fn raise(
@@ -76,6 +62,11 @@ fn raise(
     EngineError::Alarm { t: system.clock().time(at).value(), guard: system.guard_in_words(id), what, amount, limit }
 }
 
+/// The limit that `amount` is above, if any: the part of it that takes work is `added` only where `bound` does not say enough.
+fn exceeded(amount: f64, bound: f64, added: impl FnOnce(f64) -> f64) -> Option<f64> {
+    (amount > APART * bound).then(|| APART * added(bound)).filter(|limit| amount > *limit)
+}
+
 impl Alarm {
     /// A jump makes another motion: nothing carries over from the last step.
     pub fn jumped(&mut self) {
@@ -84,22 +75,31 @@ impl Alarm {
 
     /// Tests the start of a step against the end of the last one; `first` in an arc, where a switch may have changed forces.
     pub fn start(&mut self, system: &dyn HybridSystem, step: &dyn DenseStep, first: bool) -> Result<(), EngineError> {
+        let tests = on() && !step.is_estimate();
         for (i, guard) in step.guards().iter().enumerate() {
-            let rounding = &mut self.rounding[usize::from(guard.id.0)];
+            let slot = usize::from(guard.0);
+            if self.rounding.len() <= slot {
+                self.rounding.resize(slot + 1, 0.0);
+            }
+            let rounding = &mut self.rounding[slot];
             *rounding = rounding.max(step.guard_rounding(i));
-            if system.is_continuous(guard.id) {
+            let is_continuous = system.is_continuous(*guard);
+            if is_continuous {
                 self.length = Some(self.length.map_or(*rounding, |length| length.max(*rounding)));
             }
-            let tested = ON && !step.is_estimate() && (!first || system.is_continuous(guard.id));
-            let Some((_, value, error)) = self.ends.iter().find(|(id, ..)| tested && *id == guard.id) else { continue };
+            if !tests || first && !is_continuous {
+                continue;
+            }
+            // Most often the guards are those of the last step.
+            let same = self.ends.get(i).filter(|end| end.0 == *guard);
+            let end = same.or_else(|| self.ends.iter().find(|end| end.0 == *guard));
+            let Some((_, value, error)) = end else { continue };
             let row = step.guard(i);
             let amount = (row[0] - value).abs();
-            if amount > APART * (error + *rounding) {
-                let limit = APART * (error + *rounding + TERMS * poly::terms(row, 1.0));
-                if amount > limit {
-                    let what = "the end of a step differs from the start of the next";
-                    return Err(raise(system, step.start(), guard.id, what, amount, limit));
-                }
+            let added = |bound| bound + TERMS * poly::terms(row, 1.0);
+            if let Some(limit) = exceeded(amount, error + *rounding, added) {
+                let what = "the end of a step differs from the start of the next";
+                return Err(raise(system, step.start(), *guard, what, amount, limit));
             }
         }
         self.ends.clear();
@@ -111,8 +111,8 @@ impl Alarm {
 
     /// Tests the end of the last step against the state at the end of a run.
     pub fn finish(&mut self, system: &dyn HybridSystem, at: Instant, x: &[f64]) -> Result<(), EngineError> {
-        for (id, value, error) in self.ends.drain(..).filter(|_| ON) {
-            let amount = (system.guard(self.mode, id, at, x) - value).abs();
+        for (id, value, error) in self.ends.drain(..).filter(|_| on()) {
+            let amount = (system.guard(&self.mode, id, at, x) - value).abs();
             let limit = APART * (error + self.rounding[usize::from(id.0)] + TERMS * value.abs());
             if amount > limit {
                 return Err(raise(system, at, id, "the series and the state differ at the end", amount, limit));
@@ -123,23 +123,23 @@ impl Alarm {
 
     /// Remembers that an event so near a switch that time cannot tell them apart waits for it, at the end of `step`.
     pub fn wait(&mut self, step: &dyn DenseStep, located: &Located) {
-        let beyond = |(i, guard): (usize, &Guard)| {
-            if located.fired.contains(guard.id) { -step.guard(i).iter().sum::<f64>() } else { 0.0 }
+        let beyond = |(i, guard): (usize, &GuardId)| {
+            if located.fired.contains(*guard) { -step.guard(i).iter().sum::<f64>() } else { 0.0 }
         };
         self.waited = step.guards().iter().enumerate().map(beyond).fold(0.0, f64::max);
     }
 
     /// Remembers the end of a step that goes on; `closes` the run, so that the state there is tested next and not another step.
-    pub fn end(&mut self, mode: Mode, step: &dyn DenseStep, closes: bool) {
-        self.mode = mode;
+    pub fn end(&mut self, mode: &Mode, step: &dyn DenseStep, closes: bool) {
+        self.mode = mode.clone();
         if step.is_estimate() {
             return;
         }
         for (i, guard) in step.guards().iter().enumerate() {
             let (tail, _) = step.guard_error(i);
             let gathered = if closes { step.gathered(i, 1.0, 0) } else { 0.0 };
-            let error = tail + self.rounding[usize::from(guard.id.0)] + gathered;
-            self.ends.push((guard.id, step.guard(i).iter().sum(), error));
+            let error = tail + self.rounding[usize::from(guard.0)] + gathered;
+            self.ends.push((*guard, step.guard(i).iter().sum(), error));
         }
     }
 
@@ -147,55 +147,39 @@ impl Alarm {
     pub fn event(
         &mut self,
         system: &dyn HybridSystem,
-        mode: Mode,
+        mode: &Mode,
         step: &dyn DenseStep,
         located: &Located,
         (at, x): (Instant, &[f64]),
     ) -> Result<(), EngineError> {
-        self.move_limit = self.length.map_or(f64::INFINITY, |length| GATHERED * length);
-        if !ON {
-            self.move_limit = f64::INFINITY;
+        self.move_limit = f64::INFINITY;
+        if !on() || step.is_estimate() {
             return Ok(());
         }
-        let moved = GuardSet(located.fired.0 | located.near.0);
+        self.move_limit = self.length.map_or(f64::INFINITY, |length| GATHERED * length);
         for (i, guard) in step.guards().iter().enumerate() {
-            let (id, row) = (guard.id, step.guard(i));
+            let (id, row) = (*guard, step.guard(i));
             let (tail, _) = step.guard_error(i);
             let rounding = self.rounding[usize::from(id.0)];
-            if moved.contains(id) && system.is_continuous(id) {
-                let limit = step.guard_in_time(i, located.theta).map_or(tail, |(_, error)| error);
-                self.move_limit = self.move_limit.max(MOVED * limit + GATHERED * rounding + self.waited);
-            }
-            if step.is_estimate() {
-                continue;
-            }
-            let limit = MOVED * tail + GATHERED * rounding + self.waited;
-            if located.theta == 0.0 {
-                if row[0] < -limit && located.fired.contains(id) && system.is_continuous(id) {
-                    return Err(raise(
-                        system,
-                        at,
-                        id,
-                        "the arc starts beyond a guard that cannot jump",
-                        -row[0],
-                        limit,
-                    ));
+            let limit = |tail: f64| MOVED * tail + GATHERED * rounding + self.waited;
+            let fires = located.fired.contains(id);
+            if (fires || located.near.contains(id)) && system.is_continuous(id) {
+                let known = step.guard_in_time(i, located.theta).map_or(tail, |(_, error)| error);
+                self.move_limit = self.move_limit.max(limit(known));
+                if located.theta == 0.0 && fires && row[0] < -limit(tail) {
+                    let what = "the arc starts beyond a guard that cannot jump";
+                    return Err(raise(system, at, id, what, -row[0], limit(tail)));
                 }
+            }
+            if located.theta == 0.0 {
                 continue;
             }
             let amount = (poly::eval(row, located.theta) - system.guard(mode, id, at, x)).abs();
-            if amount <= APART * (tail + rounding) {
-                continue;
-            }
             // The state's own rounding: a flank may be far from where the step started.
-            let gathered = step.gathered(i, located.theta, 0);
-            let limit = APART * (tail + rounding + gathered + TERMS * poly::terms(row, located.theta));
-            if amount > limit {
+            let added = |bound| bound + step.gathered(i, located.theta, 0) + TERMS * poly::terms(row, located.theta);
+            if let Some(limit) = exceeded(amount, tail + rounding, added) {
                 return Err(raise(system, at, id, "the series and the state differ at an event", amount, limit));
             }
-        }
-        if step.is_estimate() {
-            self.move_limit = f64::INFINITY;
         }
         Ok(())
     }
@@ -205,14 +189,10 @@ impl Alarm {
         &self,
         system: &dyn HybridSystem,
         at: Instant,
-        fired: GuardSet,
+        fired: &GuardSet,
         amount: f64,
     ) -> Result<(), EngineError> {
-        match fired.iter().next().filter(|_| amount > self.move_limit) {
-            Some(id) => {
-                Err(raise(system, at, id, "the state is moved further than the bound allows", amount, self.move_limit))
-            }
-            None => Ok(()),
-        }
+        let Some(id) = fired.iter().next().filter(|_| amount > self.move_limit) else { return Ok(()) };
+        Err(raise(system, at, id, "the state is moved further than the bound allows", amount, self.move_limit))
     }
 }

@@ -66,16 +66,16 @@ impl Chatter {
         &mut self,
         system: &dyn HybridSystem,
         step: &dyn DenseStep,
-        fired: GuardSet,
+        fired: &GuardSet,
         options: &Options,
     ) -> Option<(GuardSet, Accumulation)> {
-        let mut ending = GuardSet::EMPTY;
+        let mut ending = GuardSet::default();
         let mut end = Accumulation { resolved: 0, remaining: 0.0 };
         for (i, guard) in step.guards().iter().enumerate() {
-            if !fired.contains(guard.id) {
+            if !fired.contains(*guard) {
                 continue;
             }
-            let Some(e) = system.restitution(guard.id).filter(|e| *e < 1.0) else { continue };
+            let Some(e) = system.restitution(*guard).filter(|e| *e < 1.0) else { continue };
             let Some([u, falling, j]) = step.guard_derivatives_in_time(i) else { continue };
             let a = -falling;
             let epsilon = j * u / (a * a);
@@ -83,7 +83,7 @@ impl Chatter {
             let others = if step.is_estimate() { f64::INFINITY } else { OTHERS * e };
             let now = step.start();
             let since = |before| system.clock().between(before, now);
-            let sequence = self.record(guard.id, (now, since), u, e, others);
+            let sequence = self.record(*guard, (now, since), u, e, others);
             let slow = u <= options.chatter_fraction * sequence.fastest || u <= options.chatter_speed;
             // The height of a flight is `u²/2A`.
             let is_flat = u * u <= 2.0 * a.abs() * step.guard_rounding(i);
@@ -99,11 +99,11 @@ impl Chatter {
                 is_joint.then(|| sequence.interval * ratio / (1.0 - ratio))
             };
             let Some(remaining) = remaining else { continue };
-            ending.insert(guard.id);
+            ending.insert(*guard);
             end.remaining = end.remaining.max(remaining);
             end.resolved = end.resolved.max(sequence.impacts);
             if sequence.own < IN_A_ROW {
-                let watched = |id: GuardId| step.guards().iter().any(|guard| guard.id == id);
+                let watched = |id: GuardId| step.guards().contains(&id);
                 self.alternating(system, now, &sequence)
                     .iter()
                     .filter(|id| watched(*id))
@@ -115,7 +115,7 @@ impl Chatter {
 
     /// The guards that have had an impact between the last two of `sequence`, at `now`: they end with it.
     fn alternating(&self, system: &dyn HybridSystem, now: Instant, sequence: &Sequence) -> GuardSet {
-        let mut set = GuardSet::EMPTY;
+        let mut set = GuardSet::default();
         let is_between = |s: &&Sequence| s.impacts >= IN_A_ROW && system.clock().between(s.at, now) < sequence.interval;
         self.sequences.iter().filter(is_between).for_each(|s| set.insert(GuardId(s.guard)));
         set
@@ -138,16 +138,7 @@ impl Chatter {
         let s = &mut self.sequences[i];
         let ratio = speed / s.last;
         *s = if s.impacts == 0 || ratio >= 1.0 / STALLED {
-            Sequence {
-                guard: guard.0,
-                impacts: 1,
-                own: 1,
-                fastest: speed,
-                last: speed,
-                at,
-                interval: 0.0,
-                ratios: [0.0; 2],
-            }
+            Sequence { guard: guard.0, impacts: 1, own: 1, fastest: speed, last: speed, at, ..Sequence::default() }
         } else {
             let is_own = (speed - e * s.last).abs() <= others * s.last;
             Sequence {

@@ -3,6 +3,7 @@
 mod advance;
 mod alarm;
 mod chatter;
+mod instant;
 mod observer;
 mod outcome;
 mod state;

@@ -5,7 +5,7 @@ use crate::{event::EventRecord, hybrid::Mode, integrate::DenseStep};
 /// Watches a run. Every method may break it off; the run then ends with an outcome, not an error.
 pub trait Observer {
     /// A piece of smooth motion: the step, valid on `[0, until]`.
-    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let _ = (mode, step, until);
         ControlFlow::Continue(())
     }
@@ -22,7 +22,7 @@ impl Observer for () {}
 
 /// Both watch; either may break off.
 impl<A: Observer, B: Observer> Observer for (A, B) {
-    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let first = self.0.step(mode, step, until);
         self.1.step(mode, step, until)?;
         first
@@ -37,7 +37,7 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
 
 /// Watches, or not.
 impl<T: Observer> Observer for Option<T> {
-    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         self.as_mut().map_or(ControlFlow::Continue(()), |observer| observer.step(mode, step, until))
     }
 
@@ -47,7 +47,7 @@ impl<T: Observer> Observer for Option<T> {
 }
 
 impl<T: Observer + ?Sized> Observer for &mut T {
-    fn step(&mut self, mode: Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         (**self).step(mode, step, until)
     }
 

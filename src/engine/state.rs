@@ -1,6 +1,9 @@
 //! Where a run stands, what it is allowed, and what it has done.
 
-use crate::hybrid::{Instant, Jump};
+use crate::{
+    event::EventRecord,
+    hybrid::{Instant, Jump},
+};
 
 /// Where a run stands.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,6 +14,21 @@ pub struct State {
     pub x: Vec<f64>,
     /// Mode and exact zeros.
     pub jump: Jump,
+}
+
+/// A state, and what its doubles alone do not hold.
+pub(super) struct Point {
+    pub state: State,
+    /// What the state is beyond the rounding of its `x`, `[dim]`.
+    pub low: Vec<f64>,
+    /// What the last step kept for the next arc.
+    pub carried: Vec<f64>,
+}
+
+impl Point {
+    pub fn new(state: State) -> Self {
+        Self { low: vec![0.0; state.x.len()], carried: Vec::new(), state }
+    }
 }
 
 /// What a run is allowed.
@@ -31,7 +49,7 @@ impl Default for Options {
 }
 
 /// Work done.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Counters {
     /// Dense steps taken, the cut ones included.
     pub steps: u64,
@@ -40,6 +58,7 @@ pub struct Counters {
     /// Records of a changed mode or state.
     pub events: u64,
     /// Guards fired in them.
+    #[serde(rename = "guards_fired")]
     pub fired: u64,
     /// Known switching times passed.
     pub switches: u64,
@@ -49,4 +68,15 @@ pub struct Counters {
     pub accumulations: u64,
     /// Interval subdivisions of the root isolation.
     pub splits: u64,
+}
+
+impl Counters {
+    pub(super) fn add(&mut self, record: &EventRecord) {
+        self.grazes += u64::from(record.graze);
+        self.accumulations += u64::from(record.accumulation.is_some());
+        if !record.fired.is_empty() && !record.start && !record.graze {
+            self.events += 1;
+            self.fired += record.fired.len() as u64;
+        }
+    }
 }

@@ -1,16 +1,17 @@
-//! What a visit to a step does: closes the instant before it, finds its first event, hands it on.
+//! What a visit to a step does: resolves the instant before it, finds its first event, hands it on.
 
 use std::ops::ControlFlow;
 
 use super::{
-    EngineError, Observer,
+    EngineError, Observer, Outcome,
     alarm::Alarm,
     chatter::Chatter,
-    state::{Counters, Options, State},
+    instant::EventIteration,
+    state::{Counters, Options, Point, State},
 };
 use crate::{
-    event::{Accumulation, Conditioning, EventRecord, Located, Locator},
-    hybrid::{GuardId, GuardSet, HybridSystem, Instant, Mode},
+    event::{Accumulation, EventRecord, Located, Locator},
+    hybrid::{GuardId, GuardSet, HybridSystem, Instant},
     integrate::DenseStep,
 };
 
@@ -22,216 +23,132 @@ pub(super) struct Core<'s> {
     pub locator: Locator,
     pub chatter: Chatter,
     pub alarm: Alarm,
-    /// The record of the current instant, open until no further guard fires at it.
-    pub open: EventRecord,
-    pub is_open: bool,
-    /// The run starts with a guard at zero.
-    pub starts_on_guard: bool,
-    /// What fired at the last closed instant and is still to be counted as impacts.
-    pub uncounted: GuardSet,
-    /// Modes visited at the current instant.
-    pub cascade: Vec<Mode>,
-    /// Jumps at the current instant that had an impulse.
-    pub strikes: usize,
-    /// Their fastest approach, where all that fired rebounds, m/s.
-    pub fastest: f64,
-    /// Where the current arc was left.
-    pub left_at: Instant,
-    pub left_x: Vec<f64>,
-    pub left_low: Vec<f64>,
-    pub left_carried: Vec<f64>,
+    pub iteration: EventIteration,
+    /// The next known switching time, kept until it is passed.
+    pub next_switch: Option<Instant>,
+    /// Where the current arc was left; its mode means nothing.
+    pub left: Point,
 }
 
 /// What ended an arc.
 pub(super) enum End {
+    /// Its bound.
     Bound,
+    /// Guards that fire.
     Event(Located),
-    Settle(GuardSet, Accumulation),
-    Observer,
-    Budget,
-    /// Nothing more fires at the instant the run ends at.
-    Closed,
-    Alarm(EngineError),
+    /// An impact sequence that is summed: the contacts of its guards come to rest.
+    Rest(GuardSet, Accumulation),
+    /// The end of the run.
+    Stop(Outcome),
+}
+
+/// What an arc runs up to.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Arrival {
+    /// A known switching time.
+    Switch,
+    /// The end of the run.
+    End,
+    /// The record of the instant it starts at: the run has ended.
+    Record,
 }
 
 /// What a visit needs to know about the arc.
 #[derive(Clone, Copy)]
-pub(super) struct Place {
-    pub mode: Mode,
-    /// The bound is a known switching time: it goes before a state event at the same instant.
-    pub switching: bool,
-    /// The run has ended: only what still fires at its last instant is wanted.
-    pub closing: bool,
+pub(super) struct Place<'a> {
+    /// Where it starts.
+    pub state: &'a State,
     pub bound: Instant,
+    pub arrival: Arrival,
 }
 
 impl Core<'_> {
-    /// Opens the record of the instant at which `state` stands.
-    pub fn begin(&mut self, state: &State) {
-        let open = &mut self.open;
-        // An arc too short for the clock to tell leaves the instant what it was: its jumps go on counting.
-        if open.at != state.at {
-            self.cascade.clear();
-            (self.strikes, self.fastest) = (0, 0.0);
-        }
-        open.at = state.at;
-        open.from = state.jump.mode;
-        open.x_minus.clear();
-        open.x_minus.extend_from_slice(&state.x);
-        open.fired = GuardSet::EMPTY;
-        open.conditioning = Conditioning::default();
-        open.jumps = 0;
-        open.switched = false;
-        open.start = false;
-        open.graze = false;
-        open.accumulation = None;
-        open.projected = 0.0;
-        self.is_open = true;
-    }
-
-    /// Closes the open record, if any, with the state after it.
-    pub fn close(&mut self, state: &State, observer: &mut dyn Observer) -> ControlFlow<()> {
-        if !std::mem::take(&mut self.is_open) {
-            return ControlFlow::Continue(());
-        }
-        let open = &mut self.open;
-        // A start off all guards is no decision.
-        if open.start && !self.starts_on_guard && open.fired.is_empty() && !open.switched {
-            return ControlFlow::Continue(());
-        }
-        self.uncounted = open.fired;
-        open.to = state.jump.mode;
-        open.jump = state.jump;
-        open.x_plus.clear();
-        open.x_plus.extend_from_slice(&state.x);
-        if !open.fired.is_empty() && !open.start {
-            self.counters.events += 1;
-            self.counters.fired += u64::from(open.fired.0.count_ones());
-        }
-        observer.event(open)
-    }
-
-    /// Looks at one step: closes the instant before it, finds the first event on it, hands it on.
+    /// Looks at one step, the `first` of its arc or a later one. What ends the arc on it, if anything.
     pub fn visit(
         &mut self,
         step: &dyn DenseStep,
-        place: Place,
+        place: Place<'_>,
         first: bool,
-        state: &State,
         observer: &mut dyn Observer,
-    ) -> Option<End> {
+    ) -> Result<Option<End>, EngineError> {
         self.counters.steps += 1;
-        if let Err(alarm) = self.alarm.start(self.system, step, first) {
-            return Some(End::Alarm(alarm));
-        }
-        let closes = !place.switching
-            && self.system.clock().between(step.start(), place.bound) <= step.time(1.0) * (1.0 + 4.0 * f64::EPSILON);
-        let (located, touch) = self.locator.first(step, first, closes);
-        if first {
-            if let Some(located) = located.filter(|l| l.theta == 0.0) {
-                return Some(self.fire(step, place, located));
-            }
-            if self.is_open {
-                let flow = self.close(state, observer);
-                if flow.is_break() {
-                    self.leave(step, 0.0);
-                    return Some(End::Observer);
-                }
-                if place.closing {
-                    self.leave(step, 0.0);
-                    return Some(End::Closed);
-                }
-                if self.counters.events >= self.options.max_events {
-                    self.leave(step, 0.0);
-                    return Some(End::Budget);
-                }
-            }
-            // A sequence is summed only if it ends before the arc does: a switch or the run's end may not fall inside.
-            let left = self.system.clock().between(step.start(), place.bound);
-            let fired = std::mem::take(&mut self.uncounted);
-            if let Some((ending, accumulation)) =
-                self.chatter.ends(self.system, step, fired, &self.options).filter(|(_, end)| end.remaining < left)
-            {
-                self.leave(step, 0.0);
-                return Some(End::Settle(ending, accumulation));
-            }
+        self.alarm.start(self.system, step, first)?;
+        let left = self.system.clock().between(step.start(), place.bound);
+        let closes = place.arrival != Arrival::Switch && left <= step.time(1.0) * (1.0 + 4.0 * f64::EPSILON);
+        let (mut located, touch) = self.locator.first(step, first, closes);
+        if first && let Some(end) = self.resolve(step, place, &mut located, left, observer) {
+            return self.end_at(step, place, 0.0, end);
         }
         if let Some((theta, guard)) = touch
             && self.graze(step, theta, guard, place, observer).is_break()
         {
-            return Some(End::Observer);
+            return Ok(Some(End::Stop(Outcome::StoppedByObserver)));
         }
-        // A state event at a switching time waits for the switch: it fires at the start of the next arc.
-        let waits = |l: &Located| {
-            let left = self.system.clock().between(step.start(), place.bound) - step.time(l.theta);
-            place.switching && left <= l.conditioning.time
-        };
-        if let Some(l) = located.filter(waits) {
-            self.alarm.wait(step, &l);
+        if let Some(located) = located.take_if(|l| place.waits(step, l, left)) {
+            self.alarm.wait(step, &located);
         }
-        let located = located.filter(|l| !waits(l));
-        let until = located.map_or(1.0, |l| l.theta);
-        if observer.step(place.mode, step, until).is_break() {
-            self.leave(step, until);
-            return Some(End::Observer);
+        let until = located.as_ref().map_or(1.0, |l| l.theta);
+        if observer.step(&place.state.jump.mode, step, until).is_break() {
+            return self.end_at(step, place, until, End::Stop(Outcome::StoppedByObserver));
         }
-        let Some(located) = located else {
-            self.alarm.end(place.mode, step, closes);
-            step.carry(1.0, &mut self.left_carried);
-            return None;
-        };
-        Some(self.fire(step, place, located))
+        if let Some(located) = located {
+            return self.end_at(step, place, until, End::Event(located));
+        }
+        self.alarm.end(&place.state.jump.mode, step, closes);
+        step.carry(1.0, &mut self.left.carried);
+        Ok(None)
     }
 
-    /// Leaves the step at an event, if its numbers agree there.
-    pub fn fire(&mut self, step: &dyn DenseStep, place: Place, located: Located) -> End {
-        self.leave(step, located.theta);
-        match self.alarm.event(self.system, place.mode, step, &located, (self.left_at, &self.left_x)) {
-            Ok(()) => {
-                self.meet(place.mode, &located);
-                End::Event(located)
+    /// Ends the arc at `theta`: at an event, if its numbers agree there.
+    fn end_at(
+        &mut self,
+        step: &dyn DenseStep,
+        place: Place<'_>,
+        theta: f64,
+        end: End,
+    ) -> Result<Option<End>, EngineError> {
+        self.leave(step, theta);
+        if let End::Event(located) = &end {
+            let (mode, State { at, x, .. }) = (&place.state.jump.mode, &mut self.left.state);
+            self.alarm.event(self.system, mode, step, located, (*at, x))?;
+            // The root is a rounded number: time and state are moved onto a guard that fell through zero there.
+            if let Some(id) = located.zero.iter().next().filter(|_| theta > 0.0) {
+                let by = self.system.meet(mode, id, *at, located.conditioning.time, x, &mut self.left.low);
+                *at = self.system.clock().advance(*at, by);
             }
-            Err(alarm) => End::Alarm(alarm),
         }
+        Ok(Some(end))
     }
 
-    pub fn leave(&mut self, step: &dyn DenseStep, theta: f64) {
-        self.left_at = self.system.clock().advance(step.start(), step.time_in_two(theta));
-        step.state_in_two(theta, &mut self.left_x, &mut self.left_low);
-        step.carry(theta, &mut self.left_carried);
-    }
-
-    /// Moves time and state where they were left onto a guard that fell through zero there: its root is a rounded number.
-    pub fn meet(&mut self, mode: Mode, located: &Located) {
-        if let Some(id) = located.zero.iter().next().filter(|_| located.theta > 0.0) {
-            let (most, at) = (located.conditioning.time, self.left_at);
-            let by = self.system.meet(mode, id, at, most, &mut self.left_x, &mut self.left_low);
-            self.left_at = self.system.clock().advance(at, by);
-        }
+    fn leave(&mut self, step: &dyn DenseStep, theta: f64) {
+        let Point { state, low, carried } = &mut self.left;
+        state.at = self.system.clock().advance(step.start(), step.time_in_two(theta));
+        step.state_in_two(theta, &mut state.x, low);
+        step.carry(theta, carried);
     }
 
     /// A touch without crossing: recorded, and nothing else.
-    pub fn graze(
+    fn graze(
         &mut self,
         step: &dyn DenseStep,
         theta: f64,
         guard: GuardId,
-        place: Place,
+        place: Place<'_>,
         observer: &mut dyn Observer,
     ) -> ControlFlow<()> {
-        self.counters.grazes += 1;
         self.leave(step, theta);
-        let mut fired = GuardSet::EMPTY;
-        fired.insert(guard);
-        observer.event(&EventRecord {
-            at: self.left_at,
-            fired,
-            from: place.mode,
-            to: place.mode,
-            x_minus: self.left_x.clone(),
-            x_plus: self.left_x.clone(),
+        let (mode, State { at, x, .. }) = (&place.state.jump.mode, &self.left.state);
+        let record = EventRecord {
+            at: *at,
+            fired: GuardSet::from_iter([guard]),
+            from: mode.clone(),
+            to: mode.clone(),
+            x_minus: x.clone(),
+            x_plus: x.clone(),
             graze: true,
             ..EventRecord::default()
-        })
+        };
+        self.counters.add(&record);
+        observer.event(&record)
     }
 }

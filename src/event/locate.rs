@@ -8,7 +8,7 @@ use crate::{
 };
 
 /// The first event on a step.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Located {
     /// Where, in the step's clock.
     pub theta: f64,
@@ -131,17 +131,16 @@ impl Locator {
         let mut first: Option<(f64, usize)> = None;
         let mut touch: Option<(f64, usize)> = None;
         // Rows that are not clearly positive.
-        let mut doubtful = GuardSet::EMPTY;
+        let mut doubtful = GuardSet::default();
         let mut limit = 1.0;
         for i in 0..step.guards().len() {
             let series = Deflated::new(step, i);
             let found = poly::first_root(series.p, limit, series.error);
             self.splits += u64::from(found.splits);
             // A row that starts at an exact zero may be clear of it and near it all the same.
-            if found.is_clear && series.order == 0 {
-                continue;
+            if !found.is_clear || series.order > 0 {
+                doubtful.insert(step.guards()[i]);
             }
-            doubtful.insert(step.guards()[i].id);
             if found.is_clear {
                 continue;
             }
@@ -165,7 +164,7 @@ impl Locator {
         }
         let end = first.map_or(1.0, |(theta, _)| theta);
         let touch = touch.filter(|(t, i)| *t < end && is_tangent(step, *i, *t, end));
-        let touch = touch.and_then(|(t, i)| Some((lowest(step.guard(i), t, end)?, step.guards()[i].id)));
+        let touch = touch.and_then(|(t, i)| Some((lowest(step.guard(i), t, end)?, step.guards()[i])));
         (first.map(|(theta, lead)| self.batch(step, starts, theta, lead, doubtful)), touch)
     }
 
@@ -189,8 +188,8 @@ impl Locator {
         };
         let reach = if theta == 0.0 { 0.0 } else { width(0.0) };
         let standstill = stands_still(step, theta, theta);
-        let (mut fired, mut zero, mut near) = (GuardSet::EMPTY, GuardSet::EMPTY, GuardSet::EMPTY);
-        for (i, guard) in step.guards().iter().enumerate().filter(|(_, guard)| doubtful.contains(guard.id)) {
+        let (mut fired, mut zero, mut near) = (GuardSet::default(), GuardSet::default(), GuardSet::default());
+        for (i, guard) in step.guards().iter().enumerate().filter(|(_, guard)| doubtful.contains(**guard)) {
             let series = Deflated::new(step, i);
             let fires = if i == lead {
                 true
@@ -205,17 +204,17 @@ impl Locator {
                 falls || standstill && value.abs() <= series.error
             };
             if fires {
-                fired.insert(guard.id);
+                fired.insert(*guard);
                 // At the start of a later step it fell through zero in between.
                 if theta > 0.0 || series.order > 0 || !starts {
-                    zero.insert(guard.id);
+                    zero.insert(*guard);
                 }
             } else {
                 // From an exact zero on a value may be known better than the state can hold it. Then it is near where the lead passes it in
                 // no time.
                 let held = (RESOLVED * step.guard_rounding(i)).min(f64::EPSILON * slope.abs());
                 if series.value(theta).abs() <= held.max(series.error * theta.powi(series.order as i32)) {
-                    near.insert(guard.id);
+                    near.insert(*guard);
                 }
             }
         }

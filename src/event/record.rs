@@ -63,9 +63,9 @@ impl EventRecord {
     pub fn transition(&self) -> Transition<'_> {
         Transition {
             at: self.at,
-            fired: self.fired,
-            from: self.from,
-            to: self.to,
+            fired: &self.fired,
+            from: &self.from,
+            to: &self.to,
             x_minus: &self.x_minus,
             x_plus: &self.x_plus,
         }

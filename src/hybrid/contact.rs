@@ -85,7 +85,7 @@ pub trait ContactView {
     /// Name of contact `j`.
     fn contact_name(&self, j: usize) -> &str;
     /// State of contact `j` in `mode`.
-    fn contact_mode(&self, j: usize, mode: Mode) -> ContactMode;
+    fn contact_mode(&self, j: usize, mode: &Mode) -> ContactMode;
     /// The contact a guard belongs to, and what it watches.
     fn watch(&self, id: GuardId) -> (usize, Watch);
     /// Whether contact `j` cannot be penetrated: its contacts are impacts or rest.
@@ -97,11 +97,11 @@ pub trait ContactView {
     /// Deflection δ, m, and its rate, m/s, of contact `j`.
     fn deflection(&self, j: usize, at: Instant, x: &[f64]) -> (f64, f64);
     /// Force F of contact `j`, N; zero where it carries none.
-    fn force(&self, j: usize, mode: Mode, at: Instant, x: &[f64]) -> f64;
+    fn force(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64;
     /// Energy stored in the spring of contact `j`, J.
-    fn stored(&self, j: usize, mode: Mode, at: Instant, x: &[f64]) -> f64;
+    fn stored(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64;
     /// Power lost in contact `j`, W.
-    fn dissipation(&self, j: usize, mode: Mode, at: Instant, x: &[f64]) -> f64;
+    fn dissipation(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64;
     /// The impulses `P_j` along each direction that a jump applied, N s, into `out` `[contact_count]`.
     fn impulses(&self, transition: &Transition<'_>, out: &mut [f64]);
 }

@@ -1,19 +1,8 @@
-use super::{Guard, GuardId, GuardSet, Instant, Mode, Wide};
-
-/// The smooth motion inside one mode.
-#[derive(Clone, Copy)]
-pub enum Flow<'a> {
-    /// The field knows the Taylor coefficients of its own solution (and can be evaluated too).
-    Jet(&'a dyn JetField, &'a dyn VectorField),
-    /// The field can only be evaluated.
-    Smooth(&'a dyn VectorField),
-}
+use super::{GuardId, GuardSet, Instant, Mode, Wide};
 
 /// What a [`JetField`] is asked for.
 #[derive(Clone, Copy, Debug)]
 pub struct JetRequest<'a> {
-    /// The mode whose smooth flow is expanded.
-    pub mode: Mode,
     /// Where.
     pub at: Instant,
     /// State there, `[dim]`.
@@ -21,9 +10,9 @@ pub struct JetRequest<'a> {
     /// What the state is beyond the rounding of `x`, `[dim]`; empty: nothing.
     pub low: &'a [f64],
     /// Guards known to be exactly zero at `at`.
-    pub pinned: GuardSet,
+    pub pinned: &'a GuardSet,
     /// Guards whose rate is known to be exactly zero as well.
-    pub still: GuardSet,
+    pub still: &'a GuardSet,
     /// What [`JetField::carry`] kept from the step before, of the arc before too; empty if nothing.
     pub carried: &'a [f64],
     /// Wanted span of the step, s: the field may return a shorter one.
@@ -32,25 +21,25 @@ pub struct JetRequest<'a> {
     pub tolerance: f64,
 }
 
-/// A flow that knows its own Taylor series.
+/// The smooth motion in one mode, which knows its own Taylor series.
 #[allow(unused_variables, reason = "defaults that do nothing")]
 pub trait JetField {
     /// Expands the solution through `request.x`: fills `out` with the coefficients of state, clock and
     /// guards in the step's own clock `θ`, and the largest `θ` up to which they hold to tolerance.
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet);
 
-    /// Puts the state at the end of a step back onto what `mode` holds fixed, where rounding has moved it: contacts at rest.
-    fn restore(&self, mode: Mode, at: Instant, x: &mut [f64]) {}
+    /// Puts the state at the end of a step back onto what the mode holds fixed, where rounding has moved it: contacts at rest.
+    fn restore(&self, at: Instant, x: &mut [f64]) {}
 
     /// Sizes of the terms whose sums are the value, the rate and the acceleration of guard `id` at the start of `step`, for a
     /// state with components of the sizes in `x`.
-    fn term_sizes(&self, mode: Mode, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
+    fn term_sizes(&self, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
         [0.0; 3]
     }
 
     /// Keeps from `theta` on a step what the state alone holds with less precision, such as a penetration or a gap that is a
     /// small difference of displacements. A jump that moves it says so by an exact zero.
-    fn carry(&self, mode: Mode, step: &Jet, theta: f64, carried: &mut Vec<f64>) {
+    fn carry(&self, step: &Jet, theta: f64, carried: &mut Vec<f64>) {
         carried.clear();
     }
 }
@@ -66,9 +55,9 @@ pub fn normalise(x: &mut [f64], low: &mut [f64]) {
 /// A vector field `ẋ = f(t, x)` with its Jacobian.
 pub trait VectorField {
     /// `dx = f(t, x)` in `mode`, `dx` `[dim]`. `t` is measured from `base`, s.
-    fn eval(&self, mode: Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]);
+    fn eval(&self, mode: &Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]);
     /// `jv = (∂f/∂x) v` in `mode`, `v` and `jv` `[dim]`.
-    fn jac_mul(&self, mode: Mode, base: Instant, t: f64, x: &[f64], v: &[f64], jv: &mut [f64]);
+    fn jac_mul(&self, mode: &Mode, base: Instant, t: f64, x: &[f64], v: &[f64], jv: &mut [f64]);
 }
 
 /// Taylor coefficients of one step.
@@ -93,7 +82,7 @@ pub struct Jet {
     /// Largest `s` at which the series hold to tolerance; not finite if they could not be formed.
     pub reach: f64,
     /// The guards of the mode, in the order of their rows in `guard_series`.
-    pub guards: Vec<Guard>,
+    pub guards: Vec<GuardId>,
     /// Guard coefficients in θ, row `i` at `[i·(order + 1), (i + 1)·(order + 1))`.
     pub guard_series: Vec<f64>,
     /// For each guard, a bound on what the truncated tail adds on `[0, 1]`.

@@ -12,8 +12,8 @@ mod power;
 mod system;
 
 pub use contact::{ContactMode, ContactView, Watch};
-pub use flow::{Flow, Jet, JetField, JetRequest, VectorField, normalise};
-pub use guard::{Guard, GuardId, GuardSet};
+pub use flow::{Jet, JetField, JetRequest, VectorField, normalise};
+pub use guard::{GuardId, GuardSet};
 pub use instant::{Clock, Instant, Wide};
 pub use mode::Mode;
 pub use power::{EnergyJump, PowerBalance, Powers, Transition};

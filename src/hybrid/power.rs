@@ -21,11 +21,11 @@ pub struct Transition<'a> {
     /// When.
     pub at: Instant,
     /// The guards that fired.
-    pub fired: GuardSet,
+    pub fired: &'a GuardSet,
     /// Mode before.
-    pub from: Mode,
+    pub from: &'a Mode,
     /// Mode after.
-    pub to: Mode,
+    pub to: &'a Mode,
     /// State before, `[dim]`.
     pub x_minus: &'a [f64],
     /// State after, `[dim]`.
@@ -51,9 +51,9 @@ pub struct EnergyJump {
 /// What an energy ledger asks of a system.
 pub trait PowerBalance {
     /// Kinetic plus stored energy, J.
-    fn energy(&self, mode: Mode, at: Instant, x: &[f64]) -> f64;
+    fn energy(&self, mode: &Mode, at: Instant, x: &[f64]) -> f64;
     /// The powers at an instant. The balance is `Ė = load + error + parametric − damping − contact`.
-    fn powers(&self, mode: Mode, at: Instant, x: &[f64]) -> Powers;
+    fn powers(&self, mode: &Mode, at: Instant, x: &[f64]) -> Powers;
     /// What a jump changes.
     fn energy_jump(&self, transition: &Transition<'_>) -> EnergyJump;
 }

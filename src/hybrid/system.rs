@@ -1,4 +1,4 @@
-use super::{Clock, Flow, Guard, GuardId, GuardSet, Instant, Mode};
+use super::{Clock, GuardId, GuardSet, Instant, JetField, Mode, VectorField};
 
 /// Why a model could not carry out what the engine asked.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -23,7 +23,7 @@ pub enum ModelError {
 }
 
 /// What a jump leaves behind, apart from the state.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Jump {
     /// The mode after.
     pub mode: Mode,
@@ -53,12 +53,16 @@ pub trait HybridSystem {
     fn dim(&self) -> usize;
     /// The forcing clock.
     fn clock(&self) -> &Clock;
-    /// The smooth flow of all modes (the mode is handed to each call).
-    fn flow(&self) -> Flow<'_>;
+    /// The smooth motion of `mode`, compiled, where it knows its own Taylor series; one arc reads it and nothing else.
+    fn motion<'a>(&'a self, mode: &Mode) -> Option<Box<dyn JetField + 'a>> {
+        None
+    }
+    /// The smooth motion of all modes, to be evaluated (the mode is handed to each call).
+    fn field(&self) -> &dyn VectorField;
     /// The guards watched in `mode`, into `out`, in rising order of id.
-    fn guards(&self, mode: Mode, out: &mut Vec<Guard>);
+    fn guards(&self, mode: &Mode, out: &mut Vec<GuardId>);
     /// The value of a guard, positive inside the mode.
-    fn guard(&self, mode: Mode, id: GuardId, at: Instant, x: &[f64]) -> f64;
+    fn guard(&self, mode: &Mode, id: GuardId, at: Instant, x: &[f64]) -> f64;
     /// Resets the state and gives the successor mode. `fired` is the whole batch. `from` holds the mode and the zeros:
     /// the guards of the batch that fell through zero (the others are outside already, taken there by a switch or an
     /// earlier jump), and what the earlier jumps at the instant left, which still stands for contacts that do not fire
@@ -69,23 +73,24 @@ pub trait HybridSystem {
     fn jump(
         &self,
         from: &Jump,
-        fired: GuardSet,
+        fired: &GuardSet,
         at: Instant,
         x: &mut [f64],
         low: &mut [f64],
     ) -> Result<Jump, ModelError>;
     /// Moves the state `x + low` at `at` along the flow of `mode` onto guard `id`, by one Newton step of at most `most` seconds, and
     /// returns its length, s. Nothing unless the system keeps the low part of its state.
-    fn meet(&self, mode: Mode, id: GuardId, at: Instant, most: f64, x: &mut [f64], low: &mut [f64]) -> f64 {
+    fn meet(&self, mode: &Mode, id: GuardId, at: Instant, most: f64, x: &mut [f64], low: &mut [f64]) -> f64 {
         0.0
     }
-    /// The next known switching time strictly after `at`, if any; none unless the system says otherwise.
-    fn next_switch(&self, at: Instant) -> Option<Instant> {
+    /// The next known switching time at which the motion of `mode` changes: `at` or before where `mode` has not passed it yet. None
+    /// unless the system says otherwise.
+    fn next_switch(&self, mode: &Mode, at: Instant) -> Option<Instant> {
         None
     }
     /// The mode right after the known switching time at `at`.
-    fn switched(&self, mode: Mode, at: Instant) -> Mode {
-        mode
+    fn switched(&self, mode: &Mode, at: Instant) -> Mode {
+        mode.clone()
     }
     /// The coefficient of restitution of the impact that guard `id` stands for; `None` if it is no impact.
     fn restitution(&self, id: GuardId) -> Option<f64> {
@@ -95,10 +100,10 @@ pub trait HybridSystem {
     ///
     /// # Errors
     /// As [`jump`](Self::jump).
-    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError>;
+    fn settle(&self, from: &Jump, fired: &GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError>;
     /// `mode` in words, for messages.
-    fn mode_in_words(&self, mode: Mode) -> String {
-        format!("mode {:#x}", mode.0)
+    fn mode_in_words(&self, mode: &Mode) -> String {
+        format!("mode {mode}")
     }
     /// Guard `id` in words, for messages.
     fn guard_in_words(&self, id: GuardId) -> String {
@@ -111,11 +116,11 @@ pub trait HybridSystem {
     /// The fastest rate of the smooth nonlinear elements of `mode` at `x`, 1/s, and into `sizes` `[dim]` the size of each
     /// component's motion that they take part in, in its units and > 0, against which the accuracy of steps longer than
     /// that rate allows is judged. `None` if there are no such elements, or one of them is about to change.
-    fn sizes(&self, mode: Mode, at: Instant, x: &[f64], sizes: &mut [f64]) -> Option<f64> {
+    fn sizes(&self, mode: &Mode, at: Instant, x: &[f64], sizes: &mut [f64]) -> Option<f64> {
         None
     }
     /// The own rates of `mode`, if the system knows them: they tell stiff modes from others.
-    fn rates(&self, mode: Mode) -> Option<Rates> {
+    fn rates(&self, mode: &Mode) -> Option<Rates> {
         None
     }
 }

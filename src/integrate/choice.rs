@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, fmt, ops::ControlFlow};
 use super::{Arc, DenseStep, IntegrateError, Integrator, Relay, Taylor};
 #[cfg(feature = "diffsol")]
 use super::{Diffsol, Method};
-use crate::hybrid::{Flow, HybridSystem, Mode};
+use crate::hybrid::{HybridSystem, Mode};
 
 /// The integrator asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -57,7 +57,7 @@ pub fn build(
     rtol: f64,
     system: &dyn HybridSystem,
 ) -> Result<(Box<dyn Integrator>, String), IntegrateError> {
-    let series = matches!(system.flow(), Flow::Jet(..));
+    let series = system.motion(&Mode::default()).is_some();
     match choice {
         Choice::Taylor if !series => Err(IntegrateError::NoJet),
         Choice::Taylor => Ok((Box::new(Taylor::default()), "taylor: asked for".to_owned())),
@@ -121,7 +121,7 @@ pub struct PerMode {
 impl PerMode {
     /// Whether `mode` counts as stiff; `arc` is the time, s, that stands for a forcing period where there is none.
     #[must_use]
-    pub fn is_stiff(system: &dyn HybridSystem, mode: Mode, arc: f64) -> bool {
+    pub fn is_stiff(system: &dyn HybridSystem, mode: &Mode, arc: f64) -> bool {
         let Some(rates) = system.rates(mode) else { return false };
         let time = system.clock().period().map_or(arc, |t| t.value());
         rates.damped * time > STIFF_STEPS * PER_STEP && rates.oscillating < SLOWER * rates.damped
@@ -142,7 +142,10 @@ impl Integrator for PerMode {
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError> {
         let time = system.clock().between(arc.at, arc.bound);
-        let stiff = *self.picks.entry(arc.mode).or_insert_with(|| Self::is_stiff(system, arc.mode, time));
+        let stiff = match self.picks.get(arc.mode) {
+            Some(stiff) => *stiff,
+            None => *self.picks.entry(arc.mode.clone()).or_insert(Self::is_stiff(system, arc.mode, time)),
+        };
         let chosen = if stiff { &mut self.stiff } else { &mut self.usual };
         chosen.integrate_arc(system, arc, end, low, visit)
     }
@@ -150,7 +153,7 @@ impl Integrator for PerMode {
     fn chosen(&self) -> Vec<(Mode, &'static str)> {
         let relieved = self.usual.chosen();
         let usual = |mode: Mode| relieved.iter().find(|r| r.0 == mode).map_or(self.usual.name(), |r| r.1);
-        let name = |mode: Mode, stiff: bool| if stiff { self.stiff.name() } else { usual(mode) };
-        self.picks.iter().map(|(mode, stiff)| (*mode, name(*mode, *stiff))).collect()
+        let name = |mode: &Mode, stiff: bool| if stiff { self.stiff.name() } else { usual(mode.clone()) };
+        self.picks.iter().map(|(mode, stiff)| (mode.clone(), name(mode, *stiff))).collect()
     }
 }

@@ -5,7 +5,7 @@
 //! two more samples tell how well. Where it is not resolved, the step is handed out in several pieces.
 
 use crate::{
-    hybrid::{Guard, GuardId, HybridSystem, Instant, Mode},
+    hybrid::{GuardId, HybridSystem, Instant, Mode},
     integrate::{Arc, DenseStep},
 };
 
@@ -120,7 +120,7 @@ pub(super) struct Pieces {
     state: Vec<f64>,
     start: Instant,
     span: f64,
-    guards: Vec<Guard>,
+    guards: Vec<GuardId>,
     series: Vec<f64>,
     error: Vec<(f64, f64)>,
     /// States at the Chebyshev points of the piece and, behind them, at the check points.
@@ -141,7 +141,7 @@ impl DenseStep for Pieces {
     fn state(&self, theta: f64, x: &mut [f64]) {
         horner(&self.state, self.dim, theta, x);
     }
-    fn guards(&self) -> &[Guard] {
+    fn guards(&self) -> &[GuardId] {
         &self.guards
     }
     fn guard(&self, i: usize) -> &[f64] {
@@ -166,7 +166,7 @@ fn horner(rows: &[f64], dim: usize, theta: f64, x: &mut [f64]) {
 }
 
 /// The sum of what the uncertainty of each component does to guard `id`, to first order.
-fn blur(system: &dyn HybridSystem, mode: Mode, id: GuardId, at: Instant, x: &[f64], unsure: &[f64]) -> f64 {
+fn blur(system: &dyn HybridSystem, mode: &Mode, id: GuardId, at: Instant, x: &[f64], unsure: &[f64]) -> f64 {
     /// An uncertainty near rounding shows when it is enlarged.
     const LARGER: f64 = 1e6;
     if unsure.is_empty() {
@@ -207,12 +207,12 @@ impl Pieces {
     pub fn blurs(
         &self,
         system: &dyn HybridSystem,
-        mode: Mode,
+        mode: &Mode,
         at: Instant,
         x: &[f64],
         unsure: &[f64],
     ) -> Vec<(GuardId, f64)> {
-        self.guards.iter().map(|g| (g.id, blur(system, mode, g.id, at, x, unsure))).collect()
+        self.guards.iter().map(|g| (*g, blur(system, mode, *g, at, x, unsure))).collect()
     }
 
     /// Prepares for an arc.
@@ -295,7 +295,7 @@ impl Pieces {
 
     /// Interpolates guard `i` on the piece; `false` if it is not resolved.
     fn interpolate(&mut self, place: &Place<'_>, i: usize, first: bool, dense: &mut bool) -> bool {
-        let id = self.guards[i].id;
+        let id = self.guards[i];
         let pinned = first && place.arc.pinned.contains(id);
         let (rounding, sensitivity) = self.rounding(place, i);
         let mut values = [0.0; ROW];
@@ -358,7 +358,7 @@ impl Pieces {
     fn value(&self, place: &Place<'_>, i: usize, theta: f64, sample: usize) -> f64 {
         let at = place.system.clock().advance(self.start, theta * self.span);
         let x = &self.samples[sample * self.dim..(sample + 1) * self.dim];
-        place.system.guard(place.arc.mode, self.guards[i].id, at, x)
+        place.system.guard(place.arc.mode, self.guards[i], at, x)
     }
 
     fn write_series(&mut self, i: usize, c: &[f64]) {
@@ -395,7 +395,7 @@ impl Pieces {
     fn rounding(&mut self, place: &Place<'_>, i: usize) -> (f64, f64) {
         const PART: f64 = 1e-6;
         let at = self.start;
-        let id = self.guards[i].id;
+        let id = self.guards[i];
         let g = place.system.guard(place.arc.mode, id, at, &self.samples[..self.dim]);
         let mut moved: f64 = 0.0;
         for pattern in 0..2 {

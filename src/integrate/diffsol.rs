@@ -15,7 +15,7 @@ use super::{
     Arc, DenseStep, IntegrateError, Integrator,
     dense::{self, Pieces, Place},
 };
-use crate::hybrid::{Flow, HybridSystem, VectorField};
+use crate::hybrid::{HybridSystem, VectorField};
 
 type M = NalgebraMat<f64>;
 type V = NalgebraVec<f64>;
@@ -175,7 +175,7 @@ impl Integrator for Diffsol {
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError> {
         low.fill(0.0);
-        let (Flow::Jet(_, field) | Flow::Smooth(field)) = system.flow();
+        let field = system.field();
         let span = system.clock().between(arc.at, arc.bound);
         if span <= 0.0 {
             end.copy_from_slice(arc.x);

@@ -12,7 +12,7 @@ mod taylor;
 
 use std::ops::ControlFlow;
 
-use crate::hybrid::{Guard, GuardSet, HybridSystem, Instant, Mode, Wide};
+use crate::hybrid::{GuardId, GuardSet, HybridSystem, Instant, JetField, Mode, Wide};
 
 #[cfg(feature = "diffsol")]
 pub use self::diffsol::{Diffsol, Method};
@@ -42,7 +42,7 @@ pub trait DenseStep {
         self.time(theta).into()
     }
     /// The guards of the mode.
-    fn guards(&self) -> &[Guard];
+    fn guards(&self) -> &[GuardId];
     /// Guard `i` as a polynomial in θ, coefficients in rising powers.
     fn guard(&self, i: usize) -> &[f64];
     /// Bounds on the error of guard `i`: of its polynomial on `[0, 1]`, and of rounding where a value is
@@ -87,10 +87,12 @@ fn in_plain_time(series: &[f64], h: f64) -> Option<[f64; 3]> {
 }
 
 /// A smooth arc to integrate.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Arc<'a> {
     /// The mode it runs in.
-    pub mode: Mode,
+    pub mode: &'a Mode,
+    /// Its motion, where that knows its own Taylor series.
+    pub motion: Option<&'a dyn JetField>,
     /// Where it starts.
     pub at: Instant,
     /// State there, `[dim]`.
@@ -100,9 +102,9 @@ pub struct Arc<'a> {
     /// What the step before it kept; empty if nothing.
     pub carried: &'a [f64],
     /// Guards that are exactly zero there.
-    pub pinned: GuardSet,
+    pub pinned: &'a GuardSet,
     /// Guards whose rate is exactly zero there.
-    pub still: GuardSet,
+    pub still: &'a GuardSet,
     /// Where it ends unless the visitor stops it.
     pub bound: Instant,
 }

@@ -106,7 +106,7 @@ impl Default for Tableau {
 #[derive(Clone, Copy)]
 pub(super) struct From<'a> {
     pub field: &'a dyn VectorField,
-    pub mode: Mode,
+    pub mode: &'a Mode,
     pub at: Instant,
     pub x: &'a [f64],
 }

@@ -7,7 +7,7 @@ use super::{
     dense::{Pieces, Place},
     radau::{From, HIDDEN, RESOLVED, Radau},
 };
-use crate::hybrid::{Flow, GuardSet, HybridSystem, Instant, Mode};
+use crate::hybrid::{GuardSet, HybridSystem, Instant, Mode};
 
 /// Taylor steps of an arc before the first trial; twice as many after each refusal.
 const FIRST_TRIAL: u64 = 64;
@@ -80,7 +80,7 @@ impl Trial<'_> {
 
     fn attempt(&self, radau: &mut Radau, h: f64, x: &[f64], sizes: &mut [f64], end: &mut [f64]) -> Option<(f64, f64)> {
         let (system, mode) = (self.system, self.arc.mode);
-        let (Flow::Jet(_, field) | Flow::Smooth(field)) = system.flow();
+        let field = system.field();
         let rate = system.sizes(mode, self.at, x, sizes)?;
         let share = radau.attempt(From { field, mode, at: self.at, x }, h, sizes)?;
         end.copy_from_slice(x);
@@ -107,7 +107,7 @@ impl Integrator for Relay {
     }
 
     fn chosen(&self) -> Vec<(Mode, &'static str)> {
-        self.relieved.iter().map(|mode| (*mode, "taylor and radau")).collect()
+        self.relieved.iter().map(|mode| (mode.clone(), "taylor and radau")).collect()
     }
 
     fn integrate_arc(
@@ -153,14 +153,14 @@ impl Integrator for Relay {
                 if taken.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             })?;
             let Some(mut step) = taken.filter(|_| !ended) else { return Ok(()) };
-            relieved.insert(arc.mode);
+            relieved.insert(arc.mode.clone());
             (own, carried) = (&[], &[]);
             low.fill(0.0);
             let shortest = worth * elapsed / steps as f64;
             loop {
                 let left = clock.between(step.at, arc.bound);
                 unsure.iter_mut().zip(&*sizes).for_each(|(u, s)| *u = u.max(HIDDEN * RESOLVED * s));
-                let leg = Arc { at: step.at, x, low: own, pinned: GuardSet::EMPTY, still: GuardSet::EMPTY, ..*arc };
+                let leg = Arc { at: step.at, x, low: own, pinned: GuardSet::none(), still: GuardSet::none(), ..*arc };
                 let to = (step.h < left).then_some(step.h);
                 let place = Place { system, arc: &leg, rtol: RTOL, from: 0.0, to, unsure };
                 pieces.begin(&place);
@@ -182,7 +182,7 @@ impl Integrator for Relay {
                 step = longest;
             }
             taylor.blur = pieces.blurs(system, arc.mode, at, x, unsure);
-            (pinned, still) = (GuardSet::EMPTY, GuardSet::EMPTY);
+            (pinned, still) = (GuardSet::none(), GuardSet::none());
         }
     }
 }

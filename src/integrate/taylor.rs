@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::{Arc, DenseStep, IntegrateError, Integrator, in_plain_time};
-use crate::hybrid::{Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Wide};
+use crate::hybrid::{GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Wide};
 
 /// Taylor steps of a [`JetField`](crate::hybrid::JetField).
 ///
@@ -95,12 +95,11 @@ struct Step<'a> {
     /// Steps of the arc up to this one.
     count: u32,
     field: &'a dyn JetField,
-    mode: Mode,
 }
 
 impl Step<'_> {
     fn blur(&self, i: usize) -> f64 {
-        let id = self.jet.guards[i].id;
+        let id = self.jet.guards[i];
         self.blur.iter().find(|(guard, _)| *guard == id).map_or(0.0, |(_, blur)| *blur)
     }
 }
@@ -124,7 +123,7 @@ impl DenseStep for Step<'_> {
     fn time_in_two(&self, theta: f64) -> Wide {
         self.jet.time_in_two(theta)
     }
-    fn guards(&self) -> &[Guard] {
+    fn guards(&self) -> &[GuardId] {
         &self.jet.guards
     }
     fn guard(&self, i: usize) -> &[f64] {
@@ -145,8 +144,7 @@ impl DenseStep for Step<'_> {
         }
     }
     fn gathered(&self, i: usize, theta: f64, zeros: usize) -> f64 {
-        let [value, rate, acceleration] =
-            self.field.term_sizes(self.mode, self.jet.guards[i].id, self.jet, self.extent);
+        let [value, rate, acceleration] = self.field.term_sizes(self.jet.guards[i], self.jet, self.extent);
         let t = self.time(theta);
         let terms = [WEIGHTS[0] * value, WEIGHTS[1] * rate * t, WEIGHTS[2] * 0.5 * acceleration * t * t];
         // The third derivative is never known exactly: the time at which an acceleration is zero is rounded.
@@ -157,7 +155,7 @@ impl DenseStep for Step<'_> {
         carried.clear();
         // In a root clock the time of an event is not known well enough for a gap to be better than the state.
         if !self.jet.is_estimate {
-            self.field.carry(self.mode, self.jet, theta, carried);
+            self.field.carry(self.jet, theta, carried);
         }
     }
     fn guard_rounding(&self, i: usize) -> f64 {
@@ -184,7 +182,7 @@ impl Integrator for Taylor {
         low: &mut [f64],
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError> {
-        let Flow::Jet(field, _) = system.flow() else { return Err(IntegrateError::NoJet) };
+        let field = arc.motion.ok_or(IntegrateError::NoJet)?;
         let clock = system.clock();
         let Self { jet, x, carried, extent, blur, varied } = self;
         let mut cuts = *varied;
@@ -206,8 +204,8 @@ impl Integrator for Taylor {
                 end.copy_from_slice(x);
                 return Ok(());
             }
-            let (mode, tolerance) = (arc.mode, TOLERANCE);
-            field.jet(&JetRequest { mode, at, x, low, pinned, still, carried, span, tolerance }, jet);
+            let tolerance = TOLERANCE;
+            field.jet(&JetRequest { at, x, low, pinned, still, carried, span, tolerance }, jet);
             if !jet.reach.is_finite() || !jet.is_finite() {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }
@@ -218,7 +216,7 @@ impl Integrator for Taylor {
             let elapsed = jet.time_at(1.0);
             extent.iter_mut().zip(&*x).for_each(|(e, x)| *e = e.max(x.abs()));
             count += 1;
-            if visit(&Step { start: at, jet, blur, extent, count, field, mode }).is_break() {
+            if visit(&Step { start: at, jet, blur, extent, count, field }).is_break() {
                 return Ok(());
             }
             // Only now: a step that runs past the end of a contact in the root clock is cut by its event.
@@ -226,14 +224,14 @@ impl Integrator for Taylor {
                 return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });
             }
             jet.state_in_two(1.0, x, low);
-            field.carry(arc.mode, jet, 1.0, carried);
+            field.carry(jet, 1.0, carried);
             if x.iter().any(|v| !v.is_finite()) {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }
             let arrived = elapsed >= span * (1.0 - ARRIVED);
             at = if arrived { arc.bound } else { clock.advance(at, jet.time_in_two(1.0)) };
-            field.restore(arc.mode, at, x);
-            (pinned, still) = (GuardSet::EMPTY, GuardSet::EMPTY);
+            field.restore(at, x);
+            (pinned, still) = (GuardSet::none(), GuardSet::none());
         }
     }
 }

@@ -1,8 +1,12 @@
-//! Folders that commands write into. What is not Flank's there stays as it is.
+//! Folders that commands write into, and fields of tables. What is not Flank's in a folder stays as it is.
 //!
 //! The manifest [`MANIFEST`] names every file that a command writes, before the file is created: a killed command leaves
 //! it too. A later command replaces what the manifest names and nothing else. A file that is being written lies beside its
 //! place with `.part` behind its name; the entry of the manifest stands for both.
+
+mod fault;
+mod table;
+mod text;
 
 use std::{
     fs::{self, File, Metadata},
@@ -11,6 +15,10 @@ use std::{
 };
 
 use serde::{Deserialize, Serialize};
+
+pub use fault::Fault;
+pub use table::Table;
+pub use text::{csv_line, five_digits, label, number};
 
 /// Name of the manifest, a JSON object: version of Flank, command, files relative to the folder with `/`.
 pub const MANIFEST: &str = "flank-manifest.json";
@@ -220,7 +228,7 @@ fn part(path: &Path) -> PathBuf {
     name.into()
 }
 
-fn failed(path: &Path) -> impl Fn(io::Error) -> OutputError {
+pub(crate) fn failed(path: &Path) -> impl Fn(io::Error) -> OutputError {
     move |error| OutputError::File(path.to_owned(), error)
 }
 

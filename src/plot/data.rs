@@ -1,9 +1,5 @@
-use std::fmt::Write;
-
-use super::{
-    Figure,
-    figure::{Guide, Panel},
-};
+use super::{Figure, figure::Guide};
+use crate::output::{csv_line, number};
 
 /// The columns of [`Figure::csv`].
 const COLUMNS: &str = "panel,panel_title,kind,name,x,x_label,x_unit,y,y_label,y_unit";
@@ -19,8 +15,34 @@ impl Figure {
     #[must_use]
     pub fn csv(&self) -> String {
         let mut text = format!("{COLUMNS}\r\n");
-        for (number, panel) in self.panels.iter().enumerate() {
-            Rows { text: &mut text, number: number + 1, panel }.write();
+        for (place, panel) in (1..).zip(&self.panels) {
+            let place = i32::to_string(&place);
+            let mut row = |kind: &str, name: &str, x: Option<f64>, y: Option<f64>| {
+                let (across, up) = (&panel.x, &panel.y);
+                let [x, y] = [x, y].map(|value| value.map(number).unwrap_or_default());
+                let fields =
+                    [&place, &panel.title, kind, name, &x, &across.label, &across.unit, &y, &up.label, &up.unit];
+                text += &(csv_line(fields) + "\r\n");
+            };
+            for series in &panel.series {
+                series.x.iter().zip(&series.y).for_each(|(x, y)| row("series", &series.name, Some(*x), Some(*y)));
+            }
+            for band in &panel.bands {
+                band.x.iter().for_each(|x| row("band", &band.name, Some(*x), None));
+            }
+            for tile in &panel.tiles {
+                tile.x.iter().zip(&tile.y).for_each(|(x, y)| row("tile", &tile.name, Some(*x), Some(*y)));
+            }
+            for guide in &panel.guides {
+                match guide {
+                    Guide::Vertical { x, name } => row("guide", name, Some(*x), None),
+                    Guide::Horizontal { y, name } => row("guide", name, None, Some(*y)),
+                    Guide::Slanted { from, to, name } => {
+                        [from, to].iter().for_each(|[x, y]| row("guide", name, Some(*x), Some(*y)));
+                    }
+                }
+            }
+            panel.notes.iter().for_each(|note| row("note", &note.text, Some(note.at[0]), Some(note.at[1])));
         }
         text
     }
@@ -29,67 +51,5 @@ impl Figure {
     #[must_use]
     pub fn json(&self) -> String {
         serde_json::to_string(self).map(|text| text + "\n").expect("a figure is plain data")
-    }
-}
-
-/// The rows of one panel.
-struct Rows<'a> {
-    text: &'a mut String,
-    number: usize,
-    panel: &'a Panel,
-}
-
-impl Rows<'_> {
-    fn write(&mut self) {
-        let panel = self.panel;
-        for series in &panel.series {
-            for (x, y) in series.x.iter().zip(&series.y) {
-                self.row("series", &series.name, Some(*x), Some(*y));
-            }
-        }
-        for band in &panel.bands {
-            for x in band.x {
-                self.row("band", &band.name, Some(x), None);
-            }
-        }
-        for tile in &panel.tiles {
-            for (x, y) in tile.x.iter().zip(&tile.y) {
-                self.row("tile", &tile.name, Some(*x), Some(*y));
-            }
-        }
-        for guide in &panel.guides {
-            match guide {
-                Guide::Vertical { x, name } => self.row("guide", name, Some(*x), None),
-                Guide::Horizontal { y, name } => self.row("guide", name, None, Some(*y)),
-                Guide::Slanted { from, to, name } => {
-                    for [x, y] in [from, to] {
-                        self.row("guide", name, Some(*x), Some(*y));
-                    }
-                }
-            }
-        }
-        for note in &panel.notes {
-            self.row("note", &note.text, Some(note.at[0]), Some(note.at[1]));
-        }
-    }
-
-    fn row(&mut self, kind: &str, name: &str, x: Option<f64>, y: Option<f64>) {
-        let panel = self.panel;
-        let title = quoted(&panel.title);
-        write!(self.text, "{},{title},{kind},{}", self.number, quoted(name)).expect("a string grows");
-        for (value, axis) in [(x, &panel.x), (y, &panel.y)] {
-            let value = value.map(|value| format!("{value:?}")).unwrap_or_default();
-            write!(self.text, ",{value},{},{}", quoted(&axis.label), quoted(&axis.unit)).expect("a string grows");
-        }
-        self.text.push_str("\r\n");
-    }
-}
-
-/// A field, in quotes where it needs them.
-fn quoted(field: &str) -> String {
-    if field.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", field.replace('"', "\"\""))
-    } else {
-        field.to_owned()
     }
 }

@@ -1,4 +1,4 @@
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A figure: panels in rows, read from left to right. It carries all its numbers, so that its data files and every
 /// picture of it say the same.
@@ -174,6 +174,20 @@ pub enum Guide {
         /// What it is.
         name: String,
     },
+}
+
+/// How a number or a statement compares with a published one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// Within 5 % (of a number), or as stated (of a statement).
+    Agrees,
+    /// Within 15 %, or true in part.
+    Partly,
+    /// Neither.
+    Deviates,
+    /// The source contradicts itself, or kinematics, here.
+    Contradiction,
 }
 
 /// Words at a point.

@@ -9,10 +9,14 @@ mod data;
 mod draw;
 mod figure;
 #[cfg(feature = "plot")]
+mod files;
+#[cfg(feature = "plot")]
 mod report;
 
 #[cfg(feature = "plot")]
 pub use draw::{Theme, png, svg};
-pub use figure::{Axis, Band, Figure, Guide, Note, Panel, Series, Style, Tile};
+pub use figure::{Axis, Band, Figure, Guide, Note, Panel, Series, Style, Tile, Verdict};
 #[cfg(feature = "plot")]
-pub use report::{Cell, Item, Report, Section, Table, Verdict};
+pub use files::{REPORT, figure_files, write_figure};
+#[cfg(feature = "plot")]
+pub use report::{Cell, Item, Report, Section, Table};

@@ -10,8 +10,9 @@ use super::{
         palette::hex,
         panel::scales,
     },
-    figure::{Axis, Guide, Panel, Series},
+    figure::{Axis, Guide, Panel, Series, Verdict},
 };
+use crate::output;
 
 /// What a study found, as one page that needs no network: text, tables, and figures to zoom and point at.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -40,6 +41,14 @@ pub struct Section {
     pub items: Vec<Item>,
 }
 
+impl Section {
+    /// A section.
+    #[must_use]
+    pub fn new(title: &str, text: &str, items: Vec<Item>) -> Self {
+        Self { title: title.to_owned(), text: text.to_owned(), items }
+    }
+}
+
 /// Something shown in a section.
 #[derive(Clone, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "a report holds dozens of them")]
@@ -63,6 +72,14 @@ pub struct Table {
     pub note: String,
 }
 
+/// A table of words alone.
+impl From<output::Table> for Item {
+    fn from(output::Table { title, head, rows, note }: output::Table) -> Self {
+        let rows = rows.into_iter().map(|row| row.into_iter().map(Cell::from).collect()).collect();
+        Self::Table(Table { title, head, rows, note })
+    }
+}
+
 /// A cell of a table.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Cell {
@@ -72,27 +89,14 @@ pub struct Cell {
     pub verdict: Option<Verdict>,
 }
 
-/// How a number compares with a published one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// They agree.
-    Ok,
-    /// They agree roughly, or in part.
-    Partly,
-    /// They differ.
-    Deviates,
-    /// The source disagrees with itself.
-    Contradicts,
-}
-
 impl Verdict {
     /// Class in the page, and a sign, so that colour is not all that tells.
     fn class_and_sign(self) -> (&'static str, &'static str) {
         match self {
-            Self::Ok => ("ok", "✓"),
+            Self::Agrees => ("ok", "✓"),
             Self::Partly => ("partly", "≈"),
             Self::Deviates => ("deviates", "≠"),
-            Self::Contradicts => ("contradicts", "⇄"),
+            Self::Contradiction => ("contradicts", "⇄"),
         }
     }
 }
@@ -280,7 +284,7 @@ fn panel_data(panel: &Panel) -> Value {
 }
 
 /// A value to a millionth of the span of its axis, or to six digits; `null` if it has no place there.
-fn rounded(value: f64, span: f64, logarithmic: bool) -> Value {
+pub(super) fn rounded(value: f64, span: f64, logarithmic: bool) -> Value {
     let short = if logarithmic {
         format!("{value:.5e}")
     } else {
@@ -291,20 +295,5 @@ fn rounded(value: f64, span: f64, logarithmic: bool) -> Value {
         Ok(whole) if whole.fract() == 0.0 && whole.abs() < 1e9 => json!(whole as i64),
         Ok(value) => json!(value),
         Err(_) => Value::Null,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_of_the_page_are_short_and_near() {
-        assert_eq!(rounded(1.0 / 3.0, 1.0, false), json!(0.333_333));
-        assert_eq!(rounded(2.0, 1.0, false), json!(2));
-        assert_eq!(rounded(10.000_000_123_4, 1e-6, false), json!(10.000_000_123_4));
-        assert_eq!(rounded(1.234_567_89e-7, 10.0, true), json!(1.234_57e-7));
-        assert_eq!(rounded(-1e-9, 1.0, false), json!(0));
-        assert_eq!(rounded(f64::NAN, 1.0, false), Value::Null);
     }
 }

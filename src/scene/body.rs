@@ -1,37 +1,7 @@
 //! Rigid bodies and what holds them.
 
-use serde_json::json;
-
-use super::{
-    node::Node,
-    shape::{Object, Shape, at_least, positive},
-};
+use super::node::Node;
 use crate::train::{Body, Damping, Support};
-
-/// The keys of a body, added to those of a gear or a carrier.
-pub(super) fn keys(object: Object) -> Object {
-    object
-        .needed("mass_kg", positive(), "Mass.")
-        .free("inertia_kg_m2", positive(), "Moment of inertia I about the centre.")
-        .free("rotary_mass_kg", positive(), "I/r^2 with the radius on which the rotation is counted.")
-        .exactly_one(["inertia_kg_m2", "rotary_mass_kg"])
-        .free("radius_m", positive(), "Radius of u = r theta: base radius of a gear, centre distance of a carrier.")
-        .free("outer_radius_m", positive(), "Where the body's material ends: its inertia is checked against it.")
-        .with_default("translation", json!({}), support(), "What holds its centre.")
-        .with_default("rotation", json!({}), support(), "What holds its rotation, as a stiffness on u = r theta.")
-        .mistake("inertia", "write inertia_kg_m2")
-        .mistake("base_radius_m", "write radius_m")
-}
-
-fn support() -> Shape {
-    Shape::Object(
-        Object::new("Spring and damper; nothing written is free.")
-            .with_default("stiffness_n_per_m", 0.0, at_least(0.0), "Stiffness.")
-            .free("damping_n_s_per_m", at_least(0.0), "Damping; 0 if neither key is written.")
-            .free("damping_ratio", at_least(0.0), "2 ratio sqrt(k m).")
-            .at_most_one(["damping_n_s_per_m", "damping_ratio"]),
-    )
-}
 
 /// The body written here; `radius` is the one its geometry gives, if that is known.
 pub(super) fn read(node: &Node, radius: Option<f64>) -> Body {

@@ -8,12 +8,13 @@ use super::{
     initial, matrices,
     node::{Findings, Node},
     pair, planetary, run,
-    shape::{Object, Shape, Units},
+    shape::{self, Units},
     wall,
 };
 use crate::{
     gear::{Harmonic, contact::Law},
-    train::{AssembleError, ContactSpec, Spec, TrainError},
+    system::{AssembleError, ContactSpec, Spec},
+    train::TrainError,
 };
 
 /// The kind of train in dimensionless form.
@@ -24,39 +25,14 @@ pub(super) fn units_of(scene: &Value) -> Units {
     if scene.pointer("/train/kind").and_then(Value::as_str) == Some(DIMENSIONLESS) { Units::None } else { Units::Si }
 }
 
-/// The shape of a scene.
-pub(super) fn shape(units: Units) -> Shape {
-    let train = Shape::Variant {
-        tag: "kind",
-        cases: vec![
-            (DIMENSIONLESS, dimensionless::shape()),
-            ("gear-pair", pair::shape()),
-            ("matrices", matrices::shape()),
-            ("planetary", planetary::shape()),
-            ("wall", wall::shape()),
-        ],
-    };
-    Shape::Object(
-        Object::new("A scene: one train, where it starts, and how it runs.")
-            .needed("flank", Shape::Whole { min: 1, max: 1 }, "Version of this format, 1.")
-            .with_default("name", "", Shape::Text, "Name of the scene.")
-            .with_default("note", "", Shape::Text, "Anything worth saying about it.")
-            .needed("train", train, "The train.")
-            .with_default("initial", "rest", initial::shape(), "Where the run starts.")
-            .needed("run", run::shape(units), "The run.")
-            .mistake("version", "write \"flank\": 1")
-            .mistake("schema", "write \"flank\": 1"),
-    )
-}
-
-/// Reads a resolved scene.
 pub(super) fn build(resolved: &Value) -> Result<Built, Vec<Fault>> {
     let findings = Findings::default();
     let root = Node::root(resolved, &findings, units_of(resolved));
     let built = read(&root);
+    let meshes = findings.meshes.take();
     let (faults, warnings) = findings.into_parts();
     match built {
-        Some(built) if faults.is_empty() => Ok(Built { warnings, ..built }),
+        Some(built) if faults.is_empty() => Ok(Built { warnings, meshes, ..built }),
         _ => Err(faults),
     }
 }
@@ -78,7 +54,16 @@ fn read(root: &Node) -> Option<Built> {
             .warn("this train's frame does not turn: fixed and rotating are the same");
     }
     let (q0, v0) = initial::read(&root.at("initial"), &spec);
-    Some(Built { dimensionless: root.units == Units::None, carrier_speed, spec, q0, v0, run, warnings: vec![] })
+    Some(Built {
+        dimensionless: root.units == Units::None,
+        carrier_speed,
+        spec,
+        q0,
+        v0,
+        run,
+        meshes: vec![],
+        warnings: vec![],
+    })
 }
 
 /// The train in its common form, and the speed of its frame if that turns.
@@ -100,12 +85,11 @@ fn read_train(train: &Node) -> Option<(Spec, Option<f64>)> {
         && let Err(error) = spec.check()
     {
         // Where the train writes out its contacts, at the one it is about.
-        let (contacts, items) = (train.at("contacts"), train.at("contacts").items());
+        let items = train.at("contacts").items();
         let place = match &error {
             AssembleError::Contact { contact, .. } => {
                 items.into_iter().zip(&spec.contacts).find(|(_, c)| c.name == *contact).map(|(item, _)| item)
             }
-            AssembleError::TooManyContacts { .. } => contacts.written(),
             _ => None,
         };
         let place = place.unwrap_or_else(|| train.clone());
@@ -159,10 +143,9 @@ pub(super) fn assembled<T>(node: &Node, result: Result<T, TrainError>) -> Option
     result.map_err(refused).ok()
 }
 
-/// The JSON Schema of a scene.
 pub(super) fn schema() -> Value {
-    let mut schema = super::schema::schema_of(&shape(Units::Si), false);
-    let dimensionless = super::schema::schema_of(&shape(Units::None), false);
+    let mut schema = super::schema::schema_of(shape::scene(Units::Si), false);
+    let dimensionless = super::schema::schema_of(shape::scene(Units::None), false);
     let run = |schema: &Value| schema["properties"]["run"].clone();
     let choice = json!({
         "if": { "properties": { "train": { "properties": { "kind": { "const": DIMENSIONLESS } } } } },

@@ -33,7 +33,7 @@ pub(super) fn check(value: &Value, shape: &Shape, pointer: &str, faults: &mut Ve
             faults.push(Fault::new(pointer, show(value), shape.describe()).remedy(remedy));
         }
         (Shape::Choice(words), Value::String(word)) => {
-            if words.contains(&word.as_str()) {
+            if words.contains(word) {
                 return value.clone();
             }
             faults.push(misspelt(pointer, word, words));
@@ -80,20 +80,22 @@ fn wrong_type(pointer: &str, value: &Value, shape: &Shape) -> Fault {
     Fault::new(pointer, show(value), shape.describe()).remedy(remedy)
 }
 
-fn misspelt(pointer: &str, word: &str, words: &[&'static str]) -> Fault {
-    let remedy = nearest(word, words.iter().copied())
+fn misspelt(pointer: &str, word: &str, words: &[String]) -> Fault {
+    let words = || words.iter().map(String::as_str);
+    let remedy = nearest(word, words())
         .map_or_else(|| "choose one of the allowed words".to_owned(), |name| format!("did you mean \"{name}\"?"));
-    Fault::new(pointer, show(&Value::from(word)), quoted(words.iter().copied())).remedy(remedy)
+    Fault::new(pointer, show(&Value::from(word)), quoted(words())).remedy(remedy)
 }
 
 fn check_variant(
     map: &Map<String, Value>,
     tag: &str,
-    cases: &[(&'static str, Object)],
+    cases: &[(String, Object)],
     pointer: &str,
     faults: &mut Vec<Fault>,
 ) -> Value {
-    let names: Vec<&'static str> = cases.iter().map(|(name, _)| *name).collect();
+    let names: Vec<String> = cases.iter().map(|(name, _)| name.clone()).collect();
+    let quoted_names = || quoted(names.iter().map(String::as_str));
     let place = below(pointer, tag);
     match map.get(tag) {
         Some(Value::String(word)) => match cases.iter().find(|(name, _)| name == word) {
@@ -101,10 +103,10 @@ fn check_variant(
             None => faults.push(misspelt(&place, word, &names)),
         },
         Some(other) => faults.push(
-            Fault::new(&place, show(other), quoted(names)).remedy("write one of the allowed words in quotation marks"),
+            Fault::new(&place, show(other), quoted_names()).remedy("write one of the allowed words in quotation marks"),
         ),
         None => faults.push(
-            Fault::new(&place, "nothing: the key is missing", quoted(names)).remedy(format!("add the key \"{tag}\"")),
+            Fault::new(&place, "nothing: the key is missing", quoted_names()).remedy(format!("add the key \"{tag}\"")),
         ),
     }
     Value::Null
@@ -167,7 +169,7 @@ fn check_field(map: &Map<String, Value>, field: &Field, pointer: &str, faults: &
 fn unknown_key(pointer: &str, key: &str, object: &Object) -> Fault {
     let names = || object.fields.iter().map(|f| f.key.as_str());
     let remedy = if let Some((_, remedy)) = object.mistakes.iter().find(|(mistake, _)| *mistake == key) {
-        (*remedy).to_owned()
+        remedy.clone()
     } else if let Some(name) = nearest(key, names()) {
         format!("did you mean \"{name}\"?")
     } else {

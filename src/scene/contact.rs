@@ -1,56 +1,12 @@
 //! Contacts: a law, a gap, a stiffness and an error on one direction.
 
-use super::{
-    harmonics, law,
-    node::Node,
-    schedule,
-    shape::{Object, Shape, Units, at_least, choice, list_of, number},
-};
+use super::{harmonics, law, node::Node, schedule};
 use crate::{
     gear::{Stiffness, contact::Law},
-    train::{ContactSpec, Flanks},
+    system::{ContactSpec, Flanks},
 };
 
-/// Most freedoms a scene may name.
-pub(super) const MAX_FREEDOMS: usize = 512;
-
-/// A contact written out with its direction.
-pub(super) fn shape(units: Units) -> Shape {
-    let contact = Object::new("A contact: deflection = direction . q - error, touched beyond the gap.")
-        .free("name", Shape::Text, "Name in logs.")
-        .needed("direction", list_of(1, MAX_FREEDOMS, number()), "Derivative of the deflection by each freedom.")
-        .with_default("flanks", "both", choice(&["both", "drive"]), "Drive and back flank, or the drive flank only.")
-        .with_default(
-            "error",
-            serde_json::json!([]),
-            harmonics::shape(units, &units.key("amplitude", "m")),
-            "Transmission error; positive opens the drive flank.",
-        )
-        .with_default(units.key("error_offset", "m"), 0.0, number(), "Constant part of the error.")
-        .free(
-            "stiffness",
-            schedule::shape(units),
-            "Contact stiffness, N/m (N/m^n under a power law); none for a rigid law.",
-        )
-        .needed("law", law::shape(units, false), "Contact law.");
-    Shape::Object(gap(contact, units))
-}
-
-/// The two keys of a gap, and the remedy for the key that could mean either.
-pub(super) fn gap(object: Object, units: Units) -> Object {
-    let (half, total) = keys(units);
-    object
-        .free(half.clone(), number(), "Half the gap, b: the drive flank is touched at deflection +b.")
-        .free(total.clone(), at_least(0.0), "The whole gap, 2b.")
-        .at_most_one([half, total])
-        .mistake("backlash", BARE)
-        .mistake("backlash_m", BARE)
-        .mistake("gap", BARE)
-}
-
-const BARE: &str = "half or whole gap? Write half_backlash (b) or total_backlash (2b), with the unit _m in SI scenes";
-
-fn keys(units: Units) -> (String, String) {
+fn keys(units: super::shape::Units) -> (String, String) {
     (units.key("half_backlash", "m"), units.key("total_backlash", "m"))
 }
 

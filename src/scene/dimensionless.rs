@@ -1,62 +1,15 @@
 //! The gear pair of Kahraman and Singh: one relative freedom, lengths in half gaps, time in natural periods.
 
-use nalgebra::DMatrix;
-use serde_json::json;
-
-use super::{
-    contact, harmonics, law, matrices,
-    node::Node,
-    schedule,
-    shape::{Object, Shape, Units, at_least, number, positive},
-};
+use super::{contact, harmonics, law, matrices, node::Node, schedule};
 use crate::{
     gear::{
         Stiffness,
         contact::{Law, Linear, Release},
     },
-    train::{ContactSpec, Flanks, LoadHarmonic, Spec},
+    system::{ContactSpec, Flanks, LoadHarmonic, Spec},
 };
+use nalgebra::DMatrix;
 
-const UNITS: Units = Units::None;
-
-/// `x'' + 2 zeta x' + k(t) g(x) = Fm + sum of Fa w^2 cos(w t + phase)`.
-pub(super) fn shape() -> Object {
-    Object::new("Dimensionless gear pair of Kahraman and Singh, x'' + 2 zeta x' + k(t) g(x) = Fm + Fa w^2 cos(w t).")
-        .needed("damping_ratio", at_least(0.0), "zeta.")
-        .needed("damping_in_gap", Shape::Flag, "Whether the damper also acts while the flanks are apart.")
-        .free(
-            "release",
-            law::release_shape(),
-            "When contact is lost if the damper acts in contact only; \"force\" if left out.",
-        )
-        .with_default(
-            "half_backlash",
-            1.0,
-            at_least(0.0),
-            "Half the gap, 1 in this form; 0 for a mesh that never lets go.",
-        )
-        .needed("mean_load", number(), "Fm.")
-        .with_default(
-            "transmission_error",
-            json!([]),
-            harmonics::shape(UNITS, "amplitude"),
-            "Fa, w and phase of each harmonic of the error; its load is Fa w^2.",
-        )
-        .with_default(
-            "load_harmonics",
-            json!([]),
-            harmonics::shape(UNITS, "amplitude"),
-            "Loads from outside, as they are.",
-        )
-        .with_default("stiffness", 1.0, schedule::shape(UNITS), "k(t), mean 1 in this form.")
-        .free("base_frequency", positive(), "Frequency of one cycle; that of the excitation if left out.")
-        .mistake("backlash", "half or whole gap? Write half_backlash, which is 1 in this form")
-        .mistake("backlash_m", "this train is dimensionless: write half_backlash, which is 1 in this form")
-        .mistake("half_backlash_m", "this train is dimensionless: write half_backlash, which is 1 in this form")
-        .mistake("total_backlash", "write half_backlash, which is 1 in this form")
-}
-
-/// The train written here.
 pub(super) fn read(node: &Node) -> Spec {
     let damping = 2.0 * node.at("damping_ratio").number();
     let release = node.at("release");

@@ -4,46 +4,10 @@ use std::fmt;
 
 use serde_json::Value;
 
+pub use crate::output::Fault;
+
 /// Faults printed at once; a list of a million wrong items has a million.
 const SHOWN: usize = 100;
-
-/// One thing wrong in a scene.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fault {
-    /// JSON pointer to the place, such as `/train/contacts/0/law/kind`; empty for the whole file.
-    pub pointer: String,
-    /// What stands there.
-    pub found: String,
-    /// What may stand there.
-    pub allowed: String,
-    /// What to do about it.
-    pub remedy: String,
-}
-
-impl Fault {
-    /// A fault without a remedy.
-    pub fn new(pointer: &str, found: impl Into<String>, allowed: impl Into<String>) -> Self {
-        Self { pointer: pointer.to_owned(), found: found.into(), allowed: allowed.into(), remedy: String::new() }
-    }
-
-    /// The same fault with a remedy.
-    #[must_use]
-    pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
-        self.remedy = remedy.into();
-        self
-    }
-}
-
-impl fmt::Display for Fault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let place = if self.pointer.is_empty() { "(the whole scene)" } else { &self.pointer };
-        write!(f, "  at {place}\n    found:   {}\n    allowed: {}", self.found, self.allowed)?;
-        if !self.remedy.is_empty() {
-            write!(f, "\n    remedy:  {}", self.remedy)?;
-        }
-        Ok(())
-    }
-}
 
 /// A scene that cannot be used, with everything that is wrong with it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -109,32 +73,18 @@ pub(super) fn below(pointer: &str, key: &str) -> String {
 /// The name closest to `word`, if one is close enough to be meant.
 pub(super) fn nearest<'a>(word: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let word = word.to_lowercase().replace([' ', '_'], "-");
+    // No name is as long: what follows makes a word no nearer.
+    let start: String = word.chars().take(64).collect();
     let mut best: Option<(usize, &str)> = None;
     for name in names {
         let plain = name.replace('_', "-");
         // A key without its unit, or with the wrong one, is the commonest slip.
         let stem =
             word.len() >= 3 && (plain.starts_with(&format!("{word}-")) || word.starts_with(&format!("{plain}-")));
-        let distance = if stem { 1 } else { edits(&word, &plain) };
+        let distance = if stem { 1 } else { strsim::levenshtein(&start, &plain) };
         if distance <= 2.max(plain.len() / 3) && best.is_none_or(|(least, _)| distance < least) {
             best = Some((distance, name));
         }
     }
     best.map(|(_, name)| name)
-}
-
-/// Edits (insert, delete, replace) that turn one word into another.
-fn edits(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().take(64).collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().take(64).enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(x != *y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
 }

@@ -1,25 +1,11 @@
 //! The state a run starts from.
 
-use serde_json::json;
-
-use super::{
-    node::Node,
-    shape::{Object, Shape, choice, list_of, number},
-};
+use super::node::Node;
 use crate::{
     gear::contact::Law,
-    train::{Flanks, Spec, equilibrium},
+    system::{Flanks, Spec},
+    train::equilibrium,
 };
-
-/// `"rest"`, `"static"`, or coordinates and velocities.
-pub(super) fn shape() -> Shape {
-    let vector =
-        || Shape::Either(vec![list_of(1, super::contact::MAX_FREEDOMS, number()), Shape::Map(Box::new(number()))]);
-    let state = Object::new("Coordinates and velocities: one number per freedom, or by name (the others are 0).")
-        .with_default("q", json!({}), vector(), "Coordinates.")
-        .with_default("v", json!({}), vector(), "Velocities.");
-    Shape::Either(vec![choice(&["rest", "static"]), Shape::Object(state)])
-}
 
 /// Coordinates and velocities, `[n]` each.
 pub(super) fn read(node: &Node, spec: &Spec) -> (Vec<f64>, Vec<f64>) {
@@ -63,7 +49,7 @@ fn at_equilibrium(node: &Node, spec: &Spec) -> Vec<f64> {
     match equilibrium(spec) {
         Ok(found) => {
             let pulls =
-                |(force, c): (&f64, &crate::train::ContactSpec)| *force < 0.0 && !matches!(c.law, Law::Bilateral(_));
+                |(force, c): (&f64, &crate::system::ContactSpec)| *force < 0.0 && !matches!(c.law, Law::Bilateral(_));
             if found.forces.iter().zip(&spec.contacts).any(pulls) {
                 node.warn("not every contact is pressed in the static state: the run starts from where all are closed");
             }

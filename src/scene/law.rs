@@ -1,12 +1,9 @@
 //! Contact laws.
 
-use super::{
-    node::Node,
-    shape::{Object, Shape, Span, Units, at_least, choice, positive, within},
-};
+use super::node::Node;
 use crate::gear::contact::{self, Hysteresis, Law, Linear, PowerLaw, Ratio, Release, Rigid};
 
-const MODELS: [(&str, Hysteresis); 8] = [
+pub(super) const MODELS: [(&str, Hysteresis); 8] = [
     ("none", Hysteresis::None),
     ("hunt-crossley", Hysteresis::HuntCrossley),
     ("herbert-mcwhannell", Hysteresis::HerbertMcWhannell),
@@ -17,64 +14,8 @@ const MODELS: [(&str, Hysteresis); 8] = [
     ("exact", Hysteresis::Exact),
 ];
 
-/// A contact law by name; of a gear mesh, with damping ratios too.
-pub(super) fn shape(units: Units, of_mesh: bool) -> Shape {
-    let linear = |about| {
-        let damping = units.key("damping", "n_s_per_m");
-        let law = Object::new(about);
-        if of_mesh {
-            law.free(damping.clone(), at_least(0.0), "Damping in contact; 0 if neither key is written.")
-                .free("damping_ratio", at_least(0.0), "2 ratio sqrt(k m1 m2/(m1 + m2)), with the rotary masses.")
-                .at_most_one([damping, "damping_ratio".to_owned()])
-        } else {
-            law.with_default(damping, 0.0, at_least(0.0), "Damping in contact.")
-        }
-    };
-    let bilateral = linear("Linear spring and damper that never lets go.");
-    let kelvin_voigt = linear("Linear spring and damper beyond the gap.")
-        .with_default("release", "force", release_shape(), RELEASE)
-        .mistake("restitution", "a linear damper has a damping, not a restitution: write damping_n_s_per_m");
-    let exponent = Shape::Either(vec![positive(), Shape::Text]);
-    let power = Object::new("Force K p^n (1 + D p'/v0), v0 the speed at the last contact start.")
-        .with_default("exponent", 1.5, exponent, "Exponent n: a number, or a ratio such as \"10/9\".")
-        .free("hysteresis", choice(&MODELS.map(|(name, _)| name)), "Formula that turns the restitution into D.")
-        .free("restitution", restitution(), "Restitution asked for, (0, 1].")
-        .free("hysteresis_coefficient", at_least(0.0), "D itself, instead of a formula and a restitution.")
-        .with_default(
-            units.key("speed_floor", "m_per_s"),
-            1.0e-4,
-            positive(),
-            "Smallest v0: below it D/v0 grows without bound.",
-        )
-        .with_default(units.key("initial_speed", "m_per_s"), 1.0e-2, positive(), "v0 before the first contact start.")
-        .exactly_one(["hysteresis", "hysteresis_coefficient"])
-        .mistake("n", "write exponent")
-        .mistake("e", "write restitution")
-        .mistake("coefficient", "write hysteresis_coefficient");
-    let rigid = Object::new("No penetration: the gap opens with restitution times the speed it closed with.")
-        .needed("restitution", within(0.0, 1.0), "Newton's coefficient of restitution.")
-        .mistake("e", "write restitution");
-    Shape::Variant {
-        tag: "kind",
-        cases: vec![("bilateral", bilateral), ("kelvin-voigt", kelvin_voigt), ("power", power), ("rigid", rigid)],
-    }
-}
-
-const RELEASE: &str = "When the contact is lost: \"force\" (it never pulls) or \"deflection\" (at zero penetration; \
-                       the damper may pull just before).";
-
-/// When a Kelvin–Voigt contact is lost.
-pub(super) fn release_shape() -> Shape {
-    choice(&["force", "deflection"])
-}
-
-/// The release rule written here.
 pub(super) fn read_release(node: &Node) -> Release {
     if node.text() == "deflection" { Release::Deflection } else { Release::Force }
-}
-
-fn restitution() -> Shape {
-    Shape::Number(Span { low: Some((0.0, false)), high: Some((1.0, true)) })
 }
 
 /// The law written here; a damping ratio is left to the mesh that knows its gears.

@@ -1,41 +1,11 @@
 //! A train written out as matrices and contacts.
 
-use serde_json::json;
-
-use super::{
-    contact::{self, MAX_FREEDOMS},
-    harmonics,
-    node::Node,
-    shape::{Object, Shape, Units, list, list_of, number, positive},
-};
+use super::{contact, harmonics, node::Node};
 use crate::{
     gear::Stiffness,
-    train::{LoadHarmonic, Spec},
+    system::{LoadHarmonic, Spec},
 };
 
-/// `M q'' + C q' + K q + sum of g F = f(t)`, contact by contact.
-pub(super) fn shape() -> Object {
-    let units = Units::Si;
-    let row = || list_of(1, MAX_FREEDOMS, number());
-    let matrix = || Shape::Either(vec![row(), list_of(1, MAX_FREEDOMS, row())]);
-    let load = Object::new("A load vector_n cos(frequency t + phase).").needed("vector_n", row(), "Amplitudes.");
-    Object::new("Matrices and contacts written out; any consistent set of units will do.")
-        .free("freedoms", list_of(1, MAX_FREEDOMS, Shape::Text), "Names of the freedoms; q1, q2, ... if left out.")
-        .needed("mass_kg", matrix(), "Mass matrix, rows or diagonal, symmetric and positive definite.")
-        .free("damping_n_s_per_m", matrix(), "Damping matrix; zero if left out.")
-        .free("stiffness_n_per_m", matrix(), "Stiffness matrix of everything but the contacts; zero if left out.")
-        .free("load_n", row(), "Constant load; zero if left out.")
-        .with_default(
-            "load_harmonics",
-            json!([]),
-            list(Shape::Object(harmonics::timing(load, units))),
-            "Harmonic loads.",
-        )
-        .with_default("contacts", json!([]), list(contact::shape(units)), "Contacts.")
-        .free("base_frequency_rad_per_s", positive(), "Frequency of one cycle; that of the excitation if left out.")
-}
-
-/// The train written here.
 pub(super) fn read(node: &Node) -> Spec {
     let mass_node = node.at("mass_kg");
     let n = mass_node.items().len();

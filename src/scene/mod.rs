@@ -61,7 +61,7 @@ use sha2::{Digest, Sha256};
 pub use fault::{Fault, SceneError, Warning};
 pub use run::{Duration, Frame, Run};
 
-use crate::train::Spec;
+use crate::{gear::MeshGeometry, system::Spec};
 
 /// A scene that has been read, checked and resolved.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,6 +69,13 @@ pub struct Scene {
     name: String,
     given: Value,
     resolved: Value,
+    built: Built,
+}
+
+impl From<&Scene> for Scene {
+    fn from(scene: &Scene) -> Self {
+        scene.clone()
+    }
 }
 
 /// What a scene builds: a train in its common form, a start and a run.
@@ -86,6 +93,8 @@ pub struct Built {
     pub dimensionless: bool,
     /// Speed of the frame the train is written in, rad/s, if it turns.
     pub carrier_speed: Option<f64>,
+    /// Geometry of the meshes whose teeth are given, by name.
+    pub meshes: Vec<(&'static str, MeshGeometry)>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
 }
@@ -114,17 +123,16 @@ impl Scene {
     /// [`SceneError`] with every fault found.
     pub fn from_value(given: Value, name: &str) -> Result<Self, SceneError> {
         let (mut faults, expanded) = (Vec::new(), preset::expand(&given));
-        let resolved = check::check(&expanded, &build::shape(build::units_of(&expanded)), "", &mut faults);
+        let resolved = check::check(&expanded, shape::scene(build::units_of(&expanded)), "", &mut faults);
         if faults.is_empty() {
-            faults = build::build(&resolved).err().unwrap_or_default();
+            match build::build(&resolved) {
+                Ok(built) => return Ok(Self { name: name.to_owned(), given, resolved, built }),
+                Err(found) => faults = found,
+            }
         } else if resolved["train"].is_object() && !faults.iter().any(|fault| fault.pointer.starts_with("/train")) {
             faults.extend(build::faults_of_train(&resolved));
         }
-        if faults.is_empty() {
-            Ok(Self { name: name.to_owned(), given, resolved })
-        } else {
-            Err(SceneError::new(name, faults))
-        }
+        Err(SceneError::new(name, faults))
     }
 
     /// Reads a scene file.
@@ -206,22 +214,26 @@ impl Scene {
     /// SHA-256 of the resolved scene, hexadecimal. Name and note do not enter.
     #[must_use]
     pub fn hash(&self) -> String {
-        let mut scene = self.resolved.clone();
-        if let Value::Object(object) = &mut scene {
-            object.remove("name");
-            object.remove("note");
-        }
-        // JSON without spaces, keys sorted: the same scene is the same text.
-        scene.sort_all_objects();
-        Sha256::digest(scene.to_string().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+        hash(&self.resolved)
     }
 
-    /// Builds the train, the start and the run.
+    /// The train, the start and the run.
+    #[must_use]
+    pub fn built(&self) -> &Built {
+        &self.built
+    }
+
+    /// A copy of [`built`](Self::built).
     ///
     /// # Errors
-    /// None for a scene that has been read; the type is there for scenes built in other ways later.
+    /// None: a scene is built when it is read.
     pub fn build(&self) -> Result<Built, SceneError> {
-        build::build(&self.resolved).map_err(|faults| SceneError::new(&self.name, faults))
+        Ok(self.built.clone())
+    }
+
+    /// Name, resolved scene, and what it builds.
+    pub(crate) fn into_parts(self) -> (String, Value, Built) {
+        (self.name, self.resolved, self.built)
     }
 
     /// Builds the scene with other numbers at JSON pointers of the resolved scene: what [`with_all`](Self::with_all)
@@ -244,6 +256,18 @@ impl Scene {
         }
         build::build(&resolved).map_err(|faults| SceneError::new(&self.name, faults))
     }
+}
+
+/// SHA-256 of a resolved scene, hexadecimal. Name and note do not enter.
+pub(crate) fn hash(resolved: &Value) -> String {
+    let mut scene = resolved.clone();
+    if let Value::Object(object) = &mut scene {
+        object.remove("name");
+        object.remove("note");
+    }
+    // JSON without spaces, keys sorted: the same scene is the same text.
+    scene.sort_all_objects();
+    Sha256::digest(scene.to_string().as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The JSON Schema (draft 2020-12) of a scene.

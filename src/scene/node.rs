@@ -9,13 +9,15 @@ use super::{
     fault::{Fault, Warning, below, show},
     shape::Units,
 };
-use crate::hybrid::Wide;
+use crate::{gear::MeshGeometry, hybrid::Wide};
 
 /// What reading finds out beyond the shapes: conditions across keys.
 #[derive(Debug, Default)]
 pub(super) struct Findings {
     faults: RefCell<Vec<Fault>>,
     warnings: RefCell<Vec<Warning>>,
+    /// Geometry of the meshes whose teeth are given, by name.
+    pub meshes: RefCell<Vec<(&'static str, MeshGeometry)>>,
 }
 
 impl Findings {
@@ -56,7 +58,6 @@ impl<'a> Node<'a> {
         Node { value, pointer: below(&self.pointer, key), findings: self.findings, units: self.units }
     }
 
-    /// The value itself, if something is written here.
     pub fn written(self) -> Option<Node<'a>> {
         if self.value.is_null() { None } else { Some(self) }
     }
@@ -157,7 +158,10 @@ impl<'a> Node<'a> {
         self.findings.faults.borrow_mut().push(Fault::new(&self.pointer, found, allowed).remedy(remedy));
     }
 
-    /// Notes something the user should know.
+    pub fn engaged(&self, name: &'static str, geometry: MeshGeometry) {
+        self.findings.meshes.borrow_mut().push((name, geometry));
+    }
+
     pub fn warn(&self, message: impl Into<String>) {
         let warning = Warning { pointer: self.pointer.clone(), message: message.into() };
         self.findings.warnings.borrow_mut().push(warning);

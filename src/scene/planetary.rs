@@ -1,73 +1,15 @@
 //! A planetary stage.
 
-use serde_json::json;
-
 use super::{
     body, build,
     mesh::{self, Engaged},
     node::Node,
-    pair, preset,
-    shape::{Object, Shape, at_least, choice, list_of, number, within},
 };
 use crate::{
     gear::{Gear, MeshKind, phase::equally_spaced},
-    train::{Freedoms, Load, Phasing, Planet, Planetary, Spec, StageGeometry, Teeth},
+    system::Spec,
+    train::{Freedoms, Load, Phasing, Planet, Planetary, StageGeometry, Teeth},
 };
-
-const MAX_PLANETS: usize = 10;
-
-/// Gears, bodies, meshes and load of a stage, or a preset with some of them changed.
-pub(super) fn shape() -> Object {
-    let freedoms = Shape::Either(vec![
-        choice(&["torsional", "in-phase", "full", "full-carrier"]),
-        list_of(1, 9 + 3 * MAX_PLANETS, Shape::Text),
-    ]);
-    let per_planet = || list_of(1, MAX_PLANETS, number());
-    let explicit = Object::new("Mesh phases written out, periods.")
-        .needed("sun", per_planet(), "Sun meshes, one per planet.")
-        .needed("ring", per_planet(), "Ring meshes, one per planet.");
-    let phases = Shape::Either(vec![choice(&["teeth", "assemblable", "in-phase"]), Shape::Object(explicit)]);
-    let of_gears = |about: &'static str, item: fn() -> Shape| {
-        Object::new(about).needed("sun", item(), "Sun.").needed("planet", item(), "Planets.").needed(
-            "ring",
-            item(),
-            "Ring.",
-        )
-    };
-    let shifts = of_gears("Profile shifts, modules.", || within(-2.0, 2.0));
-    let rack = mesh::rack_shape().needed("profile_shift", Shape::Object(shifts), "Profile shifts.");
-    let load = Object::new("Torques at the carrier and drag of the planets.")
-        .with_default("output_torque_nm", 0.0, number(), "Torque taken off at the carrier.")
-        .with_default("drag_torque_nm", 0.0, number(), "Constant drag torque at the carrier.")
-        .with_default("drag_torque_nm_per_rpm", 0.0, number(), "Drag torque at the carrier per sun speed.")
-        .with_default("planet_drag_n", 0.0, number(), "Drag force on each planet's base circle.");
-    let part = |about| Shape::Object(body::keys(Object::new(about)));
-    let stage = Object::new("A planetary stage: the sun drives, the ring is held, the carrier delivers.")
-        .partial()
-        .free("preset", choice(&preset::NAMES), "A published stage; keys written beside it replace its own.")
-        .with_default("freedoms", "full", freedoms, "Freedoms kept: a set by name, or a list of names.")
-        .needed("speed_rpm", at_least(0.0), "Speed of the sun.")
-        .with_default("load", json!({}), Shape::Object(load), "Load.")
-        .needed("teeth", Shape::Object(of_gears("Tooth numbers.", pair::teeth)), "Tooth numbers.")
-        .free("rack", Shape::Object(rack), "Rack and shifts: radii, pressure angles and phases follow from them.")
-        .free("planets", Shape::Whole { min: 1, max: MAX_PLANETS as u64 }, "Number of planets, equally spaced.")
-        .free("positions_rad", per_planet(), "Positions of the planets.")
-        .free("positions_deg", per_planet(), "Positions of the planets.")
-        .exactly_one(["planets", "positions_rad", "positions_deg"])
-        .with_default("phases", "teeth", phases, "Mesh phases: from the teeth, in phase, or written out.")
-        .free("ring_phase", number(), "Phase between a planet's two meshes, periods; the rack's or 0 if left out.")
-        .needed("sun", part("The sun."), "Sun.")
-        .needed("planet", part("A planet; its translation is its bearing."), "Planets.")
-        .needed("ring", part("The ring."), "Ring.")
-        .needed("carrier", part("The carrier."), "Carrier.")
-        .needed("sun_mesh", mesh::shape(), "Sun meshes.")
-        .needed("ring_mesh", mesh::shape(), "Ring meshes.")
-        .with_default("gyroscopic", false, Shape::Flag, "Whether Coriolis and centripetal terms act.")
-        .with_default("strict", false, Shape::Flag, "Whether implausible data are refused.")
-        .mistake("load_nm", "write load: { \"output_torque_nm\": ... }")
-        .mistake("torque_nm", "write load: { \"output_torque_nm\": ... }");
-    mesh::angle(mesh::angle(stage, "sun_pressure_angle", false), "ring_pressure_angle", false)
-}
 
 /// The train written here, with its freedoms and its frame's speed, rad/s.
 pub(super) fn read(node: &Node) -> Option<(Spec, f64)> {
@@ -95,8 +37,8 @@ fn read_stage(node: &Node) -> Option<Planetary> {
         Some(rack) => {
             let gears = read_gears(&rack, teeth);
             (
-                Some(Engaged::new(&rack, gears.rack, [gears.sun, gears.planet], MeshKind::External)?),
-                Some(Engaged::new(&rack, gears.rack, [gears.planet, gears.ring], MeshKind::Internal)?),
+                Some(Engaged::new(&rack, "sun mesh", gears.rack, [gears.sun, gears.planet], MeshKind::External)?),
+                Some(Engaged::new(&rack, "ring mesh", gears.rack, [gears.planet, gears.ring], MeshKind::Internal)?),
                 gears.ring_phase(),
             )
         }

@@ -1,15 +1,10 @@
 //! How long to run, how exactly, and what to write.
 
-use serde_json::json;
-
-use super::{
-    node::Node,
-    shape::{Object, Shape, Units, choice, positive, within},
-};
+use super::node::Node;
 use crate::{
     hybrid::{Clock, Instant},
     integrate::Choice,
-    train::Spec,
+    system::Spec,
 };
 
 /// How long a run lasts.
@@ -21,7 +16,7 @@ pub enum Duration {
     Until(f64),
 }
 
-const METHODS: [(&str, Choice); 5] = [
+pub(super) const METHODS: [(&str, Choice); 5] = [
     ("auto", Choice::Auto),
     ("taylor", Choice::Taylor),
     ("bdf", Choice::Bdf),
@@ -67,6 +62,31 @@ pub struct Run {
 }
 
 impl Run {
+    /// A run of this length with every other setting as in a scene that does not name it.
+    ///
+    /// ```
+    /// use flank::scene::{Duration, Run};
+    ///
+    /// let run = Run { transient_cycles: 20, ..Run::new(Duration::Cycles(50)) };
+    /// assert_eq!(run.event_budget, 10_000_000);
+    /// ```
+    #[must_use]
+    pub fn new(duration: Duration) -> Self {
+        Self {
+            duration,
+            period: None,
+            start_cycle: 0,
+            transient_cycles: 0,
+            event_budget: 10_000_000,
+            method: Choice::Auto,
+            tolerance: 1.0e-13,
+            chatter_speed: None,
+            verify: false,
+            samples_per_cycle: 0,
+            frame: Frame::Rotating,
+        }
+    }
+
     /// Time at which the run ends, s.
     #[must_use]
     pub fn end(&self) -> f64 {
@@ -96,48 +116,6 @@ impl Run {
         };
         [at(self.start_cycle), at(self.start_cycle + self.transient_cycles), end]
     }
-}
-
-/// The run section.
-pub(super) fn shape(units: Units) -> Shape {
-    let tolerance = within(1.0e-16, 1.0e-2);
-    let integrator = Object::new("Integrator of the smooth motion between events.")
-        .with_default("method", "auto", choice(&METHODS.map(|(name, _)| name)), "Which one.")
-        .with_default("tolerance", 1.0e-13, tolerance, "Local error, relative to the scale of the motion.");
-    let output = Object::new("What is written besides events and measures.")
-        .with_default("samples_per_cycle", 0, Shape::Whole { min: 0, max: 1 << 20 }, "Trajectory samples; 0 for none.")
-        .with_default("frame", "rotating", choice(&["rotating", "fixed"]), "Frame of the trajectory.");
-    let t_end = units.key("t_end", "s");
-    let count = |min| Shape::Whole { min, max: 1_000_000_000_000 };
-    let run = Object::new("How long to run, how exactly, and what to write.")
-        .free("cycles", count(1), "Cycles to run.")
-        .free(t_end.clone(), positive(), "Time to run to, from time 0.")
-        .exactly_one(["cycles".to_owned(), t_end])
-        .free(units.key("period", "s"), positive(), "Length of a cycle; the excitation's if left out.")
-        .with_default("start_cycle", 0, count(0), "Cycle to start in: the phase counts from there.")
-        .with_default("transient_cycles", 0, count(0), "Cycles left out of the measures.")
-        .with_default(
-            "event_budget",
-            10_000_000,
-            Shape::Whole { min: 1, max: u64::MAX },
-            "Most events before the run stops.",
-        )
-        .with_default("integrator", json!({}), Shape::Object(integrator), "Integrator.")
-        .free(
-            units.key("chatter_speed", "m_per_s"),
-            positive(),
-            "Impacts slower than this may be summed as one chatter.",
-        )
-        .free(
-            "verify",
-            Shape::Flag,
-            "Whether the run is checked arc by arc, by two other ways to its events; false if left out.",
-        )
-        .with_default("output", json!({}), Shape::Object(output), "Output.")
-        .mistake("duration", "write cycles, or t_end_s (t_end in a dimensionless scene)")
-        .mistake("dt", "events are located exactly: there is no step to choose; see integrator.tolerance")
-        .mistake("step", "events are located exactly: there is no step to choose; see integrator.tolerance");
-    Shape::Object(run)
 }
 
 /// The run written here, for a train.

@@ -1,82 +1,8 @@
 //! Stiffness schedules in time.
 
-use super::{
-    harmonics,
-    node::Node,
-    shape::{Object, Shape, Units, at_least, between, list_of, number, positive, within},
-};
+use super::{harmonics, node::Node};
 use crate::gear::{PathOfContact, Piece, Stiffness, Waveform};
 
-/// A stiffness: a number, or a schedule by name.
-pub(super) fn shape(units: Units) -> Shape {
-    let period = || units.key("period", "s");
-    let constant = Object::new("The same at all times.").needed("value", positive(), "Stiffness.");
-    let harmonic = Object::new("mean (1 + sum of amplitude cos(frequency t + phase)).")
-        .needed("mean", positive(), "Mean stiffness.")
-        .needed("harmonics", harmonics::shape(units, "amplitude"), "Harmonics, relative to the mean.");
-    let rectangular = Object::new("high while frac((t - origin)/period) < duty, else low.")
-        .needed("high", at_least(0.0), "Stiffness at the start of the period.")
-        .needed("low", at_least(0.0), "Stiffness in the rest of the period.")
-        .needed("duty", between(0.0, 1.0), "Fraction of the period at high.")
-        .needed(period(), positive(), "Period.")
-        .with_default(units.key("origin", "s"), 0.0, number(), "Time at which a period starts.");
-    let trapezoidal = Object::new("As rectangular, each change a straight ramp centred on it.")
-        .needed("high", at_least(0.0), "Stiffness at the start of the period.")
-        .needed("low", at_least(0.0), "Stiffness in the rest of the period.")
-        .needed("duty", between(0.0, 1.0), "Fraction of the period from ramp centre to ramp centre.")
-        .needed("ramp", between(0.0, 1.0), "Width of a ramp, fraction of the period.")
-        .needed(period(), positive(), "Period.")
-        .with_default(units.key("origin", "s"), 0.0, number(), "Time of the centre of a rising ramp.");
-    let time = Shape::Either(vec![number(), Shape::Decimal]);
-    let switched = Object::new("Two levels that alternate at listed times.")
-        .needed("levels", list_of(2, 2, at_least(0.0)), "The two stiffnesses, the first one at the start.")
-        .needed(
-            units.key("times", "s"),
-            list_of(1, 1_000_000, time),
-            "Switching times, rising; in quotation marks with any number of digits.",
-        );
-    Shape::Either(vec![
-        positive(),
-        Shape::Variant {
-            tag: "kind",
-            cases: [
-                ("constant", constant),
-                ("harmonic", harmonic),
-                ("rectangular", rectangular),
-                ("trapezoidal", trapezoidal),
-                ("switched", switched),
-            ]
-            .into_iter()
-            .chain(tooth_pairs(|about| pairs(units, about)))
-            .collect(),
-        },
-    ])
-}
-
-/// The schedules that follow the number of tooth pairs; `pairs` has what they share.
-pub(super) fn tooth_pairs(pairs: impl Fn(&'static str) -> Object) -> [(&'static str, Object); 3] {
-    let ramps = pairs("Number of tooth pairs in contact, each entry and exit a ramp.");
-    let fourier = pairs("Fourier series of the number of tooth pairs in contact, cut off.");
-    [
-        ("tooth-pairs", pairs("Number of tooth pairs in contact, rectangular.")),
-        (
-            "tooth-pairs-trapezoidal",
-            ramps.needed("ramp", between(0.0, 0.5), "Half width of a ramp, fraction of the period."),
-        ),
-        ("fourier", fourier.needed("orders", Shape::Whole { min: 1, max: 1000 }, "Harmonics kept.")),
-    ]
-}
-
-fn pairs(units: Units, about: &'static str) -> Object {
-    Object::new(about)
-        .needed("mean", positive(), "Mean stiffness.")
-        .needed("contact_ratio", within(1.0, 8.0), "Contact ratio, the mean number of pairs.")
-        .with_default("modulation", 1.0, within(0.0, 1.0), "Share that follows the number of pairs: 0 constant, 1 all.")
-        .needed(units.key("period", "s"), positive(), "Mesh period.")
-        .with_default("phase", 0.0, number(), "Mesh phase, periods: a pair enters when t/period + phase is whole.")
-}
-
-/// The schedule written here.
 pub(super) fn read(node: &Node) -> Stiffness {
     if node.is_number() {
         return Stiffness::Constant(node.number());

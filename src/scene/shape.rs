@@ -1,6 +1,10 @@
 //! What may stand where: one description that the check, the defaults and the JSON Schema all read.
 
+use std::sync::LazyLock;
+
 use serde_json::Value;
+
+use super::{law, preset, run};
 
 /// Longest list a scene may hold.
 const MAX_LIST: usize = 1_000_000;
@@ -8,9 +12,7 @@ const MAX_LIST: usize = 1_000_000;
 /// Unit suffixes of the keys, or none for a train in dimensionless form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Units {
-    /// SI units, named in the keys.
     Si,
-    /// Dimensionless.
     None,
 }
 
@@ -60,66 +62,48 @@ fn excluded(closed: bool) -> &'static str {
 /// What a value may be.
 #[derive(Clone, Debug)]
 pub(super) enum Shape {
-    /// A finite number.
     Number(Span),
-    /// A whole number.
     Whole {
-        /// Least.
         min: u64,
-        /// Greatest.
         max: u64,
     },
-    /// `true` or `false`.
     Flag,
-    /// Any text.
     Text,
     /// A decimal number as text, of any length.
     Decimal,
-    /// One of a few words.
-    Choice(Vec<&'static str>),
-    /// A list.
+    Choice(Vec<String>),
     List {
-        /// What each item may be.
         item: Box<Shape>,
-        /// Fewest items.
         min: usize,
-        /// Most items.
         max: usize,
     },
     /// An object whose keys the user names.
     Map(Box<Shape>),
-    /// An object with known keys.
     Object(Object),
     /// An object whose keys depend on the word under one of them.
     Variant {
-        /// The key that holds the word.
-        tag: &'static str,
-        /// What each word brings.
-        cases: Vec<(&'static str, Object)>,
+        tag: String,
+        cases: Vec<(String, Object)>,
     },
     /// One of several shapes, told apart by their JSON types.
     Either(Vec<Shape>),
 }
 
-/// An object with known keys.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Object {
-    /// What it is.
-    pub about: &'static str,
-    /// Its keys.
+    pub about: String,
     pub fields: Vec<Field>,
     /// Keys that exclude each other.
     pub groups: Vec<Group>,
     /// Whether it may be written in part, the rest coming from a preset.
     pub partial: bool,
     /// Keys people write by mistake, and what to write instead.
-    pub mistakes: Vec<(&'static str, &'static str)>,
+    pub mistakes: Vec<(String, String)>,
 }
 
 /// Keys of which at most one, or exactly one, is written.
 #[derive(Clone, Debug)]
 pub(super) struct Group {
-    /// The keys.
     pub keys: Vec<String>,
     /// Whether one of them is needed.
     pub needed: bool,
@@ -128,20 +112,15 @@ pub(super) struct Group {
 /// A key of an object.
 #[derive(Clone, Debug)]
 pub(super) struct Field {
-    /// The key.
     pub key: String,
-    /// What it means.
-    pub about: &'static str,
-    /// What it may hold.
+    pub about: String,
     pub shape: Shape,
-    /// Whether it may be left out.
     pub presence: Presence,
 }
 
 /// Whether a key may be left out.
 #[derive(Clone, Debug)]
 pub(super) enum Presence {
-    /// It may not.
     Needed,
     /// It may, or be `null`; nothing stands for it then.
     Free,
@@ -149,100 +128,128 @@ pub(super) enum Presence {
     Default(Value),
 }
 
-impl Object {
-    pub fn new(about: &'static str) -> Self {
-        Self { about, ..Self::default() }
-    }
-
-    /// A key that must be written.
-    pub fn needed(self, key: impl Into<String>, shape: Shape, about: &'static str) -> Self {
-        self.field(key.into(), shape, about, Presence::Needed)
-    }
-
-    /// A key that may be left out.
-    pub fn free(self, key: impl Into<String>, shape: Shape, about: &'static str) -> Self {
-        self.field(key.into(), shape, about, Presence::Free)
-    }
-
-    /// A key with a default.
-    pub fn with_default(
-        self,
-        key: impl Into<String>,
-        value: impl Into<Value>,
-        shape: Shape,
-        about: &'static str,
-    ) -> Self {
-        self.field(key.into(), shape, about, Presence::Default(value.into()))
-    }
-
-    fn field(mut self, key: String, shape: Shape, about: &'static str, presence: Presence) -> Self {
-        self.fields.push(Field { key, about, shape, presence });
-        self
-    }
-
-    /// Exactly one of these keys is written.
-    pub fn exactly_one<S: Into<String>>(mut self, keys: impl IntoIterator<Item = S>) -> Self {
-        self.groups.push(Group { keys: keys.into_iter().map(Into::into).collect(), needed: true });
-        self
-    }
-
-    /// At most one of these keys is written.
-    pub fn at_most_one<S: Into<String>>(mut self, keys: impl IntoIterator<Item = S>) -> Self {
-        self.groups.push(Group { keys: keys.into_iter().map(Into::into).collect(), needed: false });
-        self
-    }
-
-    /// It may be written in part, the rest coming from a preset.
-    pub fn partial(mut self) -> Self {
-        self.partial = true;
-        self
-    }
-
-    /// A key often written by mistake.
-    pub fn mistake(mut self, key: &'static str, remedy: &'static str) -> Self {
-        self.mistakes.push((key, remedy));
-        self
-    }
+pub(super) fn scene(units: Units) -> &'static Shape {
+    static SHAPES: LazyLock<[Shape; 2]> = LazyLock::new(|| {
+        let all: Value = serde_json::from_str(include_str!("shapes.json")).expect("the shapes are JSON");
+        let read = |units| Reader { all: &all, units }.shape(&all["scene"]).expect("the shapes are whole");
+        [read(Units::Si), read(Units::None)]
+    });
+    &SHAPES[usize::from(units == Units::None)]
 }
 
-/// Any finite number.
-pub(super) fn number() -> Shape {
-    Shape::Number(Span { low: None, high: None })
+/// Reads `shapes.json`, shapes by name. A shape is
+///
+/// - a text: `number`, `number > 0`, `number 0 to 1 excluded`, `whole 1 to 10`, `flag`, `text`, `decimal`, or `@name`;
+/// - a list of shapes, of which one fits;
+/// - `{ "choice": words }`, `{ "list": shape, "min", "max" }`, `{ "map": shape }`, `{ "variant": tag, "cases": … }`;
+/// - `{ "object": about, "keys": … }`, each key `[name, "needed" | "free" | { "default": value }, shape, about]`, or
+///   `@name` for all keys of that object; `period~s` is `period_s`, or `period` in dimensionless form.
+struct Reader<'v> {
+    all: &'v Value,
+    units: Units,
 }
 
-/// A number above zero.
-pub(super) fn positive() -> Shape {
-    Shape::Number(Span { low: Some((0.0, false)), high: None })
+/// The texts of a list.
+fn texts(list: &Value) -> Vec<String> {
+    list.as_array().into_iter().flatten().filter_map(Value::as_str).map(str::to_owned).collect()
 }
 
-/// A number of at least `low`.
-pub(super) fn at_least(low: f64) -> Shape {
-    Shape::Number(Span { low: Some((low, true)), high: None })
+fn names<T>(table: &[(&str, T)]) -> Vec<String> {
+    table.iter().map(|(name, _)| (*name).to_owned()).collect()
 }
 
-/// A number from `low` to `high`, both allowed.
-pub(super) fn within(low: f64, high: f64) -> Shape {
-    Shape::Number(Span { low: Some((low, true)), high: Some((high, true)) })
-}
+impl Reader<'_> {
+    fn shape(&self, value: &Value) -> Option<Shape> {
+        let limit = |key: &str, other| value[key].as_u64().map_or(Some(other), |n| usize::try_from(n).ok());
+        Some(match value {
+            Value::String(words) => self.word(words)?,
+            Value::Array(shapes) => Shape::Either(shapes.iter().map(|shape| self.shape(shape)).collect::<Option<_>>()?),
+            _ if value["choice"].is_array() => Shape::Choice(texts(&value["choice"])),
+            _ if value["choice"] == "formulas" => Shape::Choice(names(&law::MODELS)),
+            _ if value["choice"] == "methods" => Shape::Choice(names(&run::METHODS)),
+            _ if value["choice"] == "presets" => Shape::Choice(names(&preset::PRESETS)),
+            _ if !value["list"].is_null() => Shape::List {
+                item: Box::new(self.shape(&value["list"])?),
+                min: limit("min", 0)?,
+                max: limit("max", MAX_LIST)?,
+            },
+            _ if !value["map"].is_null() => Shape::Map(Box::new(self.shape(&value["map"])?)),
+            _ if !value["variant"].is_null() => {
+                let cases = value["cases"].as_array()?.iter();
+                let case = |case: &Value| Some((case[0].as_str()?.to_owned(), self.object(&case[1])?));
+                Shape::Variant {
+                    tag: value["variant"].as_str()?.to_owned(),
+                    cases: cases.map(case).collect::<Option<_>>()?,
+                }
+            }
+            _ => Shape::Object(self.object(value)?),
+        })
+    }
 
-/// A number strictly between `low` and `high`.
-pub(super) fn between(low: f64, high: f64) -> Shape {
-    Shape::Number(Span { low: Some((low, false)), high: Some((high, false)) })
-}
+    fn word(&self, text: &str) -> Option<Shape> {
+        if let Some(name) = text.strip_prefix('@') {
+            return self.shape(self.all.get(name)?);
+        }
+        let number = |low: Option<(&str, bool)>, high: Option<(&str, bool)>| {
+            let bound = |(word, closed): (&str, bool)| word.parse().ok().map(|limit: f64| (limit, closed));
+            Shape::Number(Span { low: low.and_then(bound), high: high.and_then(bound) })
+        };
+        Some(match text.split(' ').collect::<Vec<_>>()[..] {
+            ["flag"] => Shape::Flag,
+            ["text"] => Shape::Text,
+            ["decimal"] => Shape::Decimal,
+            ["number"] => number(None, None),
+            ["number", ">", low] => number(Some((low, false)), None),
+            ["number", ">=", low] => number(Some((low, true)), None),
+            ["number", low, "to", high] => number(Some((low, true)), Some((high, true))),
+            ["number", low, "excluded", "to", high] => number(Some((low, false)), Some((high, true))),
+            ["number", low, "excluded", "to", high, "excluded"] => number(Some((low, false)), Some((high, false))),
+            ["whole", min, "to", max] => Shape::Whole { min: min.parse().ok()?, max: max.parse().ok()? },
+            _ => return None,
+        })
+    }
 
-/// A list of any length.
-pub(super) fn list(item: Shape) -> Shape {
-    Shape::List { item: Box::new(item), min: 0, max: MAX_LIST }
-}
+    fn object(&self, value: &Value) -> Option<Object> {
+        if let Some(name) = value.as_str() {
+            return self.object(self.all.get(name.strip_prefix('@')?)?);
+        }
+        let units = if value["dimensionless"] == true { Units::None } else { self.units };
+        let own = Self { all: self.all, units };
+        let mut object = Object {
+            about: value["object"].as_str()?.to_owned(),
+            partial: value["partial"] == true,
+            ..Object::default()
+        };
+        for row in value["keys"].as_array()? {
+            if row.is_string() {
+                let part = own.object(row)?;
+                object.fields.extend(part.fields);
+                object.groups.extend(part.groups);
+                object.mistakes.extend(part.mistakes);
+                continue;
+            }
+            let presence = match row[1].as_str() {
+                Some("needed") => Presence::Needed,
+                Some(_) => Presence::Free,
+                None => Presence::Default(row[1]["default"].clone()),
+            };
+            let about = row[3].as_str()?.to_owned();
+            object.fields.push(Field { key: own.key(row[0].as_str()?), about, shape: own.shape(&row[2])?, presence });
+        }
+        for (name, needed) in [("one of", true), ("at most one of", false)] {
+            for keys in value[name].as_array().into_iter().flatten() {
+                object.groups.push(Group { keys: texts(keys).iter().map(|key| own.key(key)).collect(), needed });
+            }
+        }
+        for pair in value["mistakes"].as_array().into_iter().flatten() {
+            object.mistakes.push((pair[0].as_str()?.to_owned(), pair[1].as_str()?.to_owned()));
+        }
+        Some(object)
+    }
 
-/// A list with a bounded length.
-pub(super) fn list_of(min: usize, max: usize, item: Shape) -> Shape {
-    Shape::List { item: Box::new(item), min, max }
-}
-
-/// One of a few words.
-pub(super) fn choice(words: &[&'static str]) -> Shape {
-    Shape::Choice(words.to_vec())
+    fn key(&self, marked: &str) -> String {
+        marked.split_once('~').map_or_else(|| marked.to_owned(), |(stem, unit)| self.units.key(stem, unit))
+    }
 }
 
 impl Shape {
@@ -256,7 +263,7 @@ impl Shape {
             Self::Flag => "true or false".to_owned(),
             Self::Text => "a text".to_owned(),
             Self::Decimal => "a decimal number in quotation marks".to_owned(),
-            Self::Choice(words) => quoted(words.iter().copied()),
+            Self::Choice(words) => quoted(words.iter().map(String::as_str)),
             Self::List { item, min, max } => {
                 let length = match (*min, *max) {
                     (a, b) if a == b => format!(" ({a} items)"),
@@ -271,7 +278,7 @@ impl Shape {
                 format!("an object with the keys {}", quoted(object.fields.iter().map(|f| f.key.as_str())))
             }
             Self::Variant { tag, cases } => {
-                format!("an object whose \"{tag}\" is {}", quoted(cases.iter().map(|(name, _)| *name)))
+                format!("an object whose \"{tag}\" is {}", quoted(cases.iter().map(|(name, _)| name.as_str())))
             }
             Self::Either(shapes) => shapes.iter().map(Self::describe).collect::<Vec<_>>().join("; or "),
         }

@@ -1,10 +1,14 @@
 //! Which number of the reference set controls which result: one change at a time.
 
-use serde_json::{Value, json};
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+use serde_json::{Map, Value, json};
 
 use super::{
     StudyError,
-    figures::Context,
+    figures::{Context, number},
+    published::table,
     threshold::{Search, locate},
 };
 use crate::scene::Scene;
@@ -34,70 +38,45 @@ pub struct Effect {
 /// Speeds at which the time apart is compared, rev/min; threshold and force belong to the second.
 pub const SPEEDS: [f64; 3] = [50.0, 500.0, 2000.0];
 
-fn scaled(scene: &Scene, pointer: &str, factors: &[f64]) -> (String, Value) {
+/// A change as its table holds it: values to set, factors of numbers, and factors of the harmonics of an error, the last of
+/// which goes for all that follow.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Row {
+    words: String,
+    #[serde(default)]
+    set: Map<String, Value>,
+    #[serde(default)]
+    times: BTreeMap<String, f64>,
+    #[serde(default)]
+    harmonics: BTreeMap<String, Vec<f64>>,
+}
+
+fn scaled(scene: &Scene, pointer: &str, factors: &[f64]) -> Value {
     let mut harmonics = scene.resolved().pointer(pointer).cloned().unwrap_or_default();
     for (i, harmonic) in harmonics.as_array_mut().into_iter().flatten().enumerate() {
         let factor = factors.get(i).or(factors.last()).copied().unwrap_or(1.0);
         harmonic["amplitude_m"] = json!(harmonic["amplitude_m"].as_f64().unwrap_or(0.0) * factor);
     }
-    (pointer.to_owned(), harmonics)
+    harmonics
 }
 
 /// The changes of the reference set under light load.
-#[must_use]
-pub fn changes(scene: &Scene) -> Vec<Change> {
-    let own = |pointer: &str| scene.resolved().pointer(pointer).and_then(Value::as_f64).unwrap_or(0.0);
-    let change = |words: &str, values: Vec<(String, Value)>| Change { words: words.to_owned(), values };
-    let (sun, ring) = ("/train/sun_mesh/error", "/train/ring_mesh/error");
-    let errors = |factors: [f64; 2]| vec![scaled(scene, sun, &factors), scaled(scene, ring, &factors)];
-    let set =
-        |pointers: &[&str], value: f64| pointers.iter().map(|p| ((*p).to_owned(), json!(value))).collect::<Vec<_>>();
-    let times = |pointers: &[&str], factor: f64| -> Vec<(String, Value)> {
-        pointers.iter().map(|p| ((*p).to_owned(), json!(factor * own(p)))).collect()
+///
+/// # Errors
+/// [`StudyError`] never in fact: the table is part of the library.
+pub fn changes(scene: &Scene) -> Result<Vec<Change>, StudyError> {
+    let rows: Vec<Row> = table(include_str!("published/changes.json"))?;
+    let change = |row: Row| {
+        let times = row.times.into_iter().map(|(at, factor)| (json!(factor * number(scene, &at)), at));
+        let harmonics = row.harmonics.into_iter().map(|(at, factors)| (scaled(scene, &at, &factors), at));
+        let values = times.chain(harmonics).map(|(value, at)| (at, value)).chain(row.set);
+        Change { words: row.words, values: values.collect() }
     };
-    let slope = "/train/load/drag_torque_nm_per_rpm";
-    let restitution = ["/train/sun_mesh/law/restitution", "/train/ring_mesh/law/restitution"];
-    let (sun_turn, carrier_turn) =
-        ("/train/sun/rotation/stiffness_n_per_m", "/train/carrier/rotation/stiffness_n_per_m");
-    let sun_damping = "/train/sun/rotation/damping_ratio";
-    let supports = [
-        "/train/sun/translation/damping_ratio",
-        "/train/planet/translation/damping_ratio",
-        "/train/ring/translation/damping_ratio",
-        "/train/ring/rotation/damping_ratio",
-        "/train/carrier/rotation/damping_ratio",
-        "/train/planet/rotation/damping_n_s_per_m",
-    ];
-    vec![
-        change("base", Vec::new()),
-        change("errors x 0.75", errors([0.75, 0.75])),
-        change("errors x 1.25", errors([1.25, 1.25])),
-        change("second harmonics x 0.75", errors([1.0, 0.75])),
-        change("second harmonics x 1.25", errors([1.0, 1.25])),
-        change("no second harmonics", errors([1.0, 0.0])),
-        change("errors of the sun meshes x 0.75", vec![scaled(scene, sun, &[0.75])]),
-        change("errors of the sun meshes x 1.25", vec![scaled(scene, sun, &[1.25])]),
-        change("drag per speed x 0.75", times(&[slope], 0.75)),
-        change("drag per speed x 1.25", times(&[slope], 1.25)),
-        change("no drag per speed", set(&[slope], 0.0)),
-        change("no drag", set(&[slope, "/train/load/drag_torque_nm"], 0.0)),
-        change("restitution 0.3", set(&restitution, 0.3)),
-        change("restitution 0.95", set(&restitution, 0.95)),
-        change("sun shaft 1.8e7 N/m", set(&[sun_turn], 1.8e7)),
-        change("sun shaft 3e7 N/m", set(&[sun_turn], 3e7)),
-        change("carrier shaft 2.5e8 N/m", set(&[carrier_turn], 2.5e8)),
-        change("carrier shaft 1e9 N/m", set(&[carrier_turn], 1e9)),
-        change("support damping x 0.75", times(&supports, 0.75)),
-        change("support damping x 1.25", times(&supports, 1.25)),
-        change("sun shaft damping x 0.75", times(&[sun_damping], 0.75)),
-        change("sun shaft damping x 1.25", times(&[sun_damping], 1.25)),
-    ]
+    Ok(rows.into_iter().map(change).collect())
 }
 
 /// Time apart, threshold and largest force of the meshes `stem` under each change, all from cold starts.
-///
-/// # Errors
-/// [`StudyError`] of the runs.
 pub fn effects(
     context: &Context<'_>,
     scene: &Scene,

@@ -1,13 +1,14 @@
 //! What a scene does once its transient is gone, and how that changes with its numbers.
 //!
-//! [`Case`] is a scene ready to run. [`steady`](mod@steady) runs it until its motion is periodic and measures it;
-//! [`record`](mod@record) keeps a stretch of motion for pictures. [`identify`](mod@identify) finds numbers of a scene from
+//! [`steady`](mod@steady) runs a [`Simulation`](crate::Simulation) until its motion is periodic and measures it;
+//! [`identify`](mod@identify) finds numbers of a scene from
 //! what a train does. [`advise`] compares a scene with simpler models of itself.
 
 pub mod advise;
-mod case;
 pub mod changes;
+pub mod claims;
 mod error;
+mod expression;
 pub mod figures;
 pub mod identify;
 mod kind;
@@ -16,12 +17,12 @@ mod listing;
 pub mod page;
 pub mod plan;
 pub mod published;
-pub mod record;
+mod record;
 pub mod steady;
+mod steady_sweep;
 pub mod threshold;
-pub mod values;
+mod values;
 
-pub use case::Case;
 pub use error::StudyError;
 pub use kind::Kind;
-pub use listing::Listing;
+pub use steady_sweep::SteadySweep;

@@ -1,11 +1,14 @@
 //! The report of a study.
 
 use super::{
-    Kind, Listing,
+    Kind,
+    claims::{Comparison, Verdict},
     plan::Entry,
-    published::{Comparison, Verdict},
 };
-use crate::plot::{self, Cell, Item, Report, Section, Table};
+use crate::{
+    output::label,
+    plot::{Cell, Item, Report, Section, Table},
+};
 
 /// What goes into a report.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -61,9 +64,7 @@ impl Contents {
                     figure.caption = format!("{} Scene: {}.", figure.caption, entry.scene[0]);
                     items.push(Item::Figure(figure));
                 }
-                if let Some(listing) = &entry.listing {
-                    items.push(Item::Table(listed(listing)));
-                }
+                items.extend(entry.listing.clone().map(Item::from));
                 if *kind == Kind::Identification {
                     let rows: Vec<&Comparison> = entry.comparisons.iter().collect();
                     let note = "Beside the values of the presets, identified once from all printed values together.";
@@ -85,7 +86,7 @@ impl Contents {
             });
         }
         for (_, entry) in self.entries.iter().filter(|(kind, _)| *kind == Kind::Values) {
-            let items = entry.listing.iter().map(|listing| Item::Table(listed(listing))).collect();
+            let items = entry.listing.clone().map(Item::from).into_iter().collect();
             let text =
                 "The same equations solved elsewhere: what is wrong here is wrong in Flank, or there.".to_owned();
             sections.push(Section { title: "Independent values".to_owned(), text, items });
@@ -133,36 +134,13 @@ impl Contents {
     }
 }
 
-pub(super) fn listed(listing: &Listing) -> Table {
-    let cells = |row: &Vec<String>| row.iter().map(|cell| Cell::from(cell.as_str())).collect();
-    Table {
-        title: listing.title.clone(),
-        head: listing.head.clone(),
-        rows: listing.rows.iter().map(cells).collect(),
-        note: listing.note.clone(),
-    }
-}
-
 fn table(title: &str, note: &str, rows: &[&Comparison]) -> Table {
     let cells = |row: &&Comparison| {
-        let verdict = match row.verdict {
-            Verdict::Agrees => plot::Verdict::Ok,
-            Verdict::Partly => plot::Verdict::Partly,
-            Verdict::Deviates => plot::Verdict::Deviates,
-            Verdict::Contradiction => plot::Verdict::Contradicts,
-        };
-        vec![
-            Cell::from(row.place),
-            Cell::from(row.quantity.as_str()),
-            Cell::from(row.published.as_str()),
-            Cell::from(row.found.as_str()),
-            Cell::judged(row.verdict.word(), verdict),
-            Cell::from(if row.fitted {
-                format!("fitted to; {}", row.note).trim_end_matches("; ").to_owned()
-            } else {
-                row.note.clone()
-            }),
-        ]
+        let fitted = || format!("fitted to; {}", row.note).trim_end_matches("; ").to_owned();
+        let mut cells = [&row.place, &row.quantity, &row.published, &row.found].map(Cell::from).to_vec();
+        cells.push(Cell::judged(label(row.verdict), row.verdict));
+        cells.push(if row.fitted { fitted() } else { row.note.clone() }.into());
+        cells
     };
     Table {
         title: title.to_owned(),

@@ -1,17 +1,18 @@
 //! Which figure of a study is made from which scene.
 
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::{
-    Kind, Listing, StudyError,
+    Kind, StudyError,
     changes::{changes, effects},
-    figures::{self, Context, Way, fraction_title, load_pointer, speed_pointer},
-    listing,
-    published::{self, Comparison},
+    claims::{Claims, Comparison, Points},
+    figures::{self, Context, ModeRow, Way, by_name, fraction_title, load_pointer, speed_pointer},
+    listing, published,
     threshold::{Search, Threshold, locate},
-    values::{Scenes, values},
+    values::values,
 };
 use crate::{
+    output::Table,
     plot::{Axis, Figure, Guide, Panel, Series, Style},
     scene::{Scene, SceneError},
 };
@@ -26,7 +27,7 @@ pub struct Entry {
     /// Published numbers beside Flank's, in the study of the reference set.
     pub comparisons: Vec<Comparison>,
     /// Numbers better read than seen.
-    pub listing: Option<Listing>,
+    pub listing: Option<Table>,
 }
 
 /// A study: scenes, speeds and loads.
@@ -38,8 +39,8 @@ pub struct Plan {
     pub light: Scene,
     /// Scene of the floating train.
     pub floating: Scene,
-    /// Whether there are published numbers to compare with.
-    pub published: bool,
+    /// What was published about it.
+    pub claims: Claims,
     /// Loads, N m.
     pub loads: Vec<f64>,
     /// Loads at which cycles are shown, N m.
@@ -71,8 +72,8 @@ impl Plan {
     /// The reference planetary set: presets `reference-heavy`, `reference-light`, `reference-float`.
     ///
     /// # Errors
-    /// [`SceneError`] never in fact: the presets are part of the library.
-    pub fn reference() -> Result<Self, SceneError> {
+    /// [`StudyError`] never in fact: presets and claims are part of the library.
+    pub fn reference() -> Result<Self, StudyError> {
         // The meshes of the first two are in phase, so that one planet stands for all of them, exactly.
         let scene = |preset: &str, freedoms: &str, rpm: f64| {
             let train = json!({ "kind": "planetary", "preset": preset, "freedoms": freedoms, "speed_rpm": rpm });
@@ -82,7 +83,7 @@ impl Plan {
             heavy: scene("reference-heavy", "in-phase", 500.0)?,
             light: scene("reference-light", "in-phase", 500.0)?,
             floating: scene("reference-float", "full", 500.0)?,
-            published: true,
+            claims: published::claims()?,
             loads: evenly(0.0, 40.0, 41),
             shown_loads: vec![0.0, 21.0],
             speeds: evenly(50.0, 2000.0, 79),
@@ -103,12 +104,12 @@ impl Plan {
         let reach = if load > 0.0 { 2.0 * load } else { 40.0 };
         let loads = evenly(0.0, reach, 41);
         let speeds = evenly(0.1 * rpm, 2.0 * rpm, 39);
-        let mesh_frequency = scene.build().ok().and_then(|built| built.run.period).map_or(1.0, f64::recip);
+        let mesh_frequency = scene.built().run.period.map_or(1.0, f64::recip);
         Self {
             heavy: scene.clone(),
             light: scene.clone(),
             floating: scene.clone(),
-            published: false,
+            claims: Claims::default(),
             shown_loads: vec![load],
             path_speeds: vec![rpm],
             history_speed: rpm,
@@ -150,7 +151,7 @@ impl Plan {
             Kind::Forces | Kind::History => 1,
             Kind::Modes | Kind::Identification => 1,
             Kind::Values => 160,
-            Kind::Changes => 18 * changes(&self.light).len(),
+            Kind::Changes => 18 * changes(&self.light).map_or(0, |changes| changes.len()),
             Kind::Waterfall => self.waterfall_speeds().len(),
             Kind::Harmonics => self.heavy_speeds.len(),
             Kind::Cycles => self.shown_loads.len(),
@@ -173,97 +174,100 @@ impl Plan {
     pub fn make(&self, kind: Kind, context: &Context<'_>) -> Result<Entry, StudyError> {
         let speed = |scene: &Scene| speed_pointer(scene).ok_or_else(|| lacks(scene, "speed in rev/min"));
         let load = |scene: &Scene| load_pointer(scene).ok_or_else(|| lacks(scene, "load in N m"));
-        let entry = |figure, scene: &Scene, words: &str, said: &dyn Fn() -> Vec<Comparison>| Entry {
-            figure: Some(figure),
-            scene: [format!("{}{}{words}", scene.name(), if words.is_empty() { "" } else { ", " }), scene.hash()],
-            listing: None,
-            // Only the reference set has published numbers.
-            comparisons: if self.published { said() } else { Vec::new() },
+        let entry = |figure: Option<Figure>, scene: &Scene, words: &str, facts: Value| {
+            Ok::<_, StudyError>(Entry {
+                figure,
+                scene: [format!("{}{}{words}", scene.name(), if words.is_empty() { "" } else { ", " }), scene.hash()],
+                listing: None,
+                comparisons: self.claims.compare(kind.id(), facts)?,
+            })
         };
         let hasty = Context { rule: floating(context), ..*context };
         Ok(match kind {
             Kind::Modes => {
                 let (figure, rows) = figures::modes(&self.full()?, self.highest[1])?;
                 let listing = Some(listing::modes(&rows));
-                Entry { listing, ..entry(figure, &self.full()?, "all freedoms", &|| published::modes(&rows)) }
+                let named = |row: &ModeRow| {
+                    let (part, share) = row.shares.first()?;
+                    Some((row.name(), json!({ "hertz": row.hertz, "part": part, "share": share })))
+                };
+                let facts: Map<String, Value> = rows.iter().filter_map(named).collect();
+                Entry { listing, ..entry(Some(figure), &self.full()?, "all freedoms", facts.into())? }
             }
             Kind::Identification => {
                 self.only_reference("printed values to identify it from; see flank identify")?;
-                let scene = self.full()?;
-                let rows = published::identified()?;
-                Entry { figure: None, ..entry(Figure::default(), &scene, "all freedoms", &|| rows.clone()) }
+                let comparisons = published::identified()?;
+                Entry { comparisons, ..entry(None, &self.full()?, "all freedoms", Value::Null)? }
             }
             Kind::Forces => {
                 let (figure, found) = figures::forces(context, &self.heavy, self.highest[0])?;
-                entry(figure, &self.heavy, "", &|| published::forces(&found))
+                entry(Some(figure), &self.heavy, "", by_name(found.iter().map(|f| (f.family.as_str(), f))).into())?
             }
             Kind::Waterfall => {
                 let pointer = speed(&self.heavy)?;
                 let modes = figures::modes(&self.full()?, self.highest[1]);
-                let natural: Vec<(String, f64)> = match modes {
-                    Ok((_, rows)) => rows.iter().map(|row| (row.name(), row.hertz)).collect(),
-                    Err(_) => Vec::new(),
-                };
+                let natural = modes.map_or_else(|_| Vec::new(), |(_, rows)| rows);
                 let speeds = self.waterfall_speeds();
                 let (figure, found) =
                     figures::waterfall(context, &self.heavy, (pointer, &speeds), &natural, self.highest[1])?;
-                entry(figure, &self.heavy, "speed varied", &|| published::waterfall(&found))
+                let facts = by_name(found.iter().map(|line| (line.family.as_str(), line)));
+                entry(Some(figure), &self.heavy, "speed varied", facts.into())?
             }
             Kind::Harmonics => {
                 let pointer = speed(&self.heavy)?;
                 let speeds = &self.heavy_speeds;
                 let (figure, found) = figures::harmonics(context, &self.heavy, (pointer, speeds))?;
-                entry(figure, &self.heavy, "speed varied", &|| published::harmonics(speeds, &found))
+                let mut facts = by_name(found.iter().map(|f| (f.family.as_str(), f)));
+                facts.insert("speeds".to_owned(), json!(speeds));
+                entry(Some(figure), &self.heavy, "speed varied", facts.into())?
             }
             Kind::Cycles => {
                 let (figure, found) = figures::cycles(context, &self.light, &self.shown_loads)?;
-                entry(figure, &self.light, "load varied", &|| published::cycles(&found))
+                entry(Some(figure), &self.light, "load varied", json!(found))?
             }
             Kind::ApartVsLoad => self.by_load(context, load(&self.light)?, entry)?,
             Kind::ApartVsSpeed => {
                 let pointer = speed(&self.light)?;
                 let x = Axis::new("speed", "rev/min");
                 let (mut figure, curves) = figures::apart(context, &self.light, kind.id(), x, (pointer, &self.speeds))?;
-                if self.published {
-                    publish(&mut figure, &self.last_family()?, vec![50.0, 500.0, 2000.0], vec![0.34, 0.24, 0.11]);
-                }
-                entry(figure, &self.light, "speed varied", &|| published::apart_by_speed(&curves))
+                self.publish(&mut figure)?;
+                entry(Some(figure), &self.light, "speed varied", figures::facts(&curves))?
             }
             Kind::ThresholdVsSpeed => {
                 let stem = self.last_family()?;
                 let search = self.search();
                 let speeds = &self.threshold_speeds;
                 let (figure, rows) = figures::threshold(context, &self.light, &stem, speeds, &search)?;
-                entry(figure, &self.light, "speed and load varied", &|| published::threshold(&rows))
+                let (speeds, loads): (Vec<f64>, Vec<f64>) =
+                    rows.iter().filter_map(|row| Some((row.rpm, row.threshold.located()?))).unzip();
+                entry(Some(figure), &self.light, "speed and load varied", json!({ "speeds": speeds, "loads": loads }))?
             }
             Kind::Changes => {
                 self.only_reference("a list of changes to try; see flank sweep")?;
-                let changes = changes(&self.light);
+                let changes = changes(&self.light)?;
                 let effects = effects(context, &self.light, &self.last_family()?, &changes, &self.search())?;
                 let listing = Some(listing::changes(&effects));
-                let entry = entry(Figure::default(), &self.light, "numbers varied", &Vec::new);
-                Entry { figure: None, listing, ..entry }
+                Entry { listing, ..entry(None, &self.light, "numbers varied", Value::Null)? }
             }
             Kind::Values => {
                 self.only_reference("independent values to compare with")?;
-                let scenes = Scenes { heavy: &self.heavy, light: &self.light, floating: &self.floating };
-                let listing = Some(listing::values(&values(context, &scenes)?));
-                Entry { figure: None, listing, ..entry(Figure::default(), &self.light, "and others", &Vec::new) }
+                let listing = Some(listing::values(&values(context, self)?));
+                Entry { listing, ..entry(None, &self.light, "and others", Value::Null)? }
             }
             Kind::Trajectories => {
                 let pointer = speed(&self.floating)?;
                 let (figure, found) = figures::trajectories(&hasty, &self.floating, (pointer, &self.path_speeds))?;
-                entry(figure, &self.floating, "speed varied", &|| published::trajectories(&found))
+                entry(Some(figure), &self.floating, "speed varied", json!(found))?
             }
             Kind::History => {
                 let scene = match speed_pointer(&self.floating) {
                     Some(pointer) => self.floating.with(pointer, json!(self.history_speed))?,
                     None => self.floating.clone(),
                 };
-                let first = scene.build()?.spec.freedoms.first().cloned().unwrap_or_default();
+                let first = scene.built().spec.freedoms.first().cloned().unwrap_or_default();
                 let (figure, found) = figures::history(&hasty, &scene, &first)?;
                 let words = format!("{} rev/min", self.history_speed);
-                entry(figure, &self.floating, &words, &|| published::history(&found))
+                entry(Some(figure), &self.floating, &words, json!(found))?
             }
         })
     }
@@ -272,7 +276,7 @@ impl Plan {
         &self,
         context: &Context<'_>,
         pointer: &str,
-        entry: impl Fn(Figure, &Scene, &str, &dyn Fn() -> Vec<Comparison>) -> Entry,
+        entry: impl Fn(Option<Figure>, &Scene, &str, Value) -> Result<Entry, StudyError>,
     ) -> Result<Entry, StudyError> {
         let x = Axis::new("load", "N m");
         let id = Kind::ApartVsLoad.id();
@@ -291,15 +295,13 @@ impl Plan {
             Some(range) => locate(context, &self.light, pointer, &stem, &Search { range, scan: 2, ..self.search() })?,
             None => last.map_or(Threshold::None, |i| Threshold::Beyond { value: self.loads[i] }),
         };
-        if let (Threshold::Located { .. }, Some(x), Some(panel)) =
-            (&threshold, threshold.middle(), fraction_panel(&mut figure, &stem))
-        {
+        if let (Some(x), Some(panel)) = (threshold.located(), fraction_panel(&mut figure, &stem)) {
             panel.guides.push(Guide::Vertical { x, name: format!("separations end: {x:.2} N m") });
         }
-        if self.published {
-            publish(&mut figure, &stem, vec![0.0, 21.0], vec![0.24, 0.0]);
-        }
-        Ok(entry(figure, &self.light, "load varied", &|| published::apart_by_load(&curves, &threshold)))
+        self.publish(&mut figure)?;
+        let mut facts = figures::facts(&curves);
+        facts["threshold"] = json!(threshold);
+        entry(Some(figure), &self.light, "load varied", facts)
     }
 
     fn search(&self) -> Search {
@@ -312,14 +314,31 @@ impl Plan {
 
     /// The family of meshes looked at for separations: the last one, as the ring's in a planetary stage.
     fn last_family(&self) -> Result<String, StudyError> {
-        let spec = self.light.build()?.spec;
-        let last = spec.contacts.last().ok_or_else(|| lacks(&self.light, "contact"))?;
+        let last = self.light.built().spec.contacts.last().ok_or_else(|| lacks(&self.light, "contact"))?;
         Ok(figures::family(&last.name).to_owned())
+    }
+
+    /// Puts published times apart into the panel of the last family.
+    fn publish(&self, figure: &mut Figure) -> Result<(), StudyError> {
+        let points = self.claims.points(&figure.id).cloned();
+        if let (Some(Points { x, y }), Some(panel)) = (points, fraction_panel(figure, &self.last_family()?)) {
+            panel.series.push(Series { name: "published".to_owned(), x, y, style: Style::Points, colour: 6 });
+        }
+        Ok(())
+    }
+
+    /// Where the source contradicts itself, from its own data.
+    ///
+    /// # Errors
+    /// [`StudyError::Claim`] for a claim that cannot be evaluated.
+    pub fn contradictions(&self) -> Result<Vec<Comparison>, StudyError> {
+        let train = |scene: &Scene| scene.resolved()["train"].clone();
+        self.claims.compare("contradictions", json!({ "heavy": train(&self.heavy), "light": train(&self.light) }))
     }
 
     /// What only the reference set has.
     fn only_reference(&self, what: &str) -> Result<(), StudyError> {
-        if self.published {
+        if !self.claims.is_empty() {
             return Ok(());
         }
         Err(StudyError::missing(self.light.name(), format!("only the reference set has {what}")))
@@ -327,11 +346,10 @@ impl Plan {
 
     /// The loaded train in all its freedoms.
     fn full(&self) -> Result<Scene, StudyError> {
-        if self.published {
-            Ok(self.heavy.with("/train/freedoms", Value::from("full"))?)
-        } else {
-            Ok(self.heavy.clone())
+        if self.claims.is_empty() {
+            return Ok(self.heavy.clone());
         }
+        Ok(self.heavy.with("/train/freedoms", json!("full"))?)
     }
 }
 
@@ -359,13 +377,6 @@ fn thinned(values: &[f64], count: usize) -> Vec<f64> {
         return values.to_vec();
     }
     (0..count).map(|i| values[i * (values.len() - 1) / (count - 1)]).collect()
-}
-
-/// Puts published times apart into the panel of a family.
-fn publish(figure: &mut Figure, family: &str, x: Vec<f64>, y: Vec<f64>) {
-    if let Some(panel) = fraction_panel(figure, family) {
-        panel.series.push(Series { name: "published".to_owned(), x, y, style: Style::Points, colour: 6 });
-    }
 }
 
 fn fraction_panel<'f>(figure: &'f mut Figure, family: &str) -> Option<&'f mut Panel> {

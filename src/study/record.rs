@@ -2,20 +2,20 @@
 
 use std::ops::ControlFlow;
 
-use super::{Case, StudyError};
+use super::{StudyError, steady::go_on};
 use crate::{
     analysis::{Grid, Sample, Trajectory, cycles_later},
-    engine::{Engine, Observer, Outcome},
+    engine::{Engine, Observer},
     event::EventRecord,
     hybrid::{ContactMode, ContactView, Instant, Mode},
+    simulation::Simulation,
+    task::Task,
 };
 
 /// Samples of a motion at exact phases, and the contact modes between them.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Recording {
+pub(super) struct Recording {
     /// Forcing period, s.
     pub period: f64,
-    /// Samples a cycle.
     pub per_cycle: u32,
     /// Time of the samples from the start of the recording, s.
     pub t: Vec<f64>,
@@ -31,7 +31,6 @@ pub struct Recording {
 
 impl Recording {
     /// Its first cycles, with the sample at their end.
-    #[must_use]
     pub fn first(mut self, cycles: u64) -> Self {
         // OK to convert: a recording fits into memory.
         let samples = (cycles * u64::from(self.per_cycle)) as usize + 1;
@@ -47,13 +46,11 @@ impl Recording {
 }
 
 /// A contact in one mode; it began with an event, unless the recording did.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Spell {
-    /// The mode.
+#[derive(Clone)]
+pub(super) struct Spell {
     pub mode: ContactMode,
     /// When it began, s from the start of the recording.
     pub from: f64,
-    /// When it ended.
     pub to: f64,
     /// Force at its beginning, N.
     pub force: f64,
@@ -63,15 +60,15 @@ pub struct Spell {
 
 /// Follows the modes of the contacts.
 struct Modes<'c> {
-    case: &'c Case,
+    simulation: &'c Simulation,
     start: Instant,
     spells: Vec<Vec<Spell>>,
 }
 
 impl Modes<'_> {
-    fn turn(&mut self, at: Instant, mode: Mode, x: &[f64]) {
-        let structure = &self.case.structure;
-        let t = self.case.clock().between(self.start, at);
+    fn turn(&mut self, at: Instant, mode: &Mode, x: &[f64]) {
+        let structure = &self.simulation.structure;
+        let t = self.simulation.clock().between(self.start, at);
         for (j, spells) in self.spells.iter_mut().enumerate() {
             let now = structure.contact_mode(j, mode);
             if spells.last().is_none_or(|spell| spell.mode != now) {
@@ -87,21 +84,23 @@ impl Modes<'_> {
 
 impl Observer for Modes<'_> {
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
-        self.turn(record.at, record.to, &record.x_plus);
+        self.turn(record.at, &record.to, &record.x_plus);
         ControlFlow::Continue(())
     }
 }
 
 /// Runs `engine` on for `cycles` whole cycles and keeps `per_cycle` samples of each.
-///
-/// # Errors
-/// [`StudyError`] of the run.
-pub fn record(case: &Case, engine: &mut Engine<'_>, cycles: u64, per_cycle: u32) -> Result<Recording, StudyError> {
-    let (structure, clock) = (&case.structure, case.clock());
+pub(super) fn record(
+    simulation: &Simulation,
+    engine: &mut Engine<'_>,
+    cycles: u64,
+    per_cycle: u32,
+) -> Result<Recording, StudyError> {
+    let (structure, clock) = (&simulation.structure, simulation.clock());
     let (n, count) = (structure.freedoms(), structure.contact_count());
     let from = engine.state().clone();
     let mut recording = Recording {
-        period: case.period()?,
+        period: simulation.period()?,
         per_cycle,
         t: Vec::new(),
         x: vec![Vec::new(); 2 * n],
@@ -109,8 +108,8 @@ pub fn record(case: &Case, engine: &mut Engine<'_>, cycles: u64, per_cycle: u32)
         force: vec![Vec::new(); count],
         spells: Vec::new(),
     };
-    let mut modes = Modes { case, start: from.at, spells: vec![Vec::new(); count] };
-    modes.turn(from.at, from.jump.mode, &from.x);
+    let mut modes = Modes { simulation, start: from.at, spells: vec![Vec::new(); count] };
+    modes.turn(from.at, &from.jump.mode, &from.x);
     let mut samples = Trajectory::new(structure, Grid::Phases { per_cycle }, from.at, |s: &Sample<'_>| {
         recording.t.push(clock.between(from.at, s.at));
         recording.x.iter_mut().zip(s.x).for_each(|(column, x)| column.push(*x));
@@ -120,12 +119,8 @@ pub fn record(case: &Case, engine: &mut Engine<'_>, cycles: u64, per_cycle: u32)
         }
         ControlFlow::Continue(())
     });
-    let end = cycles_later(clock, from.at, cycles);
-    let outcome = engine.run(end, &mut (&mut modes, &mut samples))?;
-    if outcome != Outcome::ReachedEnd {
-        return Err(StudyError::Budget { cycle: engine.state().at.cycle });
-    }
-    let span = clock.between(from.at, end);
+    go_on(engine, clock, cycles, &mut (&mut modes, &mut samples), Task::default())?;
+    let span = clock.between(from.at, cycles_later(clock, from.at, cycles));
     modes.spells.iter_mut().filter_map(|spells| spells.last_mut()).for_each(|last| last.to = span);
     recording.spells = modes.spells;
     Ok(recording)

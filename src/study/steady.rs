@@ -1,19 +1,16 @@
 //! The steady motion of a scene, measured.
 
-use std::{
-    ops::ControlFlow,
-    sync::atomic::{AtomicBool, Ordering},
-};
-
 use serde::{Deserialize, Serialize};
 
-use super::{Case, StudyError};
+use super::StudyError;
 use crate::{
     analysis::{ContactReport, Contacts, Grid, Sample, Settled, Settling, Spectrum, Trajectory, cycles_later, settle},
     engine::{Engine, Observer, Outcome, State},
-    hybrid::{ContactMode, ContactView},
+    hybrid::{Clock, ContactMode, ContactView},
     scene::Scene,
-    train::Structure,
+    simulation::Simulation,
+    system::Structure,
+    task::Task,
 };
 
 /// When the transient is over, and how much is measured then.
@@ -46,7 +43,7 @@ pub struct Seed {
 impl Seed {
     /// What another run of `structure` takes up from `state`.
     pub(super) fn of(structure: &Structure, state: &State) -> Self {
-        let contacts = (0..structure.contact_count()).map(|j| structure.contact_mode(j, state.jump.mode)).collect();
+        let contacts = (0..structure.contact_count()).map(|j| structure.contact_mode(j, &state.jump.mode)).collect();
         Self { x: state.x.clone(), contacts }
     }
 }
@@ -112,13 +109,13 @@ const HARMONICS: usize = 8;
 /// is followed through changes of the scene.
 ///
 /// # Errors
-/// [`StudyError`]; [`StudyError::Interrupted`] once `interrupted` is set.
-pub fn steady(scene: &Scene, seed: Option<&Seed>, rule: &Rule, interrupted: &AtomicBool) -> Result<Steady, StudyError> {
-    let case = Case::new(scene)?;
-    let start = start(&case, seed)?;
-    let mut check = case.built.run.verify.then(|| case.verifier(&start.0));
-    let steady = transient(&case, start, rule, &mut check, interrupted).and_then(|(mut engine, settled, seeded)| {
-        let steady = measure(&case, &mut engine, settled, seeded, rule, &mut check, interrupted)?;
+/// [`StudyError`]; [`StudyError::Interrupted`] once `task` is cancelled.
+pub fn steady(scene: impl Into<Scene>, seed: Option<&Seed>, rule: &Rule, task: Task<'_>) -> Result<Steady, StudyError> {
+    let simulation = Simulation::from_scene(scene)?;
+    let start = start(&simulation, seed)?;
+    let mut check = simulation.settings.verify.then(|| simulation.verifier(&start.0));
+    let steady = transient(&simulation, start, rule, &mut check, task).and_then(|(mut engine, settled, seeded)| {
+        let steady = measure(&simulation, &mut engine, settled, seeded, rule, &mut check, task)?;
         check.as_mut().map_or(Ok(()), |check| check.finish(engine.state().at))?;
         Ok(steady)
     });
@@ -131,61 +128,71 @@ pub fn steady(scene: &Scene, seed: Option<&Seed>, rule: &Rule, interrupted: &Ato
 /// # Errors
 /// As [`steady`].
 pub fn settled<'c>(
-    case: &'c Case,
+    simulation: &'c Simulation,
     seed: Option<&Seed>,
     rule: &Rule,
-    interrupted: &AtomicBool,
+    task: Task<'_>,
 ) -> Result<(Engine<'c>, Settled, bool), StudyError> {
-    transient(case, start(case, seed)?, rule, &mut (), interrupted)
+    transient(simulation, start(simulation, seed)?, rule, &mut (), task)
 }
 
 /// Where a run starts, and whether that is the seed.
-fn start(case: &Case, seed: Option<&Seed>) -> Result<(State, bool), StudyError> {
-    case.period()?;
-    let start = seed.and_then(|seed| resumed(case, seed));
+fn start(simulation: &Simulation, seed: Option<&Seed>) -> Result<(State, bool), StudyError> {
+    simulation.period()?;
+    let start = seed.and_then(|seed| resumed(simulation, seed));
     let seeded = start.is_some();
-    Ok((start.map_or_else(|| case.start(), Ok)?, seeded))
+    Ok((start.map_or_else(|| simulation.start(), Ok)?, seeded))
 }
 
 fn transient<'c>(
-    case: &'c Case,
+    simulation: &'c Simulation,
     (start, seeded): (State, bool),
     rule: &Rule,
     observer: &mut dyn Observer,
-    interrupted: &AtomicBool,
+    task: Task<'_>,
 ) -> Result<(Engine<'c>, Settled, bool), StudyError> {
-    let mut engine = case.engine(start)?;
-    let freedoms = case.structure.freedoms();
-    let settled = settle(&mut engine, case.clock(), freedoms, &rule.settling, observer, interrupted)?;
-    let settled = settled.ok_or_else(|| broken(&engine, interrupted))?;
+    let mut engine = simulation.engine(start)?;
+    let freedoms = simulation.structure.freedoms();
+    let settled = settle(&mut engine, simulation.clock(), freedoms, &rule.settling, observer, task)?;
+    let settled = settled.ok_or_else(|| broken(&engine, task))?;
     Ok((engine, settled, seeded))
 }
 
-pub(super) fn resumed(case: &Case, seed: &Seed) -> Option<State> {
-    let at = case.cycle_start(case.built.run.instants(case.clock())[0]);
-    let start = case.structure.resume(at, &seed.x, &seed.contacts).ok()?;
+pub(super) fn resumed(simulation: &Simulation, seed: &Seed) -> Option<State> {
+    let at = simulation.cycle_start(simulation.instants()[0]);
+    let start = simulation.structure.resume(at, &seed.x, &seed.contacts).ok()?;
     Some(State { at, x: start.x, jump: start.jump })
 }
 
 /// Why a run ended before its end: the only observers that break it off do so on interruption.
-fn broken(engine: &Engine<'_>, interrupted: &AtomicBool) -> StudyError {
-    if interrupted.load(Ordering::Relaxed) {
-        StudyError::Interrupted
-    } else {
-        StudyError::Budget { cycle: engine.state().at.cycle }
+fn broken(engine: &Engine<'_>, task: Task<'_>) -> StudyError {
+    if task.is_cancelled() { StudyError::Interrupted } else { StudyError::Budget { cycle: engine.state().at.cycle } }
+}
+
+/// Runs on for whole cycles.
+pub(super) fn go_on(
+    engine: &mut Engine<'_>,
+    clock: &Clock,
+    cycles: u64,
+    observer: &mut dyn Observer,
+    task: Task<'_>,
+) -> Result<(), StudyError> {
+    match engine.run(cycles_later(clock, engine.state().at, cycles), observer)? {
+        Outcome::ReachedEnd => Ok(()),
+        _ => Err(broken(engine, task)),
     }
 }
 
 fn measure(
-    case: &Case,
+    simulation: &Simulation,
     engine: &mut Engine<'_>,
     settled: Settled,
     seeded: bool,
     rule: &Rule,
     check: &mut dyn Observer,
-    interrupted: &AtomicBool,
+    task: Task<'_>,
 ) -> Result<Steady, StudyError> {
-    let (structure, clock) = (&case.structure, case.clock());
+    let structure = &simulation.structure;
     let count = structure.contact_count();
     let cycles = match settled.period {
         Some(period) => rule.measured_cycles.max(1).next_multiple_of(u64::from(period)),
@@ -203,12 +210,9 @@ fn measure(
                 sections[j].push(structure.deflection(j, s.at, s.x).0);
             }
         }
-        if interrupted.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        task.flow()
     });
-    let outcome = engine.run(cycles_later(clock, from, cycles), &mut ((&mut contacts, &mut samples), check))?;
-    if outcome != Outcome::ReachedEnd {
-        return Err(broken(engine, interrupted));
-    }
+    go_on(engine, simulation.clock(), cycles, &mut ((&mut contacts, &mut samples), check), task)?;
     let after = engine.counters();
     let contacts = forces.iter().zip(sections).enumerate().map(|(j, (force, section))| {
         let spectrum = Spectrum::new(force, f64::from(PER_CYCLE), settled.window());
@@ -222,7 +226,7 @@ fn measure(
         }
     });
     let steady = Steady {
-        period_s: case.period()?,
+        period_s: simulation.period()?,
         settled,
         seeded,
         measured_cycles: cycles,

@@ -1,5 +1,6 @@
 //! Where separations end as a number of the scene rises: a root in the parameter, not a point of a grid.
 
+use serde::Serialize;
 use serde_json::json;
 
 use super::{StudyError, figures::Context};
@@ -17,7 +18,8 @@ pub struct Search {
 }
 
 /// What was found.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Threshold {
     /// Nothing separates at any value tried.
     None,
@@ -45,18 +47,19 @@ impl Threshold {
     #[must_use]
     pub fn middle(&self) -> Option<f64> {
         match *self {
-            Self::None => None,
             Self::Beyond { value } => Some(value),
-            Self::Located { below, above, .. } => Some(0.5 * (below + above)),
+            _ => self.located(),
         }
+    }
+
+    /// Middle of the bracket.
+    pub(super) fn located(&self) -> Option<f64> {
+        if let Self::Located { below, above, .. } = self { Some(0.5 * (below + above)) } else { None }
     }
 }
 
 /// The largest value of the number at `pointer` at which the contact whose name starts with `stem` leaves its flank in the
 /// steady motion, each motion from the scene's own start: scanned from above, then bisected.
-///
-/// # Errors
-/// [`StudyError`] of the runs.
 pub fn locate(
     context: &Context<'_>,
     scene: &Scene,

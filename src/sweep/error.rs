@@ -1,29 +1,6 @@
-use std::{fmt, path::PathBuf};
+use std::path::PathBuf;
 
-use crate::output::OutputError;
-
-/// One thing wrong with the axes of a sweep.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fault {
-    /// The argument, as it was written.
-    pub argument: String,
-    /// What stands there.
-    pub found: String,
-    /// What may stand there.
-    pub allowed: String,
-}
-
-impl Fault {
-    pub(super) fn new(argument: &str, found: impl Into<String>, allowed: impl Into<String>) -> Self {
-        Self { argument: argument.to_owned(), found: found.into(), allowed: allowed.into() }
-    }
-}
-
-impl fmt::Display for Fault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "  at {}\n    found:   {}\n    allowed: {}", self.argument, self.found, self.allowed)
-    }
-}
+use crate::output::{Fault, OutputError};
 
 /// Axes that make no grid, with everything that is wrong with them.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -37,9 +14,6 @@ pub struct GridError(
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SweepError {
-    /// A new sweep was asked for in a folder that holds something.
-    #[error("{0} is not empty")]
-    Occupied(PathBuf),
     /// A new sweep was asked for in a folder that holds an unfinished one.
     #[error("{0} holds a sweep that is not finished")]
     Unfinished(PathBuf),
@@ -64,15 +38,7 @@ pub enum SweepError {
         /// What is wrong with it.
         reason: String,
     },
-    /// A file cannot be read or written.
-    #[error("{path}: {source}")]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The folder cannot be written into.
+    /// The folder cannot be written into, or a file cannot be read or written.
     #[error(transparent)]
     Output(#[from] OutputError),
     /// The threads cannot be started.

@@ -10,7 +10,7 @@ use serde::{Serialize, Serializer, de::DeserializeOwned};
 use serde_json::{Map, Value};
 
 use super::{Cell, Direction, Journal, Outcome, Plan, SweepError, journal};
-use crate::output;
+use crate::output::{self, OutputError, csv_line, failed, label, number};
 
 /// Says what the sweep was, and that the others are whole: written last.
 pub(super) const SEAL: &str = "sweep.json";
@@ -44,12 +44,6 @@ fn by_pointer<S: Serializer>(at: &[(&str, f64)], serializer: S) -> Result<S::Ok,
     serializer.collect_map(at.iter().copied())
 }
 
-/// A number in a table: as many digits as it takes to read the same double, with an exponent where that is shorter.
-#[must_use]
-pub fn number(value: f64) -> String {
-    format!("{value:?}")
-}
-
 impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R, S> {
     /// Writes the final files, rows in grid order, and removes the journal:
     ///
@@ -58,7 +52,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
     /// - `sweep.json`: what the sweep was, and how many rows failed. It is written last: where it is, the others are whole.
     ///
     /// # Errors
-    /// [`SweepError::File`] if a file cannot be read or written; the journal stays then.
+    /// [`SweepError::Output`] if a file cannot be read or written; the journal stays then.
     ///
     /// # Panics
     /// If a row is missing, or if `cells` does not give as many cells as there are columns.
@@ -75,7 +69,8 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
 
         let pointers: Vec<&str> = plan.grid().axes().iter().map(|axis| axis.pointer.as_str()).collect();
         let columns: Vec<&str> = columns.iter().map(AsRef::as_ref).collect();
-        table.fields(pointers.iter().copied().chain(["direction"]).chain(columns.iter().copied()).chain(["error"]))?;
+        let head = pointers.iter().copied().chain(["direction"]).chain(columns.iter().copied()).chain(["error"]);
+        table.write(&(csv_line(head) + "\n"))?;
         for row in 0..plan.rows() {
             let Cell { values, direction, .. } = plan.cell(row);
             let entry = self.entry(row)?.unwrap_or_else(|| panic!("row {row} of a finished sweep"));
@@ -87,12 +82,13 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             let measures = result.map_or_else(|| vec![String::new(); columns.len()], &cells);
             assert_eq!(measures.len(), columns.len(), "cells and columns of a sweep");
             let mut line: Vec<String> = values.iter().copied().map(number).collect();
-            line.push(direction.name().to_owned());
+            line.push(label(direction));
             line.extend(measures);
             line.push(error.unwrap_or_default().to_owned());
-            table.fields(line.iter().map(String::as_str))?;
+            table.write(&(csv_line(line) + "\n"))?;
             let at = pointers.iter().copied().zip(values).collect();
-            rows.json(&Line { at, direction, result, error })?;
+            let line = serde_json::to_string(&Line { at, direction, result, error });
+            rows.write(&(line.map_err(|error| rows.error(error.into()))? + "\n"))?;
         }
         let mut seal = Part::create(&folder, SEAL)?;
         let mut header = self.header.clone();
@@ -117,7 +113,7 @@ pub(super) fn header_of(folder: &Path) -> Result<Map<String, Value>, SweepError>
         header.remove("failed");
         Ok(header)
     };
-    read().map_err(|source| SweepError::File { path: path.clone(), source })
+    Ok(read().map_err(failed(&path))?)
 }
 
 /// A file that is being written beside the place it is meant for.
@@ -128,50 +124,28 @@ struct Part<'f> {
 }
 
 impl<'f> Part<'f> {
-    fn create(folder: &'f Path, name: &'static str) -> Result<Self, SweepError> {
+    fn create(folder: &'f Path, name: &'static str) -> Result<Self, OutputError> {
         let path = folder.join(format!("{name}.part"));
-        let file = File::create(&path).map_err(|source| SweepError::File { path, source })?;
+        let file = File::create(&path).map_err(failed(&path))?;
         Ok(Self { folder, name, file: BufWriter::new(file) })
     }
 
-    fn error(&self, source: io::Error) -> SweepError {
-        SweepError::File { path: self.folder.join(self.name), source }
+    fn error(&self, source: io::Error) -> OutputError {
+        failed(&self.folder.join(self.name))(source)
     }
 
-    fn write(&mut self, text: &str) -> Result<(), SweepError> {
+    fn write(&mut self, text: &str) -> Result<(), OutputError> {
         self.file.write_all(text.as_bytes()).map_err(|error| self.error(error))
     }
 
-    /// A line of a table.
-    fn fields<'a>(&mut self, fields: impl Iterator<Item = &'a str>) -> Result<(), SweepError> {
-        let line = fields.map(quoted).collect::<Vec<_>>().join(",");
-        self.write(&(line + "\n"))
-    }
-
-    /// A line of JSON.
-    fn json(&mut self, line: &impl Serialize) -> Result<(), SweepError> {
-        let text = serde_json::to_string(line).map_err(|error| self.error(error.into()))?;
-        self.write(&(text + "\n"))
-    }
-
     /// Puts the file in its place, once it is safe on disk.
-    fn publish(mut self) -> Result<(), SweepError> {
+    fn publish(mut self) -> Result<(), OutputError> {
         let part = self.folder.join(format!("{}.part", self.name));
         let publish = |file: &mut BufWriter<File>| {
             file.flush()?;
             file.get_ref().sync_all()?;
             fs::rename(part, self.folder.join(self.name))
         };
-        publish(&mut self.file).map_err(|source| SweepError::File { path: self.folder.join(self.name), source })
-    }
-}
-
-/// A field of a table, in quotes where RFC 4180 asks for them.
-#[must_use]
-pub fn quoted(field: &str) -> String {
-    if field.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", field.replace('"', "\"\""))
-    } else {
-        field.to_owned()
+        publish(&mut self.file).map_err(|error| self.error(error))
     }
 }

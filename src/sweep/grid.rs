@@ -1,6 +1,7 @@
 use serde::Serialize;
 
-use super::{Fault, GridError};
+use super::GridError;
+use crate::output::Fault;
 
 /// Points of a grid at most.
 const MOST: usize = 1_000_000;
@@ -83,6 +84,12 @@ impl Axis {
             Values::Range { count, .. } => *count,
             Values::List { values } => values.len(),
         }
+    }
+
+    /// All its values.
+    #[must_use]
+    pub fn all(&self) -> Vec<f64> {
+        (0..self.count()).map(|i| self.value(i)).collect()
     }
 
     /// Value `i` of n, from 0:

@@ -13,9 +13,8 @@ use super::{
     SweepError,
     files::{self, RESULTS, SEAL},
 };
-use crate::output::{self, Request};
+use crate::output::{self, OutputError, Request, failed};
 
-/// The journal's name.
 pub(super) const NAME: &str = "sweep.journal";
 /// Every file of a sweep.
 const FILES: [&str; 4] = [NAME, RESULTS[0], RESULTS[1], RESULTS[2]];
@@ -101,7 +100,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         match begin {
             Begin::New if unfinished => return Err(SweepError::Unfinished(folder.to_owned())),
             Begin::New if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) => {
-                return Err(SweepError::Occupied(folder.to_owned()));
+                return Err(OutputError::Occupied(folder.to_owned()).into());
             }
             Begin::Resume if !unfinished && folder.join(SEAL).exists() => {
                 same(folder, &files::header_of(folder)?, &header)?;
@@ -112,18 +111,18 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         let mut outputs = request(folder, None, begin).check()?;
         if !unfinished {
             if begin == Begin::Resume && outputs.command() != "sweep" {
-                return Err(SweepError::Occupied(folder.to_owned()));
+                return Err(OutputError::Occupied(folder.to_owned()).into());
             }
             outputs.list(&FILES)?;
         }
-        let fail = |source| SweepError::File { path: path.clone(), source };
+        let fail = failed(&path);
         let file =
-            File::options().read(true).write(true).create(!unfinished).truncate(false).open(&path).map_err(fail)?;
+            File::options().read(true).write(true).create(!unfinished).truncate(false).open(&path).map_err(&fail)?;
         match file.try_lock() {
             Err(TryLockError::WouldBlock) => return Err(SweepError::InUse(folder.to_owned())),
             // A file system without locks: nothing better can be had there.
             Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => {}
-            Err(TryLockError::Error(error)) => return Err(fail(error)),
+            Err(TryLockError::Error(error)) => return Err(fail(error).into()),
             Ok(()) => {}
         }
         let mut journal = Self {
@@ -166,7 +165,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
     /// Row `row`, if it is kept.
     ///
     /// # Errors
-    /// [`SweepError::File`] if it cannot be read.
+    /// [`SweepError::Output`] if it cannot be read.
     pub fn entry(&mut self, row: usize) -> Result<Option<Entry<R, S>>, SweepError> {
         let Some(at) = self.lines[row].clone() else { return Ok(None) };
         let read = |file: &mut File| {
@@ -176,13 +175,13 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             file.read_exact(&mut text)?;
             Ok(serde_json::from_slice(&text)?)
         };
-        read(&mut self.file).map(Some).map_err(|source| SweepError::File { path: self.path.clone(), source })
+        Ok(Some(read(&mut self.file).map_err(failed(&self.path))?))
     }
 
     /// Keeps a row, and gives it back as a resumed sweep would read it.
     ///
     /// # Errors
-    /// [`SweepError::File`] if it cannot be written; the journal ends with its last complete line then.
+    /// [`SweepError::Output`] if it cannot be written; the journal ends with its last complete line then.
     pub(super) fn keep(&mut self, entry: Entry<R, S>) -> Result<Entry<R, S>, SweepError> {
         let row = entry.row;
         // JSON has neither infinities nor NaN.
@@ -190,13 +189,10 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         let (entry, text) = match read_back {
             Ok(whole) => whole,
             Err(error) => {
-                let failed = Entry {
-                    row,
-                    outcome: Outcome::Failed(format!("a result with a number that is not finite ({error})")),
-                };
-                let text = serde_json::to_string(&failed)
-                    .map_err(|error| SweepError::File { path: self.path.clone(), source: error.into() })?;
-                (failed, text)
+                let outcome = Outcome::Failed(format!("a result with a number that is not finite ({error})"));
+                let entry = Entry { row, outcome };
+                let text = serde_json::to_string(&entry).map_err(|error| failed(&self.path)(error.into()))?;
+                (entry, text)
             }
         };
         let at = self.line(&text)?;
@@ -215,7 +211,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         write(&mut self.file).map_err(|source| {
             // Best effort: a tail without an end of line is dropped when the journal is read.
             let _ = self.file.set_len(start);
-            SweepError::File { path: self.path.clone(), source }
+            failed(&self.path)(source)
         })?;
         self.end += text.len() as u64 + 1;
         Ok(start..start + text.len() as u64)
@@ -227,8 +223,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         let (mut reader, mut line) = (BufReader::new(&self.file), Vec::new());
         for number in 1.. {
             line.clear();
-            let read = reader.read_until(b'\n', &mut line);
-            read.map_err(|source| SweepError::File { path: self.path.clone(), source })?;
+            reader.read_until(b'\n', &mut line).map_err(failed(&self.path))?;
             let Some(text) = line.strip_suffix(b"\n") else {
                 // A torn head must be the start of ours: anything else is the user's.
                 if number == 1 && !Value::from(self.header.clone()).to_string().as_bytes().starts_with(&line) {

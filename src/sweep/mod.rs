@@ -9,9 +9,7 @@
 //! broken off.
 //!
 //! ```
-//! use std::sync::atomic::AtomicBool;
-//!
-//! use flank::sweep::{Begin, Cell, Ending, Grid, Journal, Plan, Seeding, Work, run};
+//! use flank::{Task, sweep::{Begin, Cell, Ending, Grid, Journal, Plan, Seeding, run}};
 //!
 //! // Where Newton's method for x² = a ends, each time started from the root before.
 //! let newton = |cell: &Cell, seed: Option<&f64>| -> Result<(f64, f64), String> {
@@ -20,11 +18,9 @@
 //! };
 //! let plan = Plan::new(Grid::parse(&["/a=1:9:9"])?, Seeding::Up);
 //! let folder = tempfile::tempdir()?;
-//! let never = AtomicBool::new(false);
 //!
 //! let mut journal = Journal::open(folder.path(), Begin::New, plan.header(), plan.rows())?.expect("a new sweep is open");
-//! let work = Work { point: newton, progress: |_done, _total| (), interrupted: &never, threads: 2 };
-//! assert_eq!(run(&plan, &mut journal, &work)?, Ending::Complete);
+//! assert_eq!(run(&plan, &mut journal, newton, Task::default(), 2)?, Ending::Complete);
 //! journal.finish(&plan, &["root"], |root| vec![root.to_string()])?;
 //!
 //! let table = std::fs::read_to_string(folder.path().join("sweep.csv"))?;
@@ -39,9 +35,9 @@ mod journal;
 mod plan;
 mod run;
 
-pub use error::{Fault, GridError, SweepError};
-pub use files::{Tally, number, quoted};
+pub use error::{GridError, SweepError};
+pub use files::Tally;
 pub use grid::{Axis, Grid, Spacing, Values};
 pub use journal::{Begin, Entry, Journal, Outcome, request};
 pub use plan::{Cell, Direction, Plan, Seeding};
-pub use run::{Ending, Work, run};
+pub use run::{Ending, run};

@@ -29,18 +29,6 @@ pub enum Direction {
     Down,
 }
 
-impl Direction {
-    /// Its name in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Fresh => "fresh",
-            Self::Up => "up",
-            Self::Down => "down",
-        }
-    }
-}
-
 /// What is done for one row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {

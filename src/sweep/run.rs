@@ -1,15 +1,13 @@
 use std::{
     fmt::Display,
-    sync::{
-        Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicBool, Ordering},
-    },
+    sync::{Mutex, MutexGuard, PoisonError},
 };
 
 use rayon::prelude::*;
 use serde::{Serialize, de::DeserializeOwned};
 
 use super::{Cell, Entry, Journal, Outcome, Plan, SweepError};
+use crate::task::Task;
 
 /// How a sweep ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,37 +18,31 @@ pub enum Ending {
     Interrupted,
 }
 
-/// What is done at a point, and how.
-pub struct Work<'a, P, W> {
-    /// The work: a row, and the end of it that a neighbour may start from. The same cell and seed must give the same.
-    pub point: P,
-    /// Told how many rows are done, of how many, whenever one is.
-    pub progress: W,
-    /// Breaks the sweep off once it is true. No point begins after that; a point that then fails is not kept, so that
-    /// the work may look at the flag itself and give up.
-    pub interrupted: &'a AtomicBool,
-    /// Threads, ≥ 1; 0 for as many as there are cores.
-    pub threads: usize,
-}
-
 /// Computes every row that the journal does not hold. Chains run beside each other, the rows of a chain one after the
 /// other. A point that fails is a row that says why, and the next of its chain starts fresh.
 ///
+/// `point` makes a row, and the end of it that a neighbour may start from. The same cell and seed must give the same.
+/// `task` hears of every row. Once it is cancelled no point begins, and a point that then fails is not kept: it may look at
+/// the task itself and give up. `threads` are as many as there are cores if 0.
+///
 /// # Errors
 /// [`SweepError`] if a row cannot be kept, or no threads can be had.
-pub fn run<R, S, E, P, W>(plan: &Plan, journal: &mut Journal<R, S>, work: &Work<'_, P, W>) -> Result<Ending, SweepError>
+pub fn run<R, S, E, P>(
+    plan: &Plan,
+    journal: &mut Journal<R, S>,
+    point: P,
+    task: Task<'_>,
+    threads: usize,
+) -> Result<Ending, SweepError>
 where
     R: Serialize + DeserializeOwned,
     S: Serialize + DeserializeOwned,
     E: Display,
     P: Fn(&Cell, Option<&S>) -> Result<(R, S), E> + Sync,
-    W: Fn(usize, usize) + Sync,
 {
     let total = plan.rows();
     let journal = Mutex::new(journal);
     let hold = || -> MutexGuard<'_, &mut Journal<R, S>> { journal.lock().unwrap_or_else(PoisonError::into_inner) };
-    let interrupted = || work.interrupted.load(Ordering::Relaxed);
-    (work.progress)(hold().kept(), total);
 
     let along = |chain: usize| -> Result<(), SweepError> {
         let mut before: Option<Entry<R, S>> = None;
@@ -59,26 +51,25 @@ where
                 before = Some(entry);
                 continue;
             }
-            if interrupted() {
+            if task.is_cancelled() {
                 break;
             }
             let seed = before.as_ref().and_then(|entry| match &entry.outcome {
                 Outcome::Done { end, .. } => Some(end),
                 Outcome::Failed(_) => None,
             });
-            let outcome = match (work.point)(&plan.cell(row), seed) {
+            let outcome = match point(&plan.cell(row), seed) {
                 Ok((result, end)) => Outcome::Done { result, end },
                 // Given up, not failed.
-                Err(_) if interrupted() => break,
+                Err(_) if task.is_cancelled() => break,
                 Err(error) => Outcome::Failed(error.to_string()),
             };
-            let mut journal = hold();
-            before = Some(journal.keep(Entry { row, outcome })?);
-            (work.progress)(journal.kept(), total);
+            before = Some(hold().keep(Entry { row, outcome })?);
+            task.advance();
         }
         Ok(())
     };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(work.threads).build()?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     pool.install(|| (0..plan.chains()).into_par_iter().with_max_len(1).try_for_each(along))?;
     let complete = hold().kept() == total;
     Ok(if complete { Ending::Complete } else { Ending::Interrupted })

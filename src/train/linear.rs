@@ -3,9 +3,9 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::error::TrainError;
-use super::spec::{ContactSpec, Spec};
 use crate::gear::contact::{Law, PowerLaw};
 use crate::linalg::{EigenError, Modes, natural_modes};
+use crate::system::{ContactSpec, Spec};
 
 /// `K + Σ k̄_j g_j g_jᵀ`, N/m, `[n × n]`: supports and every mesh at its mean stiffness, or at the stiffnesses
 /// given, one per contact (as from [`tangent_stiffness`]).

@@ -1,9 +1,9 @@
 //! One mesh of a train, before a speed turns its clock into time.
 
 use super::error::{TrainError, check};
-use super::spec::{ContactSpec, Flanks};
 use crate::gear::contact::{Law, Linear};
 use crate::gear::{MeshHarmonic, MeshStiffness, Stiffness};
+use crate::system::{ContactSpec, Flanks};
 
 /// One gear mesh. Its clock is `τ = f_m t + phase`.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,9 +7,9 @@ use nalgebra::DMatrix;
 use super::body::{Body, Support};
 use super::error::{TrainError, check};
 use super::mesh::{Mesh, check_stiffness};
-use super::spec::{ContactSpec, Flanks, LoadHarmonic, Spec};
 use crate::gear::contact::{Law, Linear, Release};
 use crate::gear::{MeshHarmonic, MeshStiffness};
+use crate::system::{ContactSpec, Flanks, LoadHarmonic, Spec};
 
 /// `x″ + 2ζ x′ + κ(t) f(x) = F_m + Σ F_h (hΩ)² cos(hΩ t + φ_h)` with `f(x) = x ∓ 1` beyond `±1`, 0 between
 /// (Kahraman & Singh, J. Sound Vib. 142, 1990, and 146, 1991).

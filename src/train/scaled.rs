@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use super::spec::{ContactSpec, Spec};
 use crate::gear::contact::Law;
+use crate::system::{ContactSpec, Spec};
 
 /// What of every contact is multiplied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

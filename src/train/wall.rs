@@ -3,9 +3,9 @@
 use nalgebra::DMatrix;
 
 use super::error::{TrainError, check};
-use super::spec::{ContactSpec, Flanks, LoadHarmonic, Spec};
 use crate::gear::contact::Law;
 use crate::gear::{Harmonic, Stiffness};
+use crate::system::{ContactSpec, Flanks, LoadHarmonic, Spec};
 
 /// Where the walls are. Positions are of the mass at touch, m.
 #[derive(Clone, Copy, Debug, PartialEq)]

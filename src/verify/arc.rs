@@ -3,7 +3,7 @@
 use super::{Lane, TOLERANCE};
 use crate::{
     event::EventRecord,
-    hybrid::{Flow, Guard, GuardSet, HybridSystem, Instant, VectorField},
+    hybrid::{GuardId, GuardSet, HybridSystem, Instant, VectorField},
 };
 
 /// Rounding of a guard in units of its terms, in ε: a value below it counts as zero. Each step before adds two.
@@ -22,7 +22,7 @@ pub(super) struct Arc<'a> {
     pub length: f64,
     /// Unit of the tolerance, s.
     pub unit: f64,
-    pub guards: Vec<Guard>,
+    pub guards: Vec<GuardId>,
     /// `|∂g/∂x_i|` at the start, `[guards · dim]`.
     gradients: Vec<f64>,
     /// `|∂f_i/∂x_k|` at the start, `[dim · dim]`.
@@ -35,17 +35,17 @@ impl<'a> Arc<'a> {
         let from = &lane.last;
         let length = system.clock().between(from.at, end);
         let unit = period.unwrap_or(length);
-        let (dim, mode) = (from.x.len(), from.jump.mode);
+        let (dim, mode) = (from.x.len(), from.jump.mode.clone());
         let mut guards = Vec::new();
-        system.guards(mode, &mut guards);
+        system.guards(&mode, &mut guards);
         let (gradients, jacobian) = (vec![0.0; guards.len() * dim], vec![0.0; dim * dim]);
         let mut arc = Self { system, lane, length, unit, guards, gradients, jacobian };
         let (mut rate, mut column, mut direction) = (vec![0.0; dim], vec![0.0; dim], vec![0.0; dim]);
-        arc.field().eval(mode, from.at, 0.0, &from.x, &mut rate);
+        arc.field().eval(&mode, from.at, 0.0, &from.x, &mut rate);
         let mut moved = from.x.clone();
         for i in 0..dim {
             direction[i] = 1.0;
-            arc.field().jac_mul(mode, from.at, 0.0, &from.x, &direction, &mut column);
+            arc.field().jac_mul(&mode, from.at, 0.0, &from.x, &direction, &mut column);
             direction[i] = 0.0;
             column.iter().enumerate().for_each(|(k, c)| arc.jacobian[k * dim + i] = c.abs());
             let change = CHANGE * (from.x[i].abs() + unit * rate[i].abs());
@@ -59,22 +59,18 @@ impl<'a> Arc<'a> {
         arc
     }
 
-    /// The field by values alone.
     pub fn field(&self) -> &'a dyn VectorField {
-        match self.system.flow() {
-            Flow::Jet(_, field) | Flow::Smooth(field) => field,
-        }
+        self.system.field()
     }
 
     /// Value of guard `g` at `x`, `t` s after the start.
     pub fn guard(&self, g: usize, t: f64, x: &[f64]) -> f64 {
         let at = self.system.clock().advance(self.lane.last.at, t);
-        self.system.guard(self.lane.last.jump.mode, self.guards[g].id, at, x)
+        self.system.guard(&self.lane.last.jump.mode, self.guards[g], at, x)
     }
 
-    /// The guards of the events at the end.
     pub fn fired(&self) -> GuardSet {
-        GuardSet(self.lane.pending.iter().fold(0, |set, record| set | record.fired.0))
+        self.lane.pending.iter().fold(GuardSet::default(), |set, record| &set | &record.fired)
     }
 
     /// What two instants may differ by and still be one to the check by values, s.
@@ -117,8 +113,8 @@ impl<'a> Arc<'a> {
     /// curvature times unit² stands for the size of the terms.
     pub fn uncertainty(&self, record: &EventRecord, steps: u64) -> f64 {
         let mut rate = vec![0.0; self.lane.last.x.len()];
-        self.field().eval(self.lane.last.jump.mode, record.at, 0.0, &record.x_minus, &mut rate);
-        let fired = (0..self.guards.len()).filter(|g| record.fired.contains(self.guards[*g].id));
+        self.field().eval(&self.lane.last.jump.mode, record.at, 0.0, &record.x_minus, &mut rate);
+        let fired = (0..self.guards.len()).filter(|g| record.fired.contains(self.guards[*g]));
         let size = fired.fold(0.0, |m: f64, g| m.max(self.size(g, (&record.x_minus, &rate), self.length)));
         let relative = (ROUNDING + 2.0 * steps as f64) * f64::EPSILON;
         let by_slope = if size > 0.0 { relative * size / record.conditioning.slope.abs() } else { 0.0 };

@@ -18,7 +18,6 @@ pub(super) const RTOL: f64 = 1e-13;
 /// Values at the nodes, or coefficients of Chebyshev's polynomials.
 pub(super) type Nodal = [f64; NODES];
 
-/// The method and its working space.
 pub(super) struct Collocation {
     /// In `[0, 1]`, rising, the ends exact.
     pub nodes: Nodal,
@@ -69,7 +68,7 @@ impl Collocation {
     pub fn step(&mut self, arc: &Arc<'_>, (t, h): (f64, f64), x: &[f64], sizes: &mut [f64]) -> f64 {
         let (dim, field) = (self.dim, arc.field());
         let mut weights = Vec::new();
-        field.eval(arc.lane.last.jump.mode, arc.lane.last.at, t, x, &mut self.rates[..dim]);
+        field.eval(&arc.lane.last.jump.mode, arc.lane.last.at, t, x, &mut self.rates[..dim]);
         for j in 1..NODES {
             self.rates.copy_within(..dim, j * dim);
         }
@@ -87,7 +86,7 @@ impl Collocation {
                 }
                 change = change.max(moved);
                 let rate = &mut self.rates[j * dim..(j + 1) * dim];
-                field.eval(arc.lane.last.jump.mode, arc.lane.last.at, t + h * self.nodes[j], state, rate);
+                field.eval(&arc.lane.last.jump.mode, arc.lane.last.at, t + h * self.nodes[j], state, rate);
             }
             if round == 0 {
                 for (g, size) in sizes.iter_mut().enumerate() {

@@ -75,7 +75,7 @@ pub struct Verification {
 type Seen = (Mode, GuardId);
 
 fn fired(record: &EventRecord) -> impl Iterator<Item = Seen> {
-    record.fired.iter().map(|id| (record.from, id))
+    record.fired.iter().map(|id| (record.from.clone(), id))
 }
 
 /// How an arc compares.
@@ -175,7 +175,7 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
         }
         let (system, tally) = (self.system, &mut self.tallies[check]);
         let arc = Arc::new(system, &self.lanes[check], end, self.period);
-        let is_soft = || !PerMode::is_stiff(system, arc.lane.last.jump.mode, arc.length);
+        let is_soft = || !PerMode::is_stiff(system, &arc.lane.last.jump.mode, arc.length);
         let by_series = self.choice == Choice::Taylor || self.choice == Choice::Auto && is_soft();
         let (verdict, steps) = if arc.unit <= 0.0 || check == SERIES && !by_series {
             (Verdict::NotJudged, 0)
@@ -201,7 +201,7 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
     /// Takes in a record: what belongs to the instant that waits, or settles it.
     fn take(&mut self, check: usize, record: &EventRecord) {
         if record.graze {
-            return self.lanes[check].touches.push((record.at, record.fired));
+            return self.lanes[check].touches.push((record.at, record.fired.clone()));
         }
         let given = record.start || record.accumulation.is_some();
         let lane = &self.lanes[check];
@@ -218,7 +218,7 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
         if given {
             // The state at the end of an accumulation is that after its last impact.
             lane.last.x.clone_from(&record.x_plus);
-            lane.last.jump = record.jump;
+            lane.last.jump = record.jump.clone();
             self.tallies[check].not_judged += u64::from(!record.start);
         } else {
             lane.pending.push(record.clone());
@@ -235,9 +235,9 @@ impl<S: HybridSystem + ContactView> Observer for Verifier<'_, S> {
 
 /// Contacts and what happens to them.
 fn words<S: ContactView>(system: &S, seen: impl IntoIterator<Item = Seen>) -> String {
-    let word = |(mode, id)| {
+    let word = |(mode, id): Seen| {
         let (j, watch) = system.watch(id);
-        let kind = match (system.contact_mode(j, mode), watch) {
+        let kind = match (system.contact_mode(j, &mode), watch) {
             (before, Watch::Force) if system.is_rigid(j) && before.is_closed() => "release",
             // A flank is not watched at rest: what follows at the same instant.
             _ if system.is_rigid(j) => "impact",

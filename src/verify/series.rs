@@ -24,14 +24,14 @@ struct Found {
 }
 
 impl Observer for Found {
-    fn step(&mut self, _: Mode, _: &dyn DenseStep, _: f64) -> ControlFlow<()> {
+    fn step(&mut self, _: &Mode, _: &dyn DenseStep, _: f64) -> ControlFlow<()> {
         self.steps += 1;
         if self.steps > STEPS { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
         if record.graze {
-            self.touches.push((record.at, record.fired));
+            self.touches.push((record.at, record.fired.clone()));
         } else if !(record.start && record.fired.is_empty()) {
             self.records.push(record.clone());
         }
@@ -47,7 +47,7 @@ pub(super) fn check(arc: &Arc<'_>) -> (Verdict, u64) {
     let until = if pending.is_empty() { last } else { clock.advance(last, TOLERANCE * arc.unit) };
     let mut engine = Engine::new(arc.system, Box::new(Taylor::varied()), Options::default(), arc.lane.last.clone());
     // What is one instant to the run may be as many to the replay as guards fire.
-    let most = pending.len().max(arc.fired().0.count_ones() as usize);
+    let most = pending.len().max(arc.fired().len());
     let mut found = Found { records: Vec::new(), touches: Vec::new(), steps: 0, most };
     let failed = engine.run(until, &mut found).is_err();
     let first = found.records.first();
@@ -60,20 +60,21 @@ pub(super) fn check(arc: &Arc<'_>) -> (Verdict, u64) {
     let apart = theirs.map(|at| clock.between(at, ours.unwrap_or(last)));
     let in_time = apart.is_some_and(|apart| apart.abs() <= margin);
     // Where one instant ends and the next begins, within the margin, is not for the replay to say.
-    let (set, to) = (arc.fired().0, pending.last().map(|record| record.to));
-    let (mut met, mut same, mut guards) = (0, false, false);
+    let (set, to) = (arc.fired(), pending.last().map(|record| &record.to));
+    let (mut met, mut same, mut guards) = (GuardSet::default(), false, false);
     for record in found.records.iter().take_while(|record| clock.between(last, record.at) <= margin) {
-        met |= record.fired.0;
+        met |= &record.fired;
         guards |= met == set;
-        same |= met == set && to == Some(record.to);
+        same |= met == set && to == Some(&record.to);
     }
     if pending.is_empty() && apart.is_none_or(|apart| apart <= margin) || same && in_time {
         return (Verdict::Same, found.steps);
     }
-    let unlike = if guards { set } else { set ^ met };
+    let unlike = if guards { set } else { &(&set - &met) | &(&met - &set) };
     let near =
         |at| [ours, theirs].into_iter().flatten().any(|other| clock.between(at, other).abs() <= TOUCH * arc.unit);
-    let touched = arc.lane.touches.iter().chain(&found.touches).any(|(at, set)| set.0 & unlike != 0 && near(*at));
+    let touched =
+        arc.lane.touches.iter().chain(&found.touches).any(|(at, set)| !(set & &unlike).is_empty() && near(*at));
     if touched || failed {
         return (Verdict::NotJudged, found.steps);
     }

@@ -74,14 +74,14 @@ impl<'a> Walk<'a> {
         self.go(arc.length + tolerance, false)?;
         let after = self.guards();
         let (mut same, mut unclear, mut missing) = (false, false, None);
-        for (g, guard) in arc.guards.iter().enumerate().filter(|(_, guard)| arc.fired().contains(guard.id)) {
+        for (g, guard) in arc.guards.iter().enumerate().filter(|(_, guard)| arc.fired().contains(**guard)) {
             let error = self.error(self.sizes[g]);
             if before[g] <= error || after[g].abs() <= error {
                 unclear = true;
             } else if after[g] < 0.0 {
                 same = true;
             } else {
-                missing = missing.or(Some((arc.lane.last.jump.mode, guard.id)));
+                missing = missing.or(Some((arc.lane.last.jump.mode.clone(), *guard)));
             }
         }
         // What follows at the same instant, or after a switch, is no crossing of this arc.
@@ -130,7 +130,7 @@ impl<'a> Walk<'a> {
             }
             if let Some((theta, g)) = falls.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) {
                 let late = arc.length - self.t - h * theta;
-                return Err(Verdict::Differs(vec![(arc.lane.last.jump.mode, arc.guards[g].id)], Some(late)));
+                return Err(Verdict::Differs(vec![(arc.lane.last.jump.mode.clone(), arc.guards[g])], Some(late)));
             }
             self.t = if h >= end - self.t { end } else { self.t + h };
             (self.sizes, self.longest) = (sizes, self.longest.max(h));

@@ -7,16 +7,17 @@ use flank::{
         contact::{Law, Linear, PowerLaw, Ratio, Release},
     },
     hybrid::{
-        Clock, ContactMode, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Jump,
-        Mode, ModelError, VectorField,
+        Clock, ContactMode, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Jump, Mode,
+        ModelError, VectorField,
     },
     integrate::Taylor,
     scene::Scene,
-    train::{ContactSpec, Flanks, Spec, Structure, Walled, Walls, contact_mode},
+    system::{ContactSpec, Flanks, Spec, Structure, contact_mode},
+    train::{Walled, Walls},
 };
 use nalgebra::DMatrix;
 
-use crate::support::{Course, Run, masses, modes, rigid, run, run_from, state, walled};
+use crate::support::{Course, Moving, Run, masses, modes, rigid, run, run_from, state, walled};
 
 fn power(p: u32, q: u32) -> Law {
     Law::Power(PowerLaw { exponent: Ratio { p, q }, hysteresis: 0.0, speed_floor: 1e-9, initial_speed: 1.0 })
@@ -103,7 +104,7 @@ fn an_impact_elsewhere_does_not_tear_off_a_body_at_rest() {
         let s = Structure::new(spec).unwrap();
         let run = run(&s, &[0.0, -0.3], &[0.0, 0.1], 4.0);
         assert!(run.counters.events > 2, "{spring}: {}", run.counters.events);
-        assert!(run.records.iter().all(|r| contact_mode(r.to, 0) == ContactMode::Drive), "{spring}");
+        assert!(run.records.iter().all(|r| contact_mode(&r.to, 0) == ContactMode::Drive), "{spring}");
     }
 }
 
@@ -117,7 +118,7 @@ fn impacts_accumulate_beside_a_closed_power_law() {
     let run = run(&s, &[0.0, 0.01], &[-0.5, 0.0], 3.0);
     let end = run.records.iter().find(|r| r.accumulation.is_some()).unwrap();
     assert!((run.clock.time(end.at).value() - 2.0).abs() <= 1e-12);
-    assert_eq!(contact_mode(run.state.jump.mode, 0), ContactMode::Drive);
+    assert_eq!(contact_mode(&run.state.jump.mode, 0), ContactMode::Drive);
 }
 
 #[test]
@@ -132,7 +133,7 @@ fn two_exponents_in_one_train_are_two_contacts() {
         spec.contacts[1].law = b;
         let both = run(&Structure::new(spec).unwrap(), &[-0.2, -0.2], &[0.5, 0.5], 6.0);
         for (j, law) in [a, b].into_iter().enumerate() {
-            let of = |r: &&flank::event::EventRecord| contact_mode(r.from, j) != contact_mode(r.to, j);
+            let of = |r: &&flank::event::EventRecord| contact_mode(&r.from, j) != contact_mode(&r.to, j);
             let times: Vec<f64> = both.records.iter().filter(of).map(|r| both.clock.time(r.at).value()).collect();
             let expected = alone(law);
             assert_eq!(times.len(), expected.len());
@@ -151,7 +152,7 @@ fn what_holds_at_the_start_is_one_record() {
     let run = run(&s, &[0.1], &[-1.5], 1.0);
     let zero: Vec<_> = run.records.iter().filter(|r| run.clock.time(r.at).value() == 0.0).collect();
     assert_eq!(zero.len(), 1);
-    assert!(zero[0].start && contact_mode(zero[0].to, 0) == ContactMode::DriveDetached);
+    assert!(zero[0].start && contact_mode(&zero[0].to, 0) == ContactMode::DriveDetached);
     // Off all guards there is nothing to say.
     let free = crate::support::run(&s, &[-0.1], &[0.0], 1.0);
     assert!(free.records.is_empty());
@@ -205,7 +206,7 @@ fn strikes_do_not_add_energy() {
     for (s, run) in stages() {
         for r in run.events() {
             let change = s.energy_jump(&r.transition());
-            let size = s.energy(r.from, r.at, &r.x_minus);
+            let size = s.energy(&r.from, r.at, &r.x_minus);
             // Rounding of an energy: some units for each of six degrees of freedom.
             assert!(change.impact >= -64.0 * f64::EPSILON * size, "{change:?}");
         }
@@ -247,18 +248,18 @@ struct Liar {
     off: f64,
 }
 
-impl JetField for Liar {
+impl JetField for Moving<'_, Liar> {
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet) {
-        self.course.jet(request, out);
+        Moving(&self.0.course, self.1.clone()).jet(request, out);
         out.is_estimate = false;
     }
 }
 
 impl VectorField for Liar {
-    fn eval(&self, mode: Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]) {
+    fn eval(&self, mode: &Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]) {
         self.course.eval(mode, base, t, x, dx);
     }
-    fn jac_mul(&self, mode: Mode, base: Instant, t: f64, x: &[f64], v: &[f64], jv: &mut [f64]) {
+    fn jac_mul(&self, mode: &Mode, base: Instant, t: f64, x: &[f64], v: &[f64], jv: &mut [f64]) {
         self.course.jac_mul(mode, base, t, x, v, jv);
     }
 }
@@ -270,26 +271,29 @@ impl HybridSystem for Liar {
     fn clock(&self) -> &Clock {
         &self.course.clock
     }
-    fn flow(&self) -> Flow<'_> {
-        Flow::Jet(self, self)
+    fn motion<'a>(&'a self, mode: &Mode) -> Option<Box<dyn JetField + 'a>> {
+        Some(Box::new(Moving(self, mode.clone())))
     }
-    fn guards(&self, mode: Mode, out: &mut Vec<Guard>) {
+    fn field(&self) -> &dyn VectorField {
+        self
+    }
+    fn guards(&self, mode: &Mode, out: &mut Vec<GuardId>) {
         self.course.guards(mode, out);
     }
-    fn guard(&self, mode: Mode, id: GuardId, at: Instant, x: &[f64]) -> f64 {
+    fn guard(&self, mode: &Mode, id: GuardId, at: Instant, x: &[f64]) -> f64 {
         self.course.guard(mode, id, at, x) + self.off
     }
     fn jump(
         &self,
         from: &Jump,
-        fired: GuardSet,
+        fired: &GuardSet,
         at: Instant,
         x: &mut [f64],
         low: &mut [f64],
     ) -> Result<Jump, ModelError> {
         self.course.jump(from, fired, at, x, low)
     }
-    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+    fn settle(&self, from: &Jump, fired: &GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         self.course.settle(from, fired, at, x)
     }
 }

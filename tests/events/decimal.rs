@@ -3,7 +3,7 @@
 use flank::{
     hybrid::Wide,
     scene::{Scene, SceneError},
-    train::Structure,
+    system::Structure,
 };
 
 use crate::support::run;

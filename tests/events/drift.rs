@@ -10,7 +10,7 @@ use flank::{
         contact::{Law, Linear, Release},
     },
     hybrid::{Clock, Instant, Wide},
-    train::{ContactSpec, Flanks, Spec, Structure},
+    system::{ContactSpec, Flanks, Spec, Structure},
 };
 use nalgebra::DMatrix;
 

@@ -1,6 +1,6 @@
 //! Any number of excitation frequencies.
 
-use flank::{scene::Scene, train::Structure};
+use flank::{scene::Scene, system::Structure};
 use serde_json::json;
 
 use crate::support::run;
@@ -40,7 +40,7 @@ fn both_recurrences_give_the_same_events() {
         let (a, b) = (few.events(), many.events());
         assert!(a.len() > 2 && a.len() == b.len(), "{harmonics}: {} and {} events", a.len(), b.len());
         for (x, y) in a.iter().zip(&b) {
-            assert_eq!((x.from, x.to), (y.from, y.to));
+            assert_eq!((x.from.clone(), x.to.clone()), (y.from.clone(), y.to.clone()));
         }
         for i in 0..a.len() {
             // Rounding, and what a few impacts make of it.

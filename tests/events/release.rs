@@ -12,9 +12,9 @@ use flank::{
 };
 
 use crate::support::{modes, run, walled};
-use flank::train::contact_mode;
+use flank::system::contact_mode;
 
-fn damped(damping: f64, load: f64) -> flank::train::Structure {
+fn damped(damping: f64, load: f64) -> flank::system::Structure {
     let law = Law::KelvinVoigt(Linear { damping }, Release::Force);
     walled(&Walled { load, ..Walled::new(1.0, Walls::Above { position: 0.0 }, law, Stiffness::Constant(1.0)) })
 }
@@ -39,7 +39,7 @@ fn l26_a_load_that_presses_again_closes_the_contact_inside_the_zone() {
     // k = c = f = 1 from p = 1.5 with speed −1.5, where the force is zero and falling:
     // detached, F = −t/2 + t²/2 returns at t = 1, with p = ½ > 0.
     let run = run(&damped(1.0, 1.0), &[1.5], &[-1.5], 1.5);
-    assert!(run.records[0].start && contact_mode(run.records[0].to, 0) == DriveDetached);
+    assert!(run.records[0].start && contact_mode(&run.records[0].to, 0) == DriveDetached);
     assert_eq!(modes(&run.events(), 0)[..1], [Drive]);
     assert!((run.times()[0] - 1.0).abs() <= 16.0 * f64::EPSILON, "{:?}", run.times());
     assert!((run.events()[0].x_plus[0] - 0.5).abs() <= 16.0 * f64::EPSILON);

@@ -5,7 +5,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use flank::{
     gear::{Harmonic, Stiffness},
     hybrid::ContactMode::{Drive, Separated},
-    train::{Walled, Walls, contact_mode},
+    system::contact_mode,
+    train::{Walled, Walls},
 };
 
 use crate::support::{ball, masses, modes, rigid, run, walled};
@@ -31,7 +32,7 @@ fn l19_three_impacts_at_one_instant_are_solved_together() {
         let run = run(&s, &[-1.0, 0.0, 0.0, 0.0], &[1.0, 0.0, 0.0, 0.0], 2.0);
         assert_eq!(run.times(), [1.0]);
         let (record, j) = (run.events()[0], (1.0 + e) / 4.0);
-        assert_eq!((record.fired.0.count_ones(), record.jumps), (3, 1));
+        assert_eq!((record.fired.len(), record.jumps), (3, 1));
         for (v, exact) in record.x_plus[4..].iter().zip([1.0 - 3.0 * j, j, j, j]) {
             assert!((v - exact).abs() <= 4.0 * f64::EPSILON, "{e}: {v} {exact}");
         }
@@ -48,13 +49,13 @@ fn l20_accumulation_ends_where_the_closed_form_says() {
         let sum = last.accumulation.unwrap();
         let time = *run.times().last().unwrap();
         assert!((time - exact).abs() <= 1e-12 * exact, "{e}: {:e}", time / exact - 1.0);
-        assert_eq!((contact_mode(last.to, 0), run.counters.accumulations), (Drive, 1));
+        assert_eq!((contact_mode(&last.to, 0), run.counters.accumulations), (Drive, 1));
         // One impact after the other until the speed is 10⁻¹⁰ of the first rebound's.
         assert_eq!(sum.resolved as usize, events.len() - 1);
         let expected = 1.0 + (1e-10f64.ln() / f64::ln(e)).ceil();
         assert!((f64::from(sum.resolved) - expected).abs() <= 1.0, "{e}: {sum:?} {expected}");
         assert_eq!(run.state.x, [0.0, 0.0]);
-        assert!(contact_mode(run.state.jump.mode, 0) == Drive);
+        assert!(contact_mode(&run.state.jump.mode, 0) == Drive);
     }
 }
 
@@ -89,7 +90,7 @@ fn l21_a_contact_at_rest_lets_go_when_its_multiplier_falls_through_zero() {
         ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.5), Stiffness::Constant(0.0))
     });
     let run = run(&s, &[0.0], &[0.0], 3.0);
-    assert_eq!(contact_mode(run.records[0].to, 0), Drive);
+    assert_eq!(contact_mode(&run.records[0].to, 0), Drive);
     assert_eq!(modes(&run.events(), 0), [Separated]);
     assert!((run.times()[0] - FRAC_PI_2).abs() <= 2.0 * f64::EPSILON, "{:e}", run.times()[0] - FRAC_PI_2);
     // Then x = cos t + t − π/2.
@@ -111,7 +112,7 @@ fn l21_accumulation_rest_and_release_follow_each_other() {
     let releases: Vec<f64> = run
         .events()
         .iter()
-        .filter(|r| contact_mode(r.from, 0) == Drive && contact_mode(r.to, 0) == Separated)
+        .filter(|r| contact_mode(&r.from, 0) == Drive && contact_mode(&r.to, 0) == Separated)
         .map(|r| run.clock.time(r.at).value())
         .collect();
     assert_eq!((rests, releases.len()), (20, 20));
@@ -129,7 +130,7 @@ fn l22_without_restitution_the_first_impact_is_the_last() {
 }
 
 /// A mass on a floor at 0 and a second one above it.
-fn stacked(e: f64, load: [f64; 2], above: [f64; 2]) -> flank::train::Structure {
+fn stacked(e: f64, load: [f64; 2], above: [f64; 2]) -> flank::system::Structure {
     masses(&[1.0, 1.0], &load, &[vec![-1.0, 0.0], above.to_vec()], rigid(e))
 }
 
@@ -138,10 +139,10 @@ fn l23_a_resting_contact_passes_a_blow_on() {
     // The upper mass falls by ½ onto the resting one, with speed 1: the floor holds, the rebound is as from the floor.
     let s = stacked(0.5, [-1.0, -1.0], [1.0, -1.0]);
     let run = run(&s, &[0.0, 0.5], &[0.0, 0.0], 1.5);
-    assert_eq!((contact_mode(run.records[0].to, 0), run.times()), (Drive, vec![1.0]));
+    assert_eq!((contact_mode(&run.records[0].to, 0), run.times()), (Drive, vec![1.0]));
     let record = run.events()[0];
     assert_eq!(record.x_plus, [0.0, 0.0, 0.0, 0.5]);
-    assert_eq!((contact_mode(record.to, 0), contact_mode(record.to, 1)), (Drive, Separated));
+    assert_eq!((contact_mode(&record.to, 0), contact_mode(&record.to, 1)), (Drive, Separated));
 }
 
 #[test]
@@ -152,7 +153,7 @@ fn l23_a_resting_contact_torn_off_by_a_blow_is_separated() {
     let run = run(&s, &[0.0, -1.0], &[0.0, 1.0], 1.25);
     let record = run.events()[0];
     assert_eq!((run.times()[0], record.x_plus[2], record.x_plus[3]), (1.0, 0.75, 0.25));
-    assert_eq!((contact_mode(record.from, 0), contact_mode(record.to, 0)), (Drive, Separated));
+    assert_eq!((contact_mode(&record.from, 0), contact_mode(&record.to, 0)), (Drive, Separated));
     // It falls back with gravity 1.
     assert!((run.state.x[2] - 0.5).abs() <= 4.0 * f64::EPSILON, "{:?}", run.state.x);
 }
@@ -166,7 +167,7 @@ fn l24_a_release_is_not_followed_by_an_impact_of_rounding() {
     });
     let run = run(&s, &[0.0], &[0.0], 2000.0 * PI);
     let events = run.events();
-    let closed = events.iter().filter(|r| contact_mode(r.to, 0) != Separated).count();
+    let closed = events.iter().filter(|r| contact_mode(&r.to, 0) != Separated).count();
     assert!(
         closed >= 1999 && events.len() - closed >= 1999 && events.len() <= 2 * 2001,
         "{closed} of {}",

@@ -6,7 +6,8 @@ use flank::{
         contact::{Law, Linear, Release},
     },
     hybrid::ContactMode::{Drive, Separated},
-    train::{StartError, Structure, Walled, Walls, contact_mode},
+    system::{StartError, Structure, contact_mode},
+    train::{Walled, Walls},
 };
 
 use crate::support::{Course, ball, masses, rigid, run, walled};
@@ -36,7 +37,7 @@ fn l1_a_guard_left_at_a_jump_does_not_fire_again() {
     from.jump.pinned.insert(flank::hybrid::GuardId(0));
     let run = crate::support::run_from(&course, from, course.clock.instant(5.0));
     assert_eq!(run.records.len(), 2);
-    assert!(run.records[0].start && run.records[0].to.0 == 1);
+    assert!(run.records[0].start && run.records[0].to.get(0) == 1);
     assert_eq!(run.times(), [1.0]);
 }
 
@@ -44,7 +45,7 @@ fn l1_a_guard_left_at_a_jump_does_not_fire_again() {
 fn l2_a_start_at_rest_on_a_flank_under_load_is_in_contact() {
     let run = run(&gap(0.5), &[1.0], &[0.0], 0.1);
     assert!(run.records[0].start && !run.records[0].fired.is_empty());
-    assert_eq!((contact_mode(run.records[0].from, 0), contact_mode(run.records[0].to, 0)), (Separated, Drive));
+    assert_eq!((contact_mode(&run.records[0].from, 0), contact_mode(&run.records[0].to, 0)), (Separated, Drive));
     assert_eq!((run.time(0), run.records.len()), (0.0, 1));
 }
 
@@ -52,7 +53,7 @@ fn l2_a_start_at_rest_on_a_flank_under_load_is_in_contact() {
 fn l2_a_start_on_a_flank_moving_off_is_separated() {
     let run = run(&gap(0.5), &[1.0], &[-1.0], 0.1);
     assert!(run.records[0].start && run.records[0].fired.is_empty());
-    assert_eq!((contact_mode(run.records[0].to, 0), run.records.len()), (Separated, 1));
+    assert_eq!((contact_mode(&run.records[0].to, 0), run.records.len()), (Separated, 1));
 }
 
 #[test]
@@ -64,7 +65,7 @@ fn l2_the_first_derivative_that_is_not_zero_decides() {
     let s = Structure::new(spec).unwrap();
     for (speed, mode) in [(1.0, Drive), (-1.0, Separated)] {
         let run = run(&s, &[0.0, 0.0], &[0.0, speed], 0.1);
-        assert_eq!((contact_mode(run.records[0].to, 0), run.records.len()), (mode, 1), "{speed}");
+        assert_eq!((contact_mode(&run.records[0].to, 0), run.records.len()), (mode, 1), "{speed}");
     }
 }
 
@@ -82,7 +83,7 @@ fn l3_where_every_derivative_is_zero_the_contact_stays_open_for_ever() {
         let run = run(&s, &[1.0], &[0.0], 1e6);
         assert_eq!(run.records.len(), 1);
         let first = &run.records[0];
-        assert!(first.start && first.fired.is_empty() && contact_mode(first.to, 0) == Separated);
+        assert!(first.start && first.fired.is_empty() && contact_mode(&first.to, 0) == Separated);
         assert_eq!((&run.state.x[..2], run.counters.events), (&[1.0, 0.0][..], 0));
     }
 }
@@ -91,7 +92,7 @@ fn l3_where_every_derivative_is_zero_the_contact_stays_open_for_ever() {
 fn l4_a_start_inside_a_flank_is_contact_if_compliant_and_an_error_if_rigid() {
     let at = flank::hybrid::Instant::default();
     let start = gap(0.0).start(at, &[1.25], &[0.0]).unwrap();
-    assert_eq!(contact_mode(start.jump.mode, 0), Drive);
+    assert_eq!(contact_mode(&start.jump.mode, 0), Drive);
     let failed = ball(0.5).start(at, &[-0.25], &[0.0]);
     assert_eq!(failed, Err(StartError::InsideRigid { contact: "wall".into(), depth: 0.25 }));
     assert!(matches!(ball(0.5).start(at, &[f64::NAN], &[0.0]), Err(StartError::State { expected: 1 })));

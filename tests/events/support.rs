@@ -10,11 +10,12 @@ use flank::{
         contact::{Law, Linear, Release, Rigid},
     },
     hybrid::{
-        Clock, ContactMode, Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Jump,
-        Mode, ModelError, VectorField,
+        Clock, ContactMode, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Jump, Mode,
+        ModelError, VectorField,
     },
     integrate::Taylor,
-    train::{ContactSpec, Flanks, Spec, Structure, Walled, Walls, contact_mode},
+    system::{ContactSpec, Flanks, Spec, Structure, contact_mode},
+    train::{Walled, Walls},
 };
 use nalgebra::DMatrix;
 
@@ -94,7 +95,7 @@ pub fn run(s: &Structure, q: &[f64], v: &[f64], end: f64) -> Run {
 }
 
 pub fn modes(records: &[&EventRecord], j: usize) -> Vec<ContactMode> {
-    records.iter().map(|r| contact_mode(r.to, j)).collect()
+    records.iter().map(|r| contact_mode(&r.to, j)).collect()
 }
 
 pub fn walled(walled: &Walled) -> Structure {
@@ -194,12 +195,16 @@ pub fn product(lead: f64, roots: &[f64]) -> Vec<f64> {
     })
 }
 
-impl JetField for Course {
+/// A system in a mode.
+pub struct Moving<'a, S>(pub &'a S, pub Mode);
+
+impl JetField for Moving<'_, Course> {
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet) {
-        let (n, t) = (self.c.len() - 1, request.at.phase.value());
+        let Self(course, mode) = self;
+        let (n, t) = (course.c.len() - 1, request.at.phase.value());
         (out.order, out.dim, out.span, out.reach) = (n, 1, request.span, 1.0);
         out.time.clear();
-        out.state.clone_from(&self.c);
+        out.state.clone_from(&course.c);
         for i in 0..n {
             for k in (i..n).rev() {
                 out.state[k] += t * out.state[k + 1];
@@ -210,24 +215,24 @@ impl JetField for Course {
             *c *= power;
             power *= request.span;
         }
-        let sign = if request.mode.0 == 1 && !self.trap { -1.0 } else { 1.0 };
-        self.guards(request.mode, &mut out.guards);
+        let sign = if mode.get(0) == 1 && !course.trap { -1.0 } else { 1.0 };
+        course.guards(mode, &mut out.guards);
         out.guard_series = out.state.iter().map(|c| sign * c).collect();
         if !request.pinned.is_empty() {
             out.guard_series[0] = 0.0;
         }
         // At the far end, where the terms are largest.
-        let size = self.c.iter().rev().fold(0.0, |s, c| s * (t.abs() + request.span) + c.abs());
+        let size = course.c.iter().rev().fold(0.0, |s, c| s * (t.abs() + request.span) + c.abs());
         out.remainder = vec![0.0];
         out.rounding = vec![4.0 * f64::EPSILON * size];
     }
 }
 
 impl VectorField for Course {
-    fn eval(&self, _: Mode, base: Instant, t: f64, _: &[f64], dx: &mut [f64]) {
+    fn eval(&self, _: &Mode, base: Instant, t: f64, _: &[f64], dx: &mut [f64]) {
         dx[0] = flank::poly::eval_with_slope(&self.c, base.phase.value() + t).1;
     }
-    fn jac_mul(&self, _: Mode, _: Instant, _: f64, _: &[f64], _: &[f64], jv: &mut [f64]) {
+    fn jac_mul(&self, _: &Mode, _: Instant, _: f64, _: &[f64], _: &[f64], jv: &mut [f64]) {
         jv[0] = 0.0;
     }
 }
@@ -239,20 +244,30 @@ impl HybridSystem for Course {
     fn clock(&self) -> &Clock {
         &self.clock
     }
-    fn flow(&self) -> Flow<'_> {
-        Flow::Jet(self, self)
+    fn motion<'a>(&'a self, mode: &Mode) -> Option<Box<dyn JetField + 'a>> {
+        Some(Box::new(Moving(self, mode.clone())))
     }
-    fn guards(&self, _: Mode, out: &mut Vec<Guard>) {
+    fn field(&self) -> &dyn VectorField {
+        self
+    }
+    fn guards(&self, _: &Mode, out: &mut Vec<GuardId>) {
         out.clear();
-        out.push(Guard { id: GuardId(0) });
+        out.push(GuardId(0));
     }
-    fn guard(&self, mode: Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
-        if mode.0 == 1 && !self.trap { -x[0] } else { x[0] }
+    fn guard(&self, mode: &Mode, _: GuardId, _: Instant, x: &[f64]) -> f64 {
+        if mode.get(0) == 1 && !self.trap { -x[0] } else { x[0] }
     }
-    fn jump(&self, from: &Jump, fired: GuardSet, _: Instant, _: &mut [f64], _: &mut [f64]) -> Result<Jump, ModelError> {
-        Ok(Jump { mode: Mode(1 - from.mode.0), pinned: fired, ..Jump::default() })
+    fn jump(
+        &self,
+        from: &Jump,
+        fired: &GuardSet,
+        _: Instant,
+        _: &mut [f64],
+        _: &mut [f64],
+    ) -> Result<Jump, ModelError> {
+        Ok(Jump { mode: Mode::default().with(0, 1 - from.mode.get(0)), pinned: fired.clone(), ..Jump::default() })
     }
-    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+    fn settle(&self, from: &Jump, fired: &GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         self.jump(from, fired, at, x, &mut [])
     }
 }

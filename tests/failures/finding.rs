@@ -11,15 +11,17 @@ use flank::{
     hybrid::{
         Clock,
         ContactMode::{Back, Drive, Separated},
-        Flow, Guard, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Jump, Mode, ModelError,
-        VectorField,
+        GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Jump, Mode, ModelError, VectorField,
     },
     integrate::IntegrateError,
-    train::{Structure, Walled, Walls, contact_mode},
+    system::{Structure, contact_mode},
+    train::{Walled, Walls},
 };
 use proptest::prelude::*;
 
-use crate::support::{Course, Log, Run, attempt, ball, engine, ghost, modes, product, run, run_from, state, walled};
+use crate::support::{
+    Course, Log, Moving, Run, attempt, ball, engine, ghost, modes, product, run, run_from, state, walled,
+};
 
 fn elastic() -> Law {
     Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection)
@@ -96,7 +98,7 @@ fn a6_a_start_on_either_flank_is_decided_by_the_first_derivative_that_is_not_zer
             ..Walled::new(1.0, Walls::Between { half_gap: 1.0 }, elastic(), Stiffness::Constant(1.0))
         });
         let run = run(&s, &[at], &[0.0], 0.1);
-        assert_eq!((contact_mode(run.records[0].to, 0), run.records.len()), (expected, 1), "{load} {at}");
+        assert_eq!((contact_mode(&run.records[0].to, 0), run.records.len()), (expected, 1), "{load} {at}");
     }
 }
 
@@ -109,7 +111,7 @@ fn a6_a_load_that_only_begins_to_press_is_contact_from_the_start() {
             ..Walled::new(1.0, Walls::Above { position: 1.0 }, elastic(), Stiffness::Constant(1.0))
         });
         let run = run(&s, &[1.0], &[0.0], 0.5);
-        assert_eq!((contact_mode(run.records[0].to, 0), run.records.len()), (expected, 1), "{amplitude}");
+        assert_eq!((contact_mode(&run.records[0].to, 0), run.records.len()), (expected, 1), "{amplitude}");
     }
 }
 
@@ -171,19 +173,19 @@ struct Scaled {
     scale: f64,
 }
 
-impl JetField for Scaled {
+impl JetField for Moving<'_, Scaled> {
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet) {
-        self.course.jet(request, out);
-        out.guard_series.iter_mut().for_each(|c| *c *= self.scale);
-        out.rounding.iter_mut().for_each(|r| *r *= self.scale);
+        Moving(&self.0.course, self.1.clone()).jet(request, out);
+        out.guard_series.iter_mut().for_each(|c| *c *= self.0.scale);
+        out.rounding.iter_mut().for_each(|r| *r *= self.0.scale);
     }
 }
 
 impl VectorField for Scaled {
-    fn eval(&self, mode: Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]) {
+    fn eval(&self, mode: &Mode, base: Instant, t: f64, x: &[f64], dx: &mut [f64]) {
         self.course.eval(mode, base, t, x, dx);
     }
-    fn jac_mul(&self, mode: Mode, base: Instant, t: f64, x: &[f64], v: &[f64], jv: &mut [f64]) {
+    fn jac_mul(&self, mode: &Mode, base: Instant, t: f64, x: &[f64], v: &[f64], jv: &mut [f64]) {
         self.course.jac_mul(mode, base, t, x, v, jv);
     }
 }
@@ -195,26 +197,29 @@ impl HybridSystem for Scaled {
     fn clock(&self) -> &Clock {
         &self.course.clock
     }
-    fn flow(&self) -> Flow<'_> {
-        Flow::Jet(self, self)
+    fn motion<'a>(&'a self, mode: &Mode) -> Option<Box<dyn JetField + 'a>> {
+        Some(Box::new(Moving(self, mode.clone())))
     }
-    fn guards(&self, mode: Mode, out: &mut Vec<Guard>) {
+    fn field(&self) -> &dyn VectorField {
+        self
+    }
+    fn guards(&self, mode: &Mode, out: &mut Vec<GuardId>) {
         HybridSystem::guards(&self.course, mode, out);
     }
-    fn guard(&self, mode: Mode, id: GuardId, at: Instant, x: &[f64]) -> f64 {
+    fn guard(&self, mode: &Mode, id: GuardId, at: Instant, x: &[f64]) -> f64 {
         self.scale * self.course.guard(mode, id, at, x)
     }
     fn jump(
         &self,
         from: &Jump,
-        fired: GuardSet,
+        fired: &GuardSet,
         at: Instant,
         x: &mut [f64],
         _: &mut [f64],
     ) -> Result<Jump, ModelError> {
         self.course.jump(from, fired, at, x, &mut [])
     }
-    fn settle(&self, from: &Jump, fired: GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+    fn settle(&self, from: &Jump, fired: &GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         self.course.settle(from, fired, at, x)
     }
 }
@@ -316,7 +321,7 @@ fn a15_schedules_that_meet_leave_no_sliver_however_late() {
     let mesh = spec.contacts[0].clone();
     spec.contacts = [1.0, 2.0, 3.0]
         .iter()
-        .map(|n| flank::train::ContactSpec {
+        .map(|n| flank::system::ContactSpec {
             stiffness: Stiffness::rectangular(1.2, 0.9, period / n, 0.5, 0.0),
             ..mesh.clone()
         })

@@ -13,7 +13,8 @@ use flank::{
         ContactMode::{Drive, DriveDetached, Separated},
         ContactView, Mode, VectorField,
     },
-    train::{AssembleError, Spec, Structure, Walled, Walls, contact_mode, with_contact},
+    system::{AssembleError, Spec, Structure, contact_mode, set_contact},
+    train::{Walled, Walls},
 };
 
 use crate::support::{Log, engine, modes, run, state, walled};
@@ -66,8 +67,8 @@ fn d2_the_force_jumps_at_the_start_of_a_contact_and_not_before() {
     let run = run(&s, &[-1.0], &[1.0], 1.5);
     let start = run.events()[0];
     assert_eq!(run.times(), [1.0]);
-    assert_eq!(s.force(0, start.from, start.at, &start.x_minus), 0.0);
-    assert!((s.force(0, start.to, start.at, &start.x_plus) - 0.2).abs() <= f64::EPSILON);
+    assert_eq!(s.force(0, &start.from, start.at, &start.x_minus), 0.0);
+    assert!((s.force(0, &start.to, start.at, &start.x_plus) - 0.2).abs() <= f64::EPSILON);
 }
 
 fn hertz(hysteresis: f64, speed_floor: f64, load: f64, waves: Vec<Harmonic>) -> Structure {
@@ -109,7 +110,7 @@ fn d4_a_contact_that_begins_with_no_speed_stays_finite() {
             let run = run(&s, &[0.0], &[speed], 40.0);
             assert_eq!(run.state.x[2], speed.max(floor), "{floor:e} {speed:e}");
             assert!(run.state.x.iter().all(|x| x.is_finite()));
-            assert_eq!(contact_mode(run.state.jump.mode, 0), Drive, "{floor:e} {speed:e}");
+            assert_eq!(contact_mode(&run.state.jump.mode, 0), Drive, "{floor:e} {speed:e}");
         }
     }
 }
@@ -133,7 +134,7 @@ fn d5_a_stale_latch_never_makes_the_contact_pull() {
     let lets_go: Vec<_> = log
         .records
         .iter()
-        .filter(|r| contact_mode(r.from, 0) == Drive && contact_mode(r.to, 0) == DriveDetached)
+        .filter(|r| contact_mode(&r.from, 0) == Drive && contact_mode(&r.to, 0) == DriveDetached)
         .collect();
     assert!(!lets_go.is_empty());
     for record in lets_go {
@@ -149,13 +150,14 @@ fn d5_a_stale_latch_never_makes_the_contact_pull() {
 #[test]
 fn d6_the_law_outside_its_flank_is_a_number() {
     let s = hertz(0.3825, 1e-9, 0.0, Vec::new());
-    let closed = with_contact(Mode::default(), 0, Drive);
+    let mut closed = Mode::default();
+    set_contact(&mut closed, 0, Drive);
     for x in [-1e-300, -1e-9, -1.0, 0.0] {
         let mut dx = [f64::NAN; 3];
-        s.eval(closed, s.clock().instant(0.0), 0.0, &[x, 0.5, 0.1], &mut dx);
+        s.eval(&closed, s.clock().instant(0.0), 0.0, &[x, 0.5, 0.1], &mut dx);
         assert_eq!(dx, [0.5, 0.0, 0.0], "{x}");
         let mut jv = [f64::NAN; 3];
-        s.jac_mul(closed, s.clock().instant(0.0), 0.0, &[x, 0.5, 0.1], &[1.0, 1.0, 1.0], &mut jv);
+        s.jac_mul(&closed, s.clock().instant(0.0), 0.0, &[x, 0.5, 0.1], &[1.0, 1.0, 1.0], &mut jv);
         assert!(jv.iter().all(|v| v.is_finite()), "{x}: {jv:?}");
     }
 }

@@ -1,15 +1,15 @@
 //! Long runs, chaos, statistics: F1 to F12.
 
-use std::sync::atomic::AtomicBool;
-
 use flank::{
+    Task,
     analysis::{Contacts, Settling, settle},
     engine::{Engine, Options, State},
     gear::{Harmonic, Stiffness},
     hybrid::ContactMode::{Drive, Separated},
     scene::Scene,
     study::steady::{Rule, Seed, Steady, steady},
-    train::{Structure, Walled, Walls, contact_mode},
+    system::{Structure, contact_mode},
+    train::{Walled, Walls},
 };
 use serde_json::json;
 
@@ -30,7 +30,7 @@ fn pair(zeta: f64, omega: f64, start: f64) -> Scene {
 
 fn settled(scene: &Scene, seed: Option<&Seed>) -> Steady {
     let rule = Rule { settling: Settling { most_cycles: 4000, ..Settling::default() }, ..Rule::default() };
-    steady(scene, seed, &rule, &AtomicBool::new(false)).unwrap()
+    steady(scene, seed, &rule, Task::default()).unwrap()
 }
 
 /// Amplitude of the motion in contact: `0.05 Ω²/√((1 − Ω²)² + (2ζΩ)²)`.
@@ -155,7 +155,7 @@ fn hard(omega: f64, phase: f64) -> Structure {
 fn attracted(s: &Structure, q: f64, v: f64) -> (Engine<'_>, Option<u32>, Vec<f64>) {
     let mut engine = engine(s, state(s, &[q], &[v]), Options::default());
     let rule = Settling { most_cycles: 4000, ..Settling::default() };
-    let period = settle(&mut engine, s.clock(), 1, &rule, &mut (), &AtomicBool::new(false)).unwrap().unwrap().period;
+    let period = settle(&mut engine, s.clock(), 1, &rule, &mut (), Task::default()).unwrap().unwrap().period;
     let mut contacts = Contacts::new(s, Some(engine.state().at));
     let cycles = engine.state().at.cycle + i64::from(period.unwrap_or(1));
     engine.run(s.clock().at(cycles, 0.0), &mut contacts).unwrap();
@@ -209,7 +209,7 @@ fn f7_a_section_that_falls_on_an_impact_shows_the_state_after_it() {
         engine.run(s.clock().at(cycle, 0.0), &mut ()).unwrap();
         let x = &engine.state().x;
         assert!((x[1] - after).abs() <= 1e-9 && x[0].abs() <= 1e-9, "cycle {cycle}: {x:?}");
-        assert_eq!(contact_mode(engine.state().jump.mode, 0), Separated);
+        assert_eq!(contact_mode(&engine.state().jump.mode, 0), Separated);
     }
     // As many impacts as cycles: none is seen from both sides of a section.
     assert_eq!(engine.counters().events, 199);

@@ -3,16 +3,17 @@
 use std::f64::consts::PI;
 
 use flank::{
-    analysis::Ledger,
+    analysis::{Kind, Ledger},
     gear::{
         Harmonic, Stiffness,
         contact::{Law, Linear, Release},
     },
     hybrid::{
         ContactMode::{Back, Drive, Separated},
-        GuardSet, HybridSystem, Jump, Mode, ModelError, Watch,
+        GuardSet, HybridSystem, Jump, ModelError, Watch,
     },
-    train::{AssembleError, Structure, Walled, Walls, contact_mode, guard_id, with_contact},
+    system::{AssembleError, Structure, contact_mode, guard_id, set_contact},
+    train::{Walled, Walls},
 };
 use proptest::prelude::*;
 
@@ -32,7 +33,8 @@ fn stage(law: Law, starts: [f64; 3]) -> Run {
         spec.stiffness[(i, i)] = 1.0;
         spec.damping[(i, i)] = 0.4;
     }
-    spec.load_harmonics = vec![flank::train::LoadHarmonic { vector: vec![1.0, 0.0, 0.0, 0.0], omega: 0.8, phase: 0.0 }];
+    spec.load_harmonics =
+        vec![flank::system::LoadHarmonic { vector: vec![1.0, 0.0, 0.0, 0.0], omega: 0.8, phase: 0.0 }];
     let s = Structure::new(spec).unwrap();
     run(&s, &[-1.0, starts[0], starts[1], starts[2]], &[0.3, 0.0, 0.0, 0.0], 60.0)
 }
@@ -90,7 +92,7 @@ fn b3_a_blow_passes_through_the_longest_row_at_one_instant() {
 #[test]
 fn b3_two_blows_at_once_and_what_follows_are_one_record() {
     let run = run(&row(4, 1.0), &[-1.0, 0.0, 0.0, 1.0], &[1.0, 0.0, 0.0, -1.0], 2.0);
-    assert_eq!((run.times(), run.events()[0].jumps, run.events()[0].fired.0.count_ones()), (vec![1.0], 3, 3));
+    assert_eq!((run.times(), run.events()[0].jumps, run.events()[0].fired.len()), (vec![1.0], 3, 3));
     assert_eq!(run.events()[0].x_plus[4..], [-1.0, 0.0, 0.0, 1.0]);
 }
 
@@ -124,7 +126,8 @@ fn b4_a_stiffness_step_next_to_the_contact_changes_nothing() {
         let end = *run.times().last().unwrap();
         assert!((end - (1.0 + 0.5 * PI)).abs() <= 32.0 * f64::EPSILON, "{ulps}: {end}");
         assert!((run.state.x[1] + 1.0).abs() <= 32.0 * f64::EPSILON, "{ulps}");
-        assert_eq!(run.counters.switches, 1);
+        // A contact that is open at the step has no switch.
+        assert!(run.counters.switches <= u64::from(ulps < 0), "{ulps}");
     }
 }
 
@@ -148,10 +151,11 @@ fn b5_a_stiffness_step_under_load_is_work_in_the_ledger() {
 #[test]
 fn b6_from_one_flank_to_the_other_there_is_no_edge() {
     let s = walled(&Walled::new(1.0, Walls::Between { half_gap: 1e-3 }, spring(0.0), Stiffness::Constant(1.0)));
-    let from = Jump { mode: with_contact(Mode::default(), 0, Drive), ..Jump::default() };
-    let mut fired = GuardSet::EMPTY;
+    let mut from = Jump::default();
+    set_contact(&mut from.mode, 0, Drive);
+    let mut fired = GuardSet::default();
     fired.insert(guard_id(0, Watch::BackFlank));
-    let error = s.jump(&from, fired, s.clock().instant(0.0), &mut [2e-3, -1.0], &mut [0.0; 2]).unwrap_err();
+    let error = s.jump(&from, &fired, s.clock().instant(0.0), &mut [2e-3, -1.0], &mut [0.0; 2]).unwrap_err();
     assert!(
         matches!(&error, ModelError::NoEdge { element, mode, .. } if element == "walls" && mode == "drive"),
         "{error}"
@@ -203,5 +207,32 @@ fn b7_one_flank_without_a_gap_is_as_good_as_any() {
     let s = walled(&Walled::new(1.0, Walls::Above { position: 0.0 }, spring(0.0), Stiffness::Constant(1.0)));
     let run = run(&s, &[-1.0], &[1.0], 6.0);
     assert!((run.times()[1] - run.times()[0] - PI).abs() <= 8.0 * f64::EPSILON, "{:?}", run.times());
-    assert_eq!(contact_mode(run.state.jump.mode, 0), Separated);
+    assert_eq!(contact_mode(&run.state.jump.mode, 0), Separated);
+}
+
+/// B3. Three rigid contacts let go within 1e-17 s, and rounding closes one again at a speed of 1e-18 m/s. When is uncertain up to the next
+/// switch; the contacts that open before that do not wait.
+#[test]
+fn b3_an_event_of_uncertain_time_does_not_wait_for_a_switch() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/scenes/uncertain-before-a-switch.json");
+    let run = flank::Simulation::from_file(file).unwrap().run().unwrap();
+    let energy = &run.summary.energy;
+    assert!(energy.closure().abs() <= 1e-12 * energy.throughput, "{energy:?}");
+}
+
+/// B1. Three equal planets between the flanks of sun and ring, all with e = 0: contacts hold each other, and of the impulses that do the
+/// same some leave single planets out. Each planet has an impact wherever one of its like has.
+#[test]
+fn b1_equal_contacts_that_hold_each_other_all_have_the_impact() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/scenes/equal-planets-between-two-flanks.json");
+    let run = flank::Simulation::from_file(file).unwrap().run().unwrap();
+    let mut shared = 0;
+    for event in &run.events {
+        let impacts =
+            |mesh: &str| event.contacts.iter().filter(|c| c.name.starts_with(mesh) && c.kind == Kind::Impact).count();
+        let (sun, ring) = (impacts("sun"), impacts("ring"));
+        assert!([0, 3].contains(&sun) && [0, 3].contains(&ring), "{event:?}");
+        shared += usize::from(sun > 0 && ring > 0);
+    }
+    assert_eq!(shared, 1);
 }

@@ -11,7 +11,8 @@ use flank::{
     },
     hybrid::{HybridSystem, Mode},
     scene::Scene,
-    train::{Structure, Walled, Walls},
+    system::Structure,
+    train::{Walled, Walls},
 };
 use serde_json::{Value, json};
 
@@ -49,7 +50,7 @@ fn g1_a_row_tells_both_sides_of_an_impact() {
 #[test]
 fn g2_modes_are_told_in_the_words_of_the_train() {
     let s = masses(&[1.0; 3], &[0.0; 3], &[vec![1.0, -1.0, 0.0], vec![0.0, 1.0, -1.0]], rigid(0.5));
-    assert_eq!(s.mode_in_words(Mode(1 << 6)), "contact 0 separated, contact 1 drive");
+    assert_eq!(s.mode_in_words(&Mode::default().with(1, 1)), "contact 0 separated, contact 1 drive");
 }
 
 /// G2. A run that dies says with which contacts closed, where and why, and stands at its last good state.
@@ -104,9 +105,6 @@ fn g2_a_train_that_cannot_be_assembled_is_refused_at_its_place() {
     let mut sloping = hertz("3/2");
     sloping["stiffness"] = json!({ "kind": "switched", "levels": [1, 2], "times_s": [1] });
     assert!(matrices(json!([hertz("2"), sloping])).contains("/train/contacts/1"));
-    let many: Vec<Value> = (0..22).map(|_| hertz("3/2")).collect();
-    let text = matrices(json!(many));
-    assert!(text.contains("/train/contacts\n") && text.contains("21"), "{text}");
 }
 
 /// G4. A run past an accumulation of impacts costs one arc for each impact resolved, and says so: some hundred steps for

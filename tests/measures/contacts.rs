@@ -6,7 +6,7 @@ use flank::{
         Stiffness,
         contact::{Law, Linear, Release, restitution},
     },
-    train::{ContactSpec, Flanks, Structure},
+    system::{ContactSpec, Flanks, Structure},
 };
 use serde_json::Value;
 

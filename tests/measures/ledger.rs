@@ -6,7 +6,8 @@ use flank::{
         Harmonic, Stiffness,
         contact::{Law, Linear},
     },
-    train::{ContactSpec, KahramanSingh, Structure},
+    system::{ContactSpec, Structure},
+    train::KahramanSingh,
 };
 
 use super::trains::{self, Case, run};

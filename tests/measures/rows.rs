@@ -9,7 +9,8 @@ use flank::{
         contact::{Law, Linear, Release},
     },
     hybrid::{ContactMode, Wide},
-    train::{ContactSpec, KahramanSingh, Structure, contact_mode},
+    system::{ContactSpec, Structure, contact_mode},
+    train::KahramanSingh,
 };
 use serde_json::Value;
 

@@ -5,7 +5,8 @@ use flank::{
         Harmonic, Piece, Stiffness,
         contact::{Law, Linear, PowerLaw, Ratio, Release, Rigid},
     },
-    train::{ContactSpec, Flanks, Quantity, Spec},
+    system::{ContactSpec, Flanks, Spec},
+    train::Quantity,
 };
 use nalgebra::DMatrix;
 

@@ -7,7 +7,7 @@ use flank::{
         contact::{Law, Linear, PowerLaw, Ratio, Release, Rigid},
     },
     integrate::Taylor,
-    train::{ContactSpec, Flanks, LoadHarmonic, Spec, Structure},
+    system::{ContactSpec, Flanks, LoadHarmonic, Spec, Structure},
 };
 use nalgebra::DMatrix;
 

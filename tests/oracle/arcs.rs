@@ -7,13 +7,13 @@ use std::{
 };
 
 use flank::{
+    Simulation,
     engine::{Observer, State as FlankState},
     event::EventRecord,
     hybrid::{ContactMode, Mode, Watch},
     integrate::DenseStep,
     scene::Scene,
-    study::Case,
-    train::{Structure, contact_mode, guard_id},
+    system::{Structure, contact_mode, guard_id},
 };
 use serde_json::Value;
 
@@ -47,7 +47,7 @@ struct Each {
 }
 
 impl Observer for Each {
-    fn step(&mut self, _: Mode, _: &dyn DenseStep, _: f64) -> ControlFlow<()> {
+    fn step(&mut self, _: &Mode, _: &dyn DenseStep, _: f64) -> ControlFlow<()> {
         if Instant::now() > self.deadline { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
@@ -65,15 +65,15 @@ fn time(structure: &Structure, at: flank::hybrid::Instant) -> Wide {
 
 /// Flank's state with what it knows to be zero.
 fn taken(m: &Model, structure: &Structure, from: &FlankState) -> State {
-    let known = |set: flank::hybrid::GuardSet, j: usize, watch: Watch| set.contains(guard_id(j, watch));
+    let known = |set: &flank::hybrid::GuardSet, j: usize, watch: Watch| set.contains(guard_id(j, watch));
     let contacts = (0..m.contacts.len()).map(|j| {
-        let mode = contact_mode(from.jump.mode, j);
-        let back = known(from.jump.pinned, j, Watch::BackFlank);
+        let mode = contact_mode(&from.jump.mode, j);
+        let back = known(&from.jump.pinned, j, Watch::BackFlank);
         let side = if mode == ContactMode::Separated { if back { -1.0 } else { 1.0 } } else { mode.side() };
         let flank = if side > 0.0 { Watch::DriveFlank } else { Watch::BackFlank };
-        let pinned = known(from.jump.pinned, j, flank);
-        let still = pinned && known(from.jump.still, j, flank);
-        let force = known(from.jump.pinned, j, Watch::Force);
+        let pinned = known(&from.jump.pinned, j, flank);
+        let still = pinned && known(&from.jump.still, j, flank);
+        let force = known(&from.jump.pinned, j, Watch::Force);
         let zeros = match (is_rigid(m, j), mode.is_closed()) {
             (true, true) => 0,
             (rigid, _) => usize::from(pinned) + usize::from(still) + usize::from(rigid && still && force),
@@ -107,9 +107,9 @@ fn taken(m: &Model, structure: &Structure, from: &FlankState) -> State {
 pub fn arcs(value: &Value, most: usize) -> Vec<Arc> {
     let mut out = Vec::new();
     let Ok(scene) = Scene::from_value(value.clone(), "random") else { return out };
-    let Ok(case) = Case::new(&scene) else { return out };
-    let (Ok(start), m) = (case.start(), Model::new(&case.built.spec, Tweak::NONE)) else { return out };
-    let end = case.built.run.instants(case.clock())[2];
+    let Ok(case) = Simulation::from_scene(&scene) else { return out };
+    let (Ok(start), m) = (case.start(), Model::new(case.structure.spec(), Tweak::NONE)) else { return out };
+    let end = case.instants()[2];
     let Ok(mut engine) = case.engine(start) else { return out };
     let deadline = Instant::now() + Duration::from_secs(20);
     let mut fresh = false;
@@ -163,7 +163,7 @@ fn arc(m: &Model, structure: &Structure, from: &FlankState, record: &EventRecord
     }
     let first = run.events[0];
     // Of several at one instant, one is enough.
-    let fires = record.fired.iter().any(|id| run.events.iter().any(|e| flank::train::guard_of(id).0 == e.contact));
+    let fires = record.fired.iter().any(|id| run.events.iter().any(|e| flank::system::guard_of(id).0 == e.contact));
     if !fires {
         arc.other = Some(format!("contact {} at {:e}, not at {:e}", first.contact, near(first.t), near(told)));
     }

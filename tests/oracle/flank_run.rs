@@ -7,12 +7,12 @@ use std::{
 };
 
 use flank::{
+    Simulation,
     analysis::{Contacts, EventLog, EventRow, Kind as Logged},
     engine::{Engine, Observer},
     hybrid::Mode,
     integrate::DenseStep,
     scene::Scene,
-    study::Case,
 };
 
 use super::{
@@ -42,7 +42,7 @@ pub struct Run {
 struct Deadline(Instant);
 
 impl Observer for Deadline {
-    fn step(&mut self, _: Mode, _: &dyn DenseStep, _: f64) -> ControlFlow<()> {
+    fn step(&mut self, _: &Mode, _: &dyn DenseStep, _: f64) -> ControlFlow<()> {
         if Instant::now() > self.0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }
@@ -63,9 +63,9 @@ pub fn run(scene: &Scene, limit: Duration) -> Run {
 
 fn inner(scene: &Scene, deadline: Instant, out: &mut Run) -> Result<(), Failure> {
     let refused = |e: &dyn std::fmt::Display| Failure::Refused(e.to_string());
-    let case = Case::new(scene).map_err(|e| refused(&e))?;
+    let case = Simulation::from_scene(scene).map_err(|e| refused(&e))?;
     let start = case.start().map_err(|e| refused(&e))?;
-    let [from, _, end] = case.built.run.instants(case.clock());
+    let [from, _, end] = case.instants();
     let mut engine: Engine<'_> = case.engine(start).map_err(|e| refused(&e))?;
     let mut rows = Vec::new();
     let mut log = EventLog::new(&case.structure, Contacts::new(&case.structure, Some(from)).keep(0), |row| {

@@ -1,7 +1,7 @@
 //! An oracle of the project's own: event sequences of random scenes in 32 digits, against Flank's.
 //!
 //! It shares no code with Flank's integrators, bounds and event location: it takes the assembled numbers of a scene
-//! ([`flank::train::Spec`]) and goes its own slow way. Taylor series of order 40 (72 under power laws, in the clock of a root
+//! ([`flank::system::Spec`]) and goes its own slow way. Taylor series of order 40 (72 under power laws, in the clock of a root
 //! near a flank), first roots by halving with exclusion, complementarity by enumeration ([`rest`], [`strike`]), sums of
 //! accumulating impacts. Where doubles cannot tell what happens (a touch within 1e-14 of its terms, a sequence that a change of
 //! the inputs by 1e-15 changes) the rest of a scene is *ambiguous* and not judged.

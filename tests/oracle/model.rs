@@ -5,7 +5,7 @@ use flank::{
         Harmonic, Stiffness,
         contact::{Law as SpecLaw, Release},
     },
-    train::{Flanks, Spec},
+    system::{Flanks, Spec},
 };
 
 use super::{

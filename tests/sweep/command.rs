@@ -8,6 +8,12 @@ use std::{
     time::{Duration, Instant},
 };
 
+use flank::{
+    Task,
+    scene::Scene,
+    study::{SteadySweep, steady::Rule},
+    sweep::{Begin, Ending, Grid, Journal, Plan, Seeding},
+};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -63,6 +69,20 @@ fn wait_for_rows(folder: &TempDir, out: &str, child: &mut Child) {
         assert!(child.try_wait().unwrap().is_none(), "the sweep ended before it could be disturbed");
         sleep(Duration::from_millis(1));
     }
+}
+
+#[test]
+fn the_library_writes_what_the_command_writes() {
+    let folder = folder();
+    assert_eq!(code(&large(&folder, 5, &["--quiet", "--out", "command"]).output().unwrap()), 0);
+    let scene = Scene::from_file(folder.path().join("scene.json")).unwrap();
+    let grid = Grid::parse(&["/train/mean_load=0.06:0.24:4", &format!("{AMPLITUDE}=0.1:0.3:5")]).unwrap();
+    let sweep = SteadySweep::new(scene, Plan::new(grid, Seeding::Fresh), Rule::default()).unwrap();
+    let out = folder.path().join("library");
+    let mut journal = Journal::open(&out, Begin::New, sweep.header(), sweep.plan().rows()).unwrap().unwrap();
+    assert_eq!(sweep.run(&mut journal, 2, Task::default()).unwrap(), Ending::Complete);
+    sweep.finish(journal).unwrap();
+    assert_eq!(bytes(&out), bytes(&folder.path().join("command")));
 }
 
 #[test]

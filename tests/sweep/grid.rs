@@ -23,7 +23,7 @@ fn an_axis_is_read() {
 #[test]
 fn every_fault_of_every_axis_is_named() {
     let error = Grid::parse(&["train/x=0:nan:1", "/b", "/c=5:0:3:log", "/d=1,inf,", "/e=1:2", "/f=2:2:3"]).unwrap_err();
-    let found: Vec<(&str, &str)> = error.0.iter().map(|f| (&*f.argument, &*f.found)).collect();
+    let found: Vec<(&str, &str)> = error.0.iter().map(|f| (&*f.pointer, &*f.found)).collect();
     assert_eq!(
         found,
         [

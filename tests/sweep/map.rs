@@ -9,7 +9,11 @@ use std::{
     },
 };
 
-use flank::sweep::{Begin, Cell, Ending, Grid, Journal, Plan, Seeding, SweepError, Tally, Work, run};
+use flank::{
+    Task,
+    output::OutputError,
+    sweep::{Begin, Cell, Ending, Grid, Journal, Plan, Seeding, SweepError, Tally, run},
+};
 use serde_json::Value;
 
 const FILES: [&str; 4] = ["sweep.csv", "sweep.jsonl", "sweep.json", "flank-manifest.json"];
@@ -54,8 +58,8 @@ fn sweep_with(
         }
         row
     };
-    let work = Work { point, progress: |_, _| (), interrupted: &interrupted, threads };
-    match run(plan, &mut journal, &work).unwrap() {
+    let task = Task::new(&interrupted, &|_| ());
+    match run(plan, &mut journal, point, task, threads).unwrap() {
         Ending::Complete => {
             Some(journal.finish(plan, &["seeded", "x"], |(x, seeded)| vec![seeded.to_string(), x.to_string()]).unwrap())
         }
@@ -195,9 +199,7 @@ fn a_sweep_killed_while_it_writes_its_files_is_finished_by_the_next() {
     let plan = plan(&["/a=0:1:4"], Seeding::Fresh);
     let folder = tempfile::tempdir().unwrap();
     let mut journal = open(folder.path(), Begin::New, &plan).unwrap().unwrap();
-    let never = AtomicBool::new(false);
-    let work = Work { point: bistable, progress: |_, _| (), interrupted: &never, threads: 1 };
-    assert_eq!(run(&plan, &mut journal, &work).unwrap(), Ending::Complete);
+    assert_eq!(run(&plan, &mut journal, bistable, Task::default(), 1).unwrap(), Ending::Complete);
     drop(journal);
     fs::write(folder.path().join("sweep.csv"), "whole").unwrap();
     fs::write(folder.path().join("sweep.jsonl.part"), "half a li").unwrap();
@@ -243,7 +245,7 @@ fn a_folder_in_use_or_occupied_is_refused() {
     drop(first);
     assert!(matches!(open(folder.path(), Begin::New, &plan), Err(SweepError::Unfinished(_))));
     sweep(folder.path(), Begin::Resume, &plan, 1, usize::MAX).unwrap();
-    assert!(matches!(open(folder.path(), Begin::New, &plan), Err(SweepError::Occupied(_))));
+    assert!(matches!(open(folder.path(), Begin::New, &plan), Err(SweepError::Output(OutputError::Occupied(_)))));
     // What is replaced is gone at once.
     drop(open(folder.path(), Begin::Replace, &plan).unwrap().unwrap());
     assert!(!folder.path().join("sweep.csv").exists());
@@ -302,12 +304,13 @@ fn a_point_given_up_is_not_a_failed_one() {
         }
         bistable(cell, seed)
     };
-    let told = Mutex::new(Vec::new());
-    let progress = |done, total| told.lock().unwrap().push((done, total));
-    let work = Work { point, progress, interrupted: &interrupted, threads: 1 };
-    assert_eq!(run(&plan, &mut journal, &work).unwrap(), Ending::Interrupted);
+    let told = AtomicUsize::new(0);
+    let progress = |_| {
+        told.fetch_add(1, Ordering::Relaxed);
+    };
+    assert_eq!(run(&plan, &mut journal, point, Task::new(&interrupted, &progress), 1).unwrap(), Ending::Interrupted);
     drop(journal);
-    assert_eq!(*told.lock().unwrap(), [(0, 6), (1, 6), (2, 6), (3, 6)]);
+    assert_eq!(told.into_inner(), 3);
     sweep(folder.path(), Begin::Resume, &plan, 1, usize::MAX).unwrap();
     assert_eq!(bytes(folder.path()), undisturbed(&plan));
 }

@@ -108,15 +108,3 @@ fn panel(map: &Map, method: usize) -> Panel {
         ..Panel::default()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn tiles_meet_halfway_in_ratios() {
-        assert_eq!(edges(&[1.0, 4.0, 16.0]), [0.5, 2.0, 8.0, 32.0]);
-        assert_eq!(edges(&[]), [0.0; 0]);
-        assert_eq!(edges(&[2.0]).len(), 2);
-    }
-}

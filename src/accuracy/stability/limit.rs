@@ -1,6 +1,7 @@
 use crate::{
     gear::{Stiffness, contact::Law},
-    train::{Spec, bonded_modes},
+    system::Spec,
+    train::bonded_modes,
 };
 
 /// Highest natural frequency with every contact closed at its largest stiffness, rad/s; of a power law the tangent under the

@@ -1,10 +1,6 @@
 //! Motions over many cycles: the engine's, and that of a fixed step beside it.
 
-use std::{
-    f64::consts::TAU,
-    ops::ControlFlow,
-    sync::atomic::{AtomicBool, Ordering},
-};
+use std::{f64::consts::TAU, ops::ControlFlow};
 
 use serde::Serialize;
 
@@ -17,6 +13,7 @@ use crate::{
     },
     analysis::Sections,
     baseline::{Crossing, Crossings, Grid, Penalty, Ramp, Sample, Watch, drive},
+    task::Task,
 };
 
 /// How motions are judged.
@@ -100,7 +97,7 @@ struct Section {
 
 impl Section {
     fn new(problem: &Problem<'_>) -> Self {
-        let sections = Sections::new(problem.structure.freedoms(), TAU / problem.period, LONGEST as u32);
+        let sections = Sections::new(problem.structure().freedoms(), TAU / problem.period, LONGEST as u32);
         Self { sections, period: None }
     }
 
@@ -110,35 +107,29 @@ impl Section {
     }
 }
 
-fn larger(most: [f64; 2], x: &[f64]) -> [f64; 2] {
-    let (q, v) = x.split_at(x.len() / 2);
-    let largest = |x: &[f64], most: f64| x.iter().fold(most, |m, x| m.max(x.abs()));
-    [largest(q, most[0]), largest(v, most[1])]
-}
-
 impl Own {
-    /// Runs the engine on `problem` over the cycles of the rule, or until it has settled. `None` once interrupted.
+    /// Runs the engine on `problem` over the cycles of the rule, or until it has settled. `None` once cancelled.
     pub(super) fn find(
         problem: &Problem<'_>,
         truth: &Truth,
         rule: &Rule,
-        interrupted: &AtomicBool,
+        task: Task<'_>,
     ) -> Result<Option<Self>, AccuracyError> {
-        let n = problem.structure.freedoms();
-        let model = Penalty::new(problem.structure, Ramp::Sharp);
+        let n = problem.structure().freedoms();
+        let model = Penalty::new(problem.structure(), Ramp::Sharp);
         let mut passages = Passages::new(problem);
         let mut section = Section::new(problem);
         let mut engine = problem.engine(problem.start.clone(), None)?;
-        let mut own = Self { sizes: truth.sizes, ..Self::default() };
+        let mut own = Self::default();
         for k in 0..=rule.cycles {
             let at = problem.section(k);
             engine.run(at, &mut passages)?;
             let x = &engine.state().x[..2 * n];
-            own.sizes = larger(own.sizes, x);
+            passages.measure(x);
             own.energy = own.energy.max(model.energy(&model.point(at, &x[..n], &x[n..])));
             section.take(x, rule);
             own.cycles = k;
-            if interrupted.load(Ordering::Relaxed) {
+            if task.is_cancelled() {
                 return Ok(None);
             }
             if section.period.is_some() {
@@ -147,13 +138,13 @@ impl Own {
         }
         own.period = section.period;
         own.steps_per_cycle = engine.counters().steps as f64 / own.cycles as f64;
-        own.sizes = [0, 1].map(|i| own.sizes[i].max(passages.sizes[i]));
+        own.sizes = [0, 1].map(|i| truth.sizes[i].max(passages.sizes[i]));
         own.parts = parts(&model, &passages.found, &truth.closed, problem.period, rule.cycles);
         own.sections = Some(section.sections);
         Ok(Some(own))
     }
 
-    /// Runs a fixed-step contender over the same cycles and judges it. `None` once interrupted.
+    /// Runs a fixed-step contender over the same cycles and judges it. `None` once cancelled.
     ///
     /// # Panics
     /// If the contender has no fixed step.
@@ -163,10 +154,10 @@ impl Own {
         contender: &Contender,
         per_cycle: u64,
         rule: &Rule,
-        interrupted: &AtomicBool,
+        task: Task<'_>,
     ) -> Option<Cell> {
         let Kind::Fixed(method) = contender.kind else { panic!("{} has no fixed step", contender.name) };
-        let model = Penalty::new(problem.structure, contender.ramp);
+        let model = Penalty::new(problem.structure(), contender.ramp);
         let grid = Grid {
             from: problem.start.at,
             step: problem.period / per_cycle as f64,
@@ -181,11 +172,11 @@ impl Own {
             section: Section::new(problem),
             energy: Vec::new(),
             blown: false,
-            interrupted,
+            task,
         };
         let mut watch = (watcher, Crossings::new(&model, contender.interpolation));
-        let diverged = drive(&model, method, &grid, problem.start(), &mut watch).is_err();
-        if interrupted.load(Ordering::Relaxed) {
+        let diverged = drive(&model, method, &grid, problem.coordinates(), &mut watch).is_err();
+        if task.is_cancelled() {
             return None;
         }
         let (run, mut found) = (watch.0, watch.1.found);
@@ -281,7 +272,7 @@ struct Watcher<'a> {
     section: Section,
     energy: Vec<f64>,
     blown: bool,
-    interrupted: &'a AtomicBool,
+    task: Task<'a>,
 }
 
 impl Watch for Watcher<'_> {
@@ -302,10 +293,6 @@ impl Watch for Watcher<'_> {
         }
         // The window may be longer than the transient.
         let over = self.section.period.is_some() && number / self.per_cycle >= self.window;
-        if over || self.interrupted.load(Ordering::Relaxed) {
-            ControlFlow::Break(())
-        } else {
-            ControlFlow::Continue(())
-        }
+        if over || self.task.is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }

@@ -1,42 +1,14 @@
-use std::sync::atomic::AtomicBool;
-
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{Outcome, Own, Rule, limit::highest_frequency};
 use crate::{
-    accuracy::{AccuracyError, Contender, Kind, Problem, Truth, Window},
-    engine::State,
-    hybrid::Instant,
-    integrate::Choice,
-    train::{Quantity, Spec, Structure, equilibrium},
+    accuracy::{AccuracyError, Contender, Problem, Truth, Window},
+    simulation::{Simulation, SimulationError},
+    system::Structure,
+    task::Task,
+    train::{Quantity, equilibrium},
 };
-
-/// Where runs start.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Start {
-    /// At these coordinates and velocities, `[n]` each, whatever the factor.
-    At(Vec<f64>, Vec<f64>),
-    /// At rest in the equilibrium of the changed train.
-    Equilibrium,
-}
-
-/// The train whose contacts are changed.
-#[derive(Clone, Debug)]
-pub struct Subject {
-    /// The train as it is.
-    pub spec: Spec,
-    /// Where runs start.
-    pub start: Start,
-    /// When.
-    pub at: Instant,
-    /// Length of a cycle, s.
-    pub period: f64,
-    /// Integrator of the engine.
-    pub choice: Choice,
-    /// Its tolerance.
-    pub tolerance: f64,
-}
 
 /// What is asked for.
 #[derive(Clone, Debug)]
@@ -149,79 +121,77 @@ impl Map {
     }
 }
 
-/// Makes the map; `done` is told of every cell. `None` once `interrupted` is set.
+/// Length of the cycles that a map counts in, s.
+///
+/// # Errors
+/// [`SimulationError::Missing`] without a period.
+pub fn cycle_length(simulation: &Simulation) -> Result<f64, SimulationError> {
+    simulation.settings.period.ok_or_else(|| {
+        simulation.missing("it has no cycles to compare; give it a forcing with a period, or a period of its run")
+    })
+}
+
+/// Makes the map; `task` hears of every cell. `None` once it is cancelled.
 ///
 /// A factor for which the engine has no answer (no equilibrium to start from, a motion that amplifies errors within its
 /// first cycle) gets a row without cells that says why.
 ///
+/// # Errors
+/// [`SimulationError::Missing`] without a period.
+///
 /// # Panics
 /// If a contender has no fixed step.
-#[must_use]
-pub fn map(subject: &Subject, plan: &Plan, interrupted: &AtomicBool, done: &(dyn Fn() + Sync)) -> Option<Map> {
+pub fn map(simulation: &Simulation, plan: &Plan, task: Task<'_>) -> Result<Option<Map>, SimulationError> {
+    let period_s = cycle_length(simulation)?;
     let row = |factor: &f64| {
         let mut row = Row { factor: *factor, ..Row::default() };
-        match fill(&mut row, subject, plan, interrupted, done) {
+        match fill(&mut row, simulation, period_s, plan, task) {
             Ok(complete) => complete.then_some(row),
             Err(error) => Some(Row { factor: *factor, error: Some(error.to_string()), ..Row::default() }),
         }
     };
     let rows: Option<Vec<Row>> = plan.factors.par_iter().map(row).collect();
-    Some(Map {
+    Ok(rows.map(|rows| Map {
         over: plan.over,
         methods: plan.methods.iter().map(|method| method.name.clone()).collect(),
-        limits: plan.methods.iter().map(limit).collect(),
-        period_s: subject.period,
+        limits: plan.methods.iter().map(Contender::stability_limit).collect(),
+        period_s,
         steps_per_cycle: plan.steps.clone(),
         references: plan.references.clone(),
         rule: plan.rule,
-        rows: rows?,
-    })
+        rows,
+    }))
 }
 
-fn limit(contender: &Contender) -> Option<f64> {
-    match contender.kind {
-        Kind::Fixed(method) => method.stability_limit(),
-        _ => None,
-    }
-}
-
-/// Fills a row; false once interrupted.
+/// Fills a row; false once cancelled.
 fn fill(
     row: &mut Row,
-    subject: &Subject,
+    simulation: &Simulation,
+    period: f64,
     plan: &Plan,
-    interrupted: &AtomicBool,
-    done: &(dyn Fn() + Sync),
+    task: Task<'_>,
 ) -> Result<bool, AccuracyError> {
     let rule = &plan.rule;
-    let spec = subject.spec.scaled(plan.over, row.factor);
-    let (q, v) = match &subject.start {
-        Start::At(q, v) => (q.clone(), v.clone()),
-        Start::Equilibrium => (equilibrium(&spec)?.position, vec![0.0; spec.freedoms.len()]),
-    };
-    let structure = Structure::new(spec)?;
-    let start = structure.start(subject.at, &q, &v)?;
-    let problem = Problem {
-        structure: &structure,
-        start: State { at: subject.at, x: start.x, jump: start.jump },
-        period: subject.period,
-        cycles: rule.window.min(rule.cycles),
-        choice: subject.choice,
-        tolerance: subject.tolerance,
-    };
+    let mut changed = simulation.clone();
+    let spec = simulation.structure.spec().scaled(plan.over, row.factor);
+    if simulation.is_static {
+        (changed.q0, changed.v0) = (equilibrium(&spec)?.position, vec![0.0; spec.freedoms.len()]);
+    }
+    changed.structure = Structure::new(spec)?;
+    let problem = Problem::new(&changed, Some(rule.window.min(rule.cycles)))?;
     let truth = Truth::quick(&problem, rule.growth)?;
-    let Some(own) = Own::find(&problem, &truth, rule, interrupted)? else { return Ok(false) };
+    let Some(own) = Own::find(&problem, &truth, rule, task)? else { return Ok(false) };
     row.window = Some(truth.window);
     row.events = truth.passages.len();
     row.truth_error = truth.error;
-    row.omega_max = highest_frequency(structure.spec(), &truth.peak);
-    let steps = |limit: f64| row.omega_max.map(|omega| omega * subject.period / limit);
-    row.limit_steps_per_cycle = plan.methods.iter().map(|method| limit(method).and_then(steps)).collect();
+    row.omega_max = highest_frequency(problem.structure().spec(), &truth.peak);
+    let steps = |limit: f64| row.omega_max.map(|omega| omega * period / limit);
+    row.limit_steps_per_cycle = plan.methods.iter().map(|method| method.stability_limit().and_then(steps)).collect();
     let references: Vec<u64> = plan.references.iter().map(|reference| reference.steps_per_cycle).collect();
     for method in &plan.methods {
         let cell = |steps: &u64| {
-            let judged = own.judge((&problem, &truth), method, *steps, rule, interrupted)?;
-            done();
+            let judged = own.judge((&problem, &truth), method, *steps, rule, task)?;
+            task.advance();
             Some(judged)
         };
         let Some(cells) = plan.steps.iter().map(cell).collect() else { return Ok(false) };

@@ -9,9 +9,10 @@ mod limit;
 mod long;
 mod map;
 mod outcome;
+mod page;
 
 pub use figure::figure;
 pub use limit::highest_frequency;
 pub use long::{Own, Rule};
-pub use map::{Cell, Map, Plan, Reference, Row, Start, Subject, map};
+pub use map::{Cell, Map, Plan, Reference, Row, cycle_length, map};
 pub use outcome::Outcome;

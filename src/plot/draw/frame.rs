@@ -47,18 +47,3 @@ impl Frame {
         pieces
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lines_end_at_the_frame() {
-        let frame = Frame { x0: 0.0, x1: 10.0, y0: 0.0, y1: 10.0 };
-        let zigzag = [[-5.0, 5.0], [5.0, 5.0], [5.0, 15.0], [7.0, 15.0], [7.0, 5.0], [8.0, 5.0]];
-        let pieces = frame.clipped(&zigzag);
-        assert_eq!(pieces, [vec![[0.0, 5.0], [5.0, 5.0], [5.0, 10.0]], vec![[7.0, 10.0], [7.0, 5.0], [8.0, 5.0]]]);
-        assert_eq!(frame.clip([-1.0, 3.0], [3.0, -1.0]), Some([[0.0, 2.0], [2.0, 0.0]]));
-        assert_eq!(frame.clip([-1.0, 0.5], [0.5, -1.0]), None);
-    }
-}

@@ -125,22 +125,3 @@ pub(super) fn pen(style: Style, colour: Rgb) -> Option<Pen> {
         Style::Points | Style::Marks | Style::Stems => None,
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::plot::{Band, Series};
-
-    #[test]
-    fn a_name_has_one_entry_with_all_its_looks() {
-        let series = |name: &str, colour| Series { name: name.into(), colour, ..Series::default() };
-        let band = Band { name: "a".into(), colour: 3, ..Band::default() };
-        let first = Panel { series: vec![series("a", 0), series("", 1), series("b", 2)], ..Panel::default() };
-        let second = Panel { series: vec![series("a", 1), series("a", 0)], bands: vec![band], ..Panel::default() };
-        let panels = [first, second];
-        let found = entries(&panels);
-        assert_eq!(found.iter().map(|entry| entry.name).collect::<Vec<_>>(), ["a", "b", "a"]);
-        assert!(found[0].looks == [Look::Series(Style::Line, 0), Look::Series(Style::Line, 1)]);
-        assert!(found[2].looks == [Look::Band(3)]);
-    }
-}

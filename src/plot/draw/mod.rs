@@ -6,6 +6,9 @@ pub(super) mod legend;
 pub(super) mod palette;
 pub(super) mod panel;
 mod scale;
+#[cfg(test)]
+#[path = "../../../tests/unit/draw.rs"]
+mod tests;
 mod text;
 mod words;
 

@@ -38,20 +38,16 @@ const VERMILION: Rgb = (0xd5, 0x5e, 0x00);
 const PURPLE: Rgb = (0xcc, 0x79, 0xa7);
 const GREY: Rgb = (0x80, 0x86, 0x8e);
 
-const BANDS: [Rgb; 6] = [ORANGE, SKY, GREEN, PURPLE, YELLOW, GREY];
-
-/// Rising in weight, as outcomes are listed from good to bad.
-const TILES: [Rgb; 7] = [SKY, PURPLE, YELLOW, GREEN, ORANGE, VERMILION, GREY];
-
 const LIGHT: Colours = Colours {
     paper: (0xff, 0xff, 0xff),
     ink: (0x1f, 0x23, 0x28),
     muted: (0x5f, 0x68, 0x73),
     grid: (0xe4, 0xe7, 0xeb),
     series: [BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, (0, 0, 0), GREY],
-    bands: BANDS,
+    bands: [ORANGE, SKY, GREEN, PURPLE, YELLOW, GREY],
     band_opacity: 0.2,
-    tiles: TILES,
+    // Rising in weight, as outcomes are listed from good to bad.
+    tiles: [SKY, PURPLE, YELLOW, GREEN, ORANGE, VERMILION, GREY],
     tile_opacity: 0.75,
 };
 
@@ -61,10 +57,8 @@ const DARK: Colours = Colours {
     muted: (0x9d, 0xa7, 0xb3),
     grid: (0x2b, 0x31, 0x38),
     series: [SKY, (0xf0, 0x7f, 0x2e), (0x1c, 0xb8, 0x8b), PURPLE, ORANGE, YELLOW, (0xff, 0xff, 0xff), GREY],
-    bands: BANDS,
     band_opacity: 0.24,
-    tiles: TILES,
-    tile_opacity: 0.75,
+    ..LIGHT
 };
 
 impl Colours {

@@ -38,7 +38,7 @@ impl Ink {
     }
 
     /// Cells with a curve in a rectangle.
-    fn under(&self, [x0, y0, x1, y1]: [f64; 4]) -> usize {
+    pub fn under(&self, [x0, y0, x1, y1]: [f64; 4]) -> usize {
         let columns = Self::cell(x0)..=Self::cell(x1);
         columns
             .flat_map(|x| (Self::cell(y0)..=Self::cell(y1)).map(move |y| (x, y)))
@@ -207,7 +207,7 @@ impl Sheet<'_> {
 
 /// Middles of words of `[middle, width]`, rising, moved no farther than they must to stand apart in `room`; none of those that
 /// find no room.
-fn side_by_side(words: &[[f64; 2]], [low, high]: [f64; 2]) -> Vec<Option<f64>> {
+pub(super) fn side_by_side(words: &[[f64; 2]], [low, high]: [f64; 2]) -> Vec<Option<f64>> {
     const SPACE: f64 = 6.0;
     let mut lefts = Vec::new();
     let mut free = low;
@@ -222,27 +222,4 @@ fn side_by_side(words: &[[f64; 2]], [low, high]: [f64; 2]) -> Vec<Option<f64>> {
         end = *left - SPACE;
     }
     lefts.iter().zip(words).map(|(left, [_, width])| (*left >= low - 0.1).then_some(left + width / 2.0)).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_stand_side_by_side() {
-        // Far apart they stay; close ones are moved by 6 px of space; at the edge they are moved inwards.
-        assert_eq!(side_by_side(&[[20.0, 20.0], [80.0, 20.0]], [0.0, 100.0]), [Some(20.0), Some(80.0)]);
-        assert_eq!(side_by_side(&[[40.0, 20.0], [50.0, 20.0]], [0.0, 100.0]), [Some(40.0), Some(66.0)]);
-        assert_eq!(side_by_side(&[[80.0, 20.0], [99.0, 20.0]], [0.0, 100.0]), [Some(64.0), Some(90.0)]);
-        assert_eq!(side_by_side(&[[50.0, 60.0], [50.0, 60.0]], [0.0, 100.0]), [None, Some(70.0)]);
-    }
-
-    #[test]
-    fn ink_is_where_the_curve_runs() {
-        let mut ink = Ink::default();
-        ink.line(&[[0.0, 0.0], [100.0, 0.0], [100.0, 50.0]]);
-        assert_eq!(ink.under([10.0, 10.0, 90.0, 40.0]), 0);
-        assert!(ink.under([90.0, 20.0, 110.0, 40.0]) > 5);
-        assert!(ink.under([-5.0, -5.0, 5.0, 5.0]) > 0);
-    }
 }

@@ -10,7 +10,8 @@ use super::{
 use crate::{
     gear::contact::Law,
     scene::Scene,
-    study::{Case, StudyError},
+    simulation::{Simulation, SimulationError},
+    study::StudyError,
     train::Quantity,
 };
 
@@ -35,29 +36,13 @@ pub enum Ladder {
 impl Ladder {
     /// All of them, in the order of a report.
     pub const ALL: [Self; 6] = [Self::Freedoms, Self::Law, Self::Excitation, Self::Stiffness, Self::Frame, Self::Gap];
-
-    /// One word.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Freedoms => "freedoms",
-            Self::Law => "law",
-            Self::Excitation => "excitation",
-            Self::Stiffness => "stiffness",
-            Self::Frame => "frame",
-            Self::Gap => "gap",
-        }
-    }
 }
 
 /// A rung that can be tried.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Planned {
-    /// Its ladder.
+#[derive(Clone, Debug)]
+pub(super) struct Planned {
     pub ladder: Ladder,
-    /// The model in words.
     pub words: String,
-    /// How it is made from the scene.
     pub steps: Vec<Step>,
 }
 
@@ -74,7 +59,7 @@ pub struct Left {
 pub(super) struct Rungs {
     pub planned: Vec<Planned>,
     pub left: Vec<Left>,
-    case: Case,
+    simulation: Simulation,
     period: f64,
 }
 
@@ -82,14 +67,14 @@ impl Rungs {
     /// Finds them.
     ///
     /// # Errors
-    /// [`StudyError::Missing`] for a scene without a forcing period.
+    /// [`StudyError::Simulation`] for a scene without a forcing period.
     pub fn new(scene: &Scene) -> Result<Self, StudyError> {
-        let case = Case::new(scene)?;
-        let period = case.period()?;
-        if case.structure.contacts().is_empty() {
-            return Err(case.missing("it has no contacts, so that nothing separates; add one"));
+        let simulation = Simulation::from_scene(scene)?;
+        let period = simulation.period()?;
+        if simulation.structure.contacts().is_empty() {
+            return Err(simulation.missing("it has no contacts, so that nothing separates; add one").into());
         }
-        let mut rungs = Self { planned: Vec::new(), left: Vec::new(), case, period };
+        let mut rungs = Self { planned: Vec::new(), left: Vec::new(), simulation, period };
         match scene.resolved()["train"]["kind"].as_str().unwrap_or_default() {
             "planetary" => rungs.planetary(scene),
             kind => rungs.others(kind),
@@ -120,7 +105,7 @@ impl Rungs {
 
     fn planetary(&mut self, scene: &Scene) {
         let now = &scene.resolved()["train"]["freedoms"];
-        let own = self.case.structure.spec().freedoms.clone();
+        let own = self.simulation.structure.spec().freedoms.clone();
         if *now == "full-carrier" {
             self.add(Ladder::Freedoms, "carrier centre held", vec![Step::Freedoms(json!("full"))]);
         }
@@ -133,7 +118,7 @@ impl Rungs {
                     (in_phase, steps) = (true, step);
                     self.add(Ladder::Freedoms, "planets in phase", steps.clone());
                 }
-                Err(StudyError::Scene(error)) => {
+                Err(StudyError::Simulation(SimulationError::Scene(error))) => {
                     let why: Vec<&str> = error.faults.iter().map(|fault| fault.found.as_str()).collect();
                     self.leave("planets in phase", why.join("; "));
                 }
@@ -155,7 +140,7 @@ impl Rungs {
     }
 
     fn others(&mut self, kind: &str) {
-        let spec = self.case.structure.spec();
+        let spec = self.simulation.structure.spec();
         let mut steps = Vec::new();
         let translations: Vec<String> = spec.freedoms.iter().filter(|name| !name.starts_with('u')).cloned().collect();
         if spec.freedoms.len() == 1 {
@@ -172,21 +157,21 @@ impl Rungs {
     }
 
     fn law(&mut self) {
-        let spec = self.case.structure.spec();
+        let spec = self.simulation.structure.spec();
         if spec.contacts.iter().any(|contact| matches!(contact.law, Law::Power(_))) {
-            match simplify::linear_laws(&self.case.structure) {
+            match simplify::linear_laws(&self.simulation.structure) {
                 Ok(laws) => self.add(Ladder::Law, "linear law", vec![Step::Linear(laws)]),
                 Err(error) => self.leave("linear law", error.to_string()),
             }
         }
-        if self.case.structure.spec().has(Quantity::Damping) {
+        if self.simulation.structure.spec().has(Quantity::Damping) {
             // A rung of its own: damping taken from the scene's own law.
             self.add(Ladder::Law, "no damping in the contacts", vec![Step::Undamped]);
         }
     }
 
     fn excitation(&mut self) {
-        let spec = self.case.structure.spec();
+        let spec = self.simulation.structure.spec();
         let found = simplify::excitations(spec);
         let moves_without = simplify::varies(spec);
         for (i, &omega) in found.iter().enumerate() {
@@ -203,7 +188,7 @@ impl Rungs {
     }
 
     fn stiffness(&mut self) {
-        let spec = self.case.structure.spec().clone();
+        let spec = self.simulation.structure.spec().clone();
         if simplify::has_ramps(&spec) {
             self.add(Ladder::Stiffness, "stiffness in steps", vec![Step::Stepped]);
         }

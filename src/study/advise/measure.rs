@@ -1,19 +1,17 @@
 //! The steady motion of a model, in the numbers that models are compared by.
 
-use std::{ops::ControlFlow, sync::atomic::Ordering};
-
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::model::{Model, family};
 use crate::{
-    analysis::{ContactReport, Contacts, Grid, Sample, Settled, Trajectory, cycles_later},
-    engine::{Engine, Outcome},
+    analysis::{ContactReport, Contacts, Grid, Sample, Settled, Trajectory},
+    engine::Engine,
     hybrid::ContactView,
     study::{
         StudyError,
-        figures::Context,
-        steady::{Seed, settled},
+        figures::{Context, firsts},
+        steady::{Seed, go_on, settled},
     },
 };
 
@@ -144,32 +142,27 @@ const SCATTER: f64 = 1e-3;
 
 /// Settles the motion of `model`, from `seed` or from the scene's own start, and measures it; with `moving`, the second
 /// moments of its velocities are collected too.
-///
-/// # Errors
-/// [`StudyError`] of the run.
 pub(super) fn measure(
     context: &Context<'_>,
     model: &Model,
     seed: Option<&Seed>,
-    moving: Option<&mut Moments>,
+    mut moving: Option<&mut Moments>,
 ) -> Result<Motion, StudyError> {
-    let case = &model.case;
-    let (mut engine, found, followed) = settled(case, seed, &context.rule, context.interrupted)?;
+    let simulation = &model.simulation;
+    let (mut engine, found, followed) = settled(simulation, seed, &context.rule, context.task)?;
     let (stretches, cycles) = match found.period {
         Some(period) => (1, context.rule.measured_cycles.max(1).next_multiple_of(u64::from(period))),
         None => (STRETCHES, context.rule.irregular_cycles.max(1).div_ceil(STRETCHES)),
     };
     let before = engine.counters();
     let mut reports = Vec::new();
-    let mut none = Moments::default();
-    let moments = moving.unwrap_or(&mut none);
     for _ in 0..stretches {
-        reports.push(stretch(context, model, &mut engine, cycles, moments)?);
+        reports.push(stretch(context, model, &mut engine, cycles, moving.as_deref_mut())?);
     }
     let after = engine.counters();
     let all = (stretches * cycles) as f64;
     let meshes = meshes(model, &reports);
-    let structure = &case.structure;
+    let structure = &simulation.structure;
     let motion = Motion {
         freedoms: structure.freedoms(),
         settled: found,
@@ -194,24 +187,20 @@ fn stretch(
     model: &Model,
     engine: &mut Engine<'_>,
     cycles: u64,
-    moments: &mut Moments,
+    mut moments: Option<&mut Moments>,
 ) -> Result<Vec<ContactReport>, StudyError> {
-    let (structure, clock) = (&model.case.structure, model.case.clock());
+    let (structure, clock) = (&model.simulation.structure, model.simulation.clock());
     let n = structure.freedoms();
     let from = engine.state().at;
     let mut contacts = Contacts::new(structure, Some(from)).keep(0);
-    let grid = Grid::Phases { per_cycle: if moments.wanted { per_cycle(n) } else { 1 } };
+    let grid = Grid::Phases { per_cycle: if moments.is_some() { per_cycle(n) } else { 1 } };
     let mut samples = Trajectory::new(structure, grid, from, |sample: &Sample<'_>| {
-        if moments.wanted {
+        if let Some(moments) = &mut moments {
             moments.add(&sample.x[n..2 * n]);
         }
-        if context.interrupted.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        context.task.flow()
     });
-    match engine.run(cycles_later(clock, from, cycles), &mut (&mut contacts, &mut samples))? {
-        Outcome::ReachedEnd => {}
-        _ if context.interrupted.load(Ordering::Relaxed) => return Err(StudyError::Interrupted),
-        _ => return Err(StudyError::Budget { cycle: engine.state().at.cycle }),
-    }
+    go_on(engine, clock, cycles, &mut (&mut contacts, &mut samples), context.task)?;
     Ok((0..structure.contact_count()).map(|j| contacts.report(j)).collect())
 }
 
@@ -221,17 +210,11 @@ fn per_cycle(freedoms: usize) -> u32 {
 }
 
 fn meshes(model: &Model, stretches: &[Vec<ContactReport>]) -> Vec<Mesh> {
-    let structure = &model.case.structure;
+    let structure = &model.simulation.structure;
     let period = structure.clock().period().map_or(f64::NAN, |period| period.value());
-    let mut families: Vec<(&str, Vec<usize>)> = Vec::new();
-    for j in 0..structure.contact_count() {
-        let own = family(structure.contact_name(j));
-        match families.iter_mut().find(|(known, _)| *known == own) {
-            Some((_, contacts)) => contacts.push(j),
-            None => families.push((own, vec![j])),
-        }
-    }
-    let mesh = |(family, contacts): (&str, Vec<usize>)| {
+    let of = |j: usize| family(structure.contact_name(j));
+    let mesh = |(_, family): (usize, String)| {
+        let contacts: Vec<usize> = (0..structure.contact_count()).filter(|&j| of(j) == family).collect();
         let count = contacts.len() as f64;
         // OK to divide: a family has a contact.
         let mean = |of: &dyn Fn(&ContactReport) -> f64| {
@@ -245,7 +228,7 @@ fn meshes(model: &Model, stretches: &[Vec<ContactReport>]) -> Vec<Mesh> {
         let closed = all().map(|r| r.durations.count).sum::<u64>();
         let length: f64 = all().map(|r| r.durations.mean.unwrap_or(0.0) * r.durations.count as f64).sum();
         Mesh {
-            family: family.to_owned(),
+            family,
             apart: mean(&|r| r.no_force_fraction),
             separations: mean(&|r| r.separations as f64 * period / r.time).value,
             separation_s: (closed > 0).then(|| length / closed as f64),
@@ -253,13 +236,11 @@ fn meshes(model: &Model, stretches: &[Vec<ContactReport>]) -> Vec<Mesh> {
             mean_force: mean(&|r| r.force_mean),
         }
     };
-    families.into_iter().map(mesh).collect()
+    firsts((0..structure.contact_count()).map(of)).into_iter().map(mesh).collect()
 }
 
 /// Second moments of the velocities of a motion.
-#[derive(Clone, Debug, Default)]
 pub(super) struct Moments {
-    wanted: bool,
     count: f64,
     sum: DVector<f64>,
     products: DMatrix<f64>,
@@ -267,7 +248,7 @@ pub(super) struct Moments {
 
 impl Moments {
     pub fn new(freedoms: usize) -> Self {
-        Self { wanted: true, count: 0.0, sum: DVector::zeros(freedoms), products: DMatrix::zeros(freedoms, freedoms) }
+        Self { count: 0.0, sum: DVector::zeros(freedoms), products: DMatrix::zeros(freedoms, freedoms) }
     }
 
     fn add(&mut self, v: &[f64]) {

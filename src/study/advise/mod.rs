@@ -27,9 +27,9 @@ use verdict::{Change, Verdict};
 use super::{
     StudyError,
     figures::Context,
-    steady::{Rule, resumed},
+    steady::{Rule, go_on, resumed},
 };
-use crate::{analysis::cycles_later, engine::Outcome, scene::Scene};
+use crate::{scene::Scene, task::Task};
 
 /// Groups of freedoms that are tried: of more, those with the smallest share in the motion.
 const GROUPS: usize = 24;
@@ -68,18 +68,10 @@ pub struct Rung {
 
 impl Rung {
     /// Runs `cycles` forcing cycles of the steady motion and keeps nothing: for a clock.
-    ///
-    /// # Errors
-    /// [`StudyError`] of the run.
     pub fn advance(&self, cycles: u64) -> Result<(), StudyError> {
-        let case = &self.model.case;
-        let start = resumed(case, &self.motion.end).map_or_else(|| case.start(), Ok)?;
-        let end = cycles_later(case.clock(), start.at, cycles);
-        let mut engine = case.engine(start)?;
-        match engine.run(end, &mut ())? {
-            Outcome::ReachedEnd => Ok(()),
-            _ => Err(StudyError::Budget { cycle: engine.state().at.cycle }),
-        }
+        let simulation = &self.model.simulation;
+        let start = resumed(simulation, &self.motion.end).map_or_else(|| simulation.start(), Ok)?;
+        go_on(&mut simulation.engine(start)?, simulation.clock(), cycles, &mut (), Task::default())
     }
 
     /// Work of a forcing cycle: freedoms times dense steps, as a step costs more the more freedoms there are.
@@ -90,8 +82,8 @@ impl Rung {
 
     /// The train that was run.
     #[must_use]
-    pub fn spec(&self) -> &crate::train::Spec {
-        self.model.case.structure.spec()
+    pub fn spec(&self) -> &crate::system::Spec {
+        self.model.simulation.structure.spec()
     }
 
     /// Largest change of the time without force, forcing periods; with its sign.
@@ -172,11 +164,10 @@ impl Plan {
     /// Finds what can be tried on `scene`.
     ///
     /// # Errors
-    /// [`StudyError::Scene`]; [`StudyError::Missing`] without a forcing period or contacts.
+    /// [`StudyError::Simulation`] without a forcing period or contacts.
     pub fn new(scene: &Scene) -> Result<Self, StudyError> {
         let Rungs { planned, left, .. } = Rungs::new(scene)?;
-        let freedoms = scene.build()?.spec.freedoms;
-        let groups = groups(&freedoms);
+        let groups = groups(&scene.built().spec.freedoms);
         Ok(Self { scene: scene.clone(), rungs: planned, left, groups })
     }
 
@@ -193,10 +184,10 @@ impl Plan {
     /// [`StudyError`] of the scene's own run; what a simpler model fails with is told in [`Advice::left`].
     pub fn advice(&self, context: &Context<'_>, tolerance: f64) -> Result<Advice, StudyError> {
         let model = Model::new(&self.scene, &[])?;
-        let spec = model.case.structure.spec().clone();
+        let spec = model.simulation.structure.spec().clone();
         let mut moments = Moments::new(spec.freedoms.len());
         let motion = measure(context, &model, None, Some(&mut moments))?;
-        (context.done)();
+        context.task.advance();
         let full = Rung {
             ladder: None,
             words: "the scene".to_owned(),
@@ -225,36 +216,23 @@ impl Plan {
         for result in measured.by_ref().take(self.rungs.len()) {
             result.map_or_else(|why| left.push(why), |rung| rungs.push(rung));
         }
-        let mut parts: Vec<Part> = self
-            .groups
-            .iter()
-            .enumerate()
-            .map(|(i, group)| Part {
-                group: group.clone(),
-                share: shares.as_ref().map(|shares| shares[i]),
-                dropped: None,
-            })
-            .collect();
+        let share = |i: usize| shares.as_ref().map(|shares| shares[i]);
+        let part = |(i, group): (usize, &Group)| Part { group: group.clone(), share: share(i), dropped: None };
+        let mut parts: Vec<Part> = self.groups.iter().enumerate().map(part).collect();
         for ((i, _), result) in held.iter().zip(measured) {
             result.map_or_else(|why| left.push(why), |rung| parts[*i].dropped = Some(rung));
         }
 
-        let together = match together(&rungs, &parts, |names| self.dropped(names)) {
-            Some(planned) => trial.measure(&planned)?.map_or_else(
-                |why| {
-                    left.push(why);
-                    None
-                },
-                Some,
-            ),
-            None => None,
-        };
-        (context.done)();
+        let mut joined = None;
+        if let Some(planned) = together(&rungs, &parts, |names| self.dropped(names)) {
+            trial.measure(&planned)?.map_or_else(|why| left.push(why), |rung| joined = Some(rung));
+        }
+        context.task.advance();
         Ok(Advice {
             scene: self.scene.name().to_owned(),
             scene_sha256: self.scene.hash(),
-            dimensionless: full.model.case.built.dimensionless,
-            period_s: full.model.case.period()?,
+            dimensionless: full.model.simulation.dimensionless,
+            period_s: full.model.simulation.period()?,
             rule: context.rule,
             tolerance,
             families: participation::firsts(&spec).into_iter().map(|(_, family)| family).collect(),
@@ -262,7 +240,7 @@ impl Plan {
             rungs,
             parts,
             modes,
-            together,
+            together: joined,
             left,
         })
     }
@@ -310,12 +288,9 @@ struct Trial<'a> {
 
 impl Trial<'_> {
     /// The model, or why there is none.
-    ///
-    /// # Errors
-    /// [`StudyError::Interrupted`].
     fn measure(&self, planned: &Planned) -> Result<Result<Rung, Left>, StudyError> {
         let rung = self.rung(planned);
-        (self.context.done)();
+        self.context.task.advance();
         match rung {
             Err(StudyError::Interrupted) => Err(StudyError::Interrupted),
             Err(error) => Ok(Err(Left { words: planned.words.clone(), why: error.to_string() })),
@@ -367,12 +342,8 @@ fn together(rungs: &[Rung], parts: &[Part], dropped: impl Fn(&[String]) -> Step)
     }
     let freedoms = rungs.iter().filter(|rung| rung.ladder == Some(Ladder::Freedoms));
     let freedoms = freedoms.take_while(|rung| rung.verdict == Verdict::Enough).last();
-    let held: Vec<&Part> = match freedoms {
-        Some(_) => Vec::new(),
-        None => {
-            parts.iter().filter(|part| part.dropped.as_ref().is_some_and(|d| d.verdict == Verdict::Enough)).collect()
-        }
-    };
+    let needless = |part: &&Part| part.dropped.as_ref().is_some_and(|rung| rung.verdict == Verdict::Enough);
+    let held: Vec<&Part> = parts.iter().filter(|_| freedoms.is_none()).filter(needless).collect();
     // Last, as they change what freedoms there are.
     chosen.extend(freedoms);
     let mut steps: Vec<Step> = chosen.iter().flat_map(|rung| rung.steps.clone()).collect();

@@ -8,7 +8,9 @@ use crate::{
     gear::contact::Law,
     hybrid::ContactView,
     scene::Scene,
-    study::{Case, StudyError, steady::Seed},
+    simulation::Simulation,
+    study::{StudyError, steady::Seed},
+    train::Quantity,
 };
 
 /// One way of making a train simpler.
@@ -54,7 +56,7 @@ impl Step {
 #[derive(Debug)]
 pub struct Model {
     /// What runs.
-    pub case: Case,
+    pub simulation: Simulation,
     /// R in `q = R q_scene`, `[n × n_scene]`.
     restriction: DMatrix<f64>,
 }
@@ -65,15 +67,15 @@ impl Model {
     /// It starts where the scene does, seen in its own freedoms.
     ///
     /// # Errors
-    /// [`StudyError::Scene`] if the scene does not allow a step, [`StudyError::Assemble`] if no train is left.
+    /// [`StudyError::Simulation`] if the scene does not allow a step, [`StudyError::Simulation`] if no train is left.
     pub fn new(scene: &Scene, steps: &[Step]) -> Result<Self, StudyError> {
-        let whole = scene.build()?;
+        let whole = scene.built();
         let mut values: Vec<(&str, Value)> = steps.iter().filter_map(Step::values).collect();
         if values.iter().any(|(pointer, _)| *pointer == "/train/freedoms") {
             // A start written for other freedoms; it is set below.
             values.push(("/initial", json!("rest")));
         }
-        let mut built = if values.is_empty() { whole.clone() } else { scene.with_all(values)?.build()? };
+        let mut built = if values.is_empty() { whole.clone() } else { scene.with_all(values)?.built().clone() };
         let mut restriction = by_name(&whole.spec.freedoms, &built.spec.freedoms);
         let spec = &mut built.spec;
         for step in steps {
@@ -84,7 +86,7 @@ impl Model {
                 Step::Stepped => simplify::stepped(spec),
                 Step::MeanStiffness => simplify::mean_stiffness(spec),
                 Step::Linear(laws) => simplify::linear(spec, laws),
-                Step::Undamped => simplify::undamped(spec),
+                Step::Undamped => *spec = spec.scaled(Quantity::Damping, 0.0),
                 Step::Carried(names) => restriction = simplify::carried(spec, names) * restriction,
                 Step::Hold(names) => restriction = simplify::hold(spec, names) * restriction,
                 Step::Alone => restriction = simplify::alone(spec) * restriction,
@@ -92,14 +94,14 @@ impl Model {
         }
         let restricted = |q: &[f64]| (&restriction * DVector::from_column_slice(q)).as_slice().to_vec();
         (built.q0, built.v0) = (restricted(&whole.q0), restricted(&whole.v0));
-        Ok(Self { case: Case::of(scene.name(), built)?, restriction })
+        Ok(Self { simulation: Simulation::from_built(scene.name(), built)?, restriction })
     }
 
     /// A motion of the scene's own model, `whole`, as this model can take it up: displacements and velocities in its
     /// freedoms, latched speeds and modes from the contacts of the same name, or of the same family.
     #[must_use]
     pub fn seed(&self, whole: &Self, seed: &Seed) -> Seed {
-        let (ours, theirs) = (&self.case.structure, &whole.case.structure);
+        let (ours, theirs) = (&self.simulation.structure, &whole.simulation.structure);
         let n = theirs.freedoms();
         let part = |x: &[f64]| (&self.restriction * DVector::from_column_slice(x)).as_slice().to_vec();
         let mut x = [part(&seed.x[..n]), part(&seed.x[n..2 * n])].concat();

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::{Advice, Rung, measure::Estimate, verdict::Verdict};
-use crate::study::Listing;
+use crate::output::{Table, label};
 
 /// Four significant digits, as they read best.
 fn short(value: f64) -> String {
@@ -62,32 +62,27 @@ impl Advice {
             only(rung.peak_change().map_or_else(|| "-".to_owned(), percent)),
             format!("{:.1}", motion.work.steps),
             format!("{:.1}", motion.work.events),
-            only(rung.verdict.word().to_owned()),
+            only(rung.verdict.words()),
         ]
     }
 
     /// The models, least last: freedoms, motion, time apart, peak force, work and verdict.
     #[must_use]
-    pub fn models_table(&self) -> Listing {
+    pub fn models_table(&self) -> Table {
         let row = |words: &str, rung: &Rung| [vec![words.to_owned()], Self::cells(rung)].concat();
         let mut rows = vec![row(&self.full.words, &self.full)];
         rows.extend(self.rungs.iter().map(|rung| row(&rung.words, rung)));
         rows.extend(self.together.iter().map(|rung| row("all that is enough, together", rung)));
         let peak = format!("peak{}", self.unit("N"));
         let head = ["model", "freedoms", "motion", "apart, T", "change", &peak, "change", "steps/T", "events/T", ""];
-        Listing {
-            title: "Models".to_owned(),
-            head: head.map(String::from).to_vec(),
-            rows,
-            note: "Apart: time without force of the family most apart, in forcing periods T; peak: largest force of any contact. \
-                   Changes: the largest of any family."
-                .to_owned(),
-        }
+        let note = "Apart: time without force of the family most apart, in forcing periods T; peak: largest force of any \
+                    contact. Changes: the largest of any family.";
+        Table::new(head).with(rows).titled("Models", note)
     }
 
     /// The groups of freedoms: share in the motion, and what holding them changes.
     #[must_use]
-    pub fn freedoms_table(&self) -> Listing {
+    pub fn freedoms_table(&self) -> Table {
         let rows = self.parts.iter().map(|part| {
             let dropped = part.dropped.as_ref();
             let show = |of: &dyn Fn(&Rung) -> String| dropped.map_or_else(|| "-".to_owned(), of);
@@ -106,18 +101,14 @@ impl Advice {
             ]
         });
         let head = ["freedoms", "names", "kinetic energy", "without: motion", "apart, T", "peak", ""];
-        Listing {
-            title: "Freedoms".to_owned(),
-            head: head.map(String::from).to_vec(),
-            rows: rows.collect(),
-            note: "Kinetic energy: share in the fluctuation of the scene's steady motion. Changes: the group held, all others free."
-                .to_owned(),
-        }
+        let note = "Kinetic energy: share in the fluctuation of the scene's steady motion. Changes: the group held, all others \
+                    free.";
+        Table::new(head).with(rows).titled("Freedoms", note)
     }
 
     /// Natural modes with every contact closed.
     #[must_use]
-    pub fn modes_table(&self) -> Listing {
+    pub fn modes_table(&self) -> Table {
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
         let rows = self.modes.iter().map(|mode| {
             let mut parts: Vec<(f64, &str)> =
@@ -138,14 +129,9 @@ impl Advice {
         let mut head = vec![frequency.to_owned()];
         head.extend(self.families.iter().map(|family| format!("in {family}")));
         head.extend(["strain in contacts", "in the motion", "moving"].map(String::from));
-        Listing {
-            title: "Natural modes".to_owned(),
-            head,
-            rows: rows.collect(),
-            note: "Every contact closed, power laws with their tangent under the static load. In a contact: weight in its \
-                   deflection; in the motion: share of its kinetic energy. Both sum to one."
-                .to_owned(),
-        }
+        let note = "Every contact closed, power laws with their tangent under the static load. In a contact: weight in its \
+                    deflection; in the motion: share of its kinetic energy. Both sum to one.";
+        Table::new(head).with(rows).titled("Natural modes", note)
     }
 
     /// The rule that verdicts follow.
@@ -253,8 +239,8 @@ impl Advice {
                 let change = rung.changes.iter().find(|change| change.family == mesh.family);
                 let words = [
                     format!("\"{}\"", rung.words),
-                    rung.ladder.map(|ladder| ladder.word().to_owned()).unwrap_or_default(),
-                    if rung.changes.is_empty() { String::new() } else { rung.verdict.word().to_owned() },
+                    rung.ladder.map(label).unwrap_or_default(),
+                    if rung.changes.is_empty() { String::new() } else { rung.verdict.words() },
                     motion.freedoms.to_string(),
                     motion.kind(),
                 ];
@@ -298,23 +284,15 @@ fn quoted(words: &str) -> String {
 #[cfg(feature = "plot")]
 mod report {
     use super::super::{Advice, figures};
-    use crate::{
-        plot::{Item, Report, Section},
-        study::page::listed,
-    };
+    use crate::plot::{Item, Report, Section};
 
     impl Advice {
         /// The page.
         #[must_use]
         pub fn report(&self, version: &str) -> Report {
-            let section = |title: &str, text: &str, figure: Option<crate::plot::Figure>, tables: Vec<_>| Section {
-                title: title.to_owned(),
-                text: text.to_owned(),
-                items: figure
-                    .map(Item::Figure)
-                    .into_iter()
-                    .chain(tables.iter().map(|table| Item::Table(listed(table))))
-                    .collect(),
+            let section = |title: &str, figure: Option<crate::plot::Figure>, tables: Vec<_>| {
+                let tables = tables.into_iter().map(Item::from);
+                Section::new(title, "", figure.map(Item::Figure).into_iter().chain(tables).collect())
             };
             let mut tables = vec![self.freedoms_table()];
             tables.extend((!self.modes.is_empty()).then(|| self.modes_table()));
@@ -322,8 +300,8 @@ mod report {
                 title: format!("How little of {} is enough", self.scene),
                 summary: [vec![self.rule_in_words()], self.verdicts()].concat(),
                 sections: vec![
-                    section("What each simplification costs", "", figures::rungs(self), vec![self.models_table()]),
-                    section("Which freedoms matter", "", figures::freedoms(self), tables),
+                    section("What each simplification costs", figures::rungs(self), vec![self.models_table()]),
+                    section("Which freedoms matter", figures::freedoms(self), tables),
                 ],
                 provenance: vec![
                     format!("flank {version}"),

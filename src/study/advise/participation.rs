@@ -7,7 +7,9 @@ use super::model::family;
 use crate::{
     gear::contact::Law,
     linalg::natural_modes,
-    train::{Spec, bonded_stiffness, equilibrium, tangent_stiffness},
+    study::figures,
+    system::Spec,
+    train::{bonded_stiffness, equilibrium, tangent_stiffness},
 };
 
 /// Freedoms that belong together: x and y of a body, the same freedom of all planets.
@@ -46,21 +48,14 @@ pub fn groups(freedoms: &[String]) -> Vec<Group> {
 }
 
 fn planets(stem: &str) -> String {
-    match stem {
-        "xi" => "planets radial".to_owned(),
-        "eta" => "planets tangential".to_owned(),
-        "u" => "planets rotation".to_owned(),
-        other => format!("{other} of all planets"),
-    }
+    let known = [("xi", "planets radial"), ("eta", "planets tangential"), ("u", "planets rotation")];
+    let known = known.into_iter().find(|(name, _)| *name == stem);
+    known.map_or_else(|| format!("{stem} of all planets"), |(_, words)| words.to_owned())
 }
 
 fn body(name: &str) -> String {
-    match name {
-        "s" => "sun".to_owned(),
-        "r" => "ring".to_owned(),
-        "c" => "carrier".to_owned(),
-        other => format!("body {other}"),
-    }
+    let known = [("s", "sun"), ("r", "ring"), ("c", "carrier")].into_iter().find(|(letter, _)| *letter == name);
+    known.map_or_else(|| format!("body {name}"), |(_, words)| words.to_owned())
 }
 
 /// Shares of each group in the kinetic energy of a motion with velocity covariance S: `Σ_i (M S)_ii / tr(M S)`; none of a
@@ -94,9 +89,6 @@ pub struct Mode {
 
 /// The natural modes of a train about its rest under the constant load, power laws with their tangent there; why there are
 /// none, else.
-///
-/// # Errors
-/// A sentence.
 pub fn modes(spec: &Spec, covariance: &DMatrix<f64>, groups: &[Group]) -> Result<Vec<Mode>, String> {
     if spec.contacts.iter().any(|contact| matches!(contact.law, Law::Rigid(_))) {
         return Err("rigid contacts have no stiffness".to_owned());
@@ -135,13 +127,6 @@ pub fn modes(spec: &Spec, covariance: &DMatrix<f64>, groups: &[Group]) -> Result
 }
 
 /// The first contact of each family: number and family.
-#[must_use]
-pub fn firsts(spec: &Spec) -> Vec<(usize, String)> {
-    let mut found: Vec<(usize, String)> = Vec::new();
-    for (j, contact) in spec.contacts.iter().enumerate() {
-        if found.iter().all(|(_, known)| known != family(&contact.name)) {
-            found.push((j, family(&contact.name).to_owned()));
-        }
-    }
-    found
+pub(super) fn firsts(spec: &Spec) -> Vec<(usize, String)> {
+    figures::firsts(spec.contacts.iter().map(|contact| family(&contact.name)))
 }

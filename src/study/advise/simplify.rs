@@ -10,7 +10,8 @@ use crate::{
         Piece, Stiffness,
         contact::{Law, Linear, Release, restitution},
     },
-    train::{ContactSpec, Quantity, Spec, Structure, TrainError, damped_restitution, equilibrium, tangent_stiffness},
+    system::{ContactSpec, Spec, Structure, damped_restitution},
+    train::{TrainError, equilibrium, tangent_stiffness},
 };
 
 /// A spring and a damper that stand for a power law.
@@ -71,11 +72,6 @@ pub fn linear(spec: &mut Spec, laws: &[LinearLaw]) {
             contact.stiffness = Stiffness::Constant(law.stiffness);
         }
     }
-}
-
-/// Contacts lose their damping.
-pub fn undamped(spec: &mut Spec) {
-    *spec = spec.scaled(Quantity::Damping, 0.0);
 }
 
 /// Drops errors and harmonic loads of frequency `omega` and above, rad/s.

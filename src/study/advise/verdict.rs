@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::measure::{Estimate, Motion};
+use crate::output::label;
 
 /// Change of one family of contacts against the scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -38,14 +39,9 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// In words.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Enough => "enough",
-            Self::NotEnough => "not enough",
-            Self::Unclear => "unclear",
-        }
+    /// `enough`, `not enough` or `unclear`.
+    pub(super) fn words(self) -> String {
+        label(self).replace('-', " ")
     }
 }
 

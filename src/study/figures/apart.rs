@@ -1,4 +1,6 @@
-use super::{Context, families};
+use serde_json::{Map, Value, json};
+
+use super::{Context, by_name, families};
 use crate::{
     plot::{Axis, Figure, Panel, Series, Style},
     scene::Scene,
@@ -16,25 +18,12 @@ pub enum Way {
     Down,
 }
 
-impl Way {
-    const ALL: [Self; 3] = [Self::Cold, Self::Up, Self::Down];
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Cold => "cold start",
-            Self::Up => "followed up",
-            Self::Down => "followed down",
-        }
-    }
-
-    fn style(self) -> Style {
-        match self {
-            Self::Cold => Style::Joined,
-            Self::Up => Style::Line,
-            Self::Down => Style::Dashed,
-        }
-    }
-}
+/// Every way, how it is named and how it is drawn.
+const WAYS: [(Way, &str, Style); 3] = [
+    (Way::Cold, "cold start", Style::Joined),
+    (Way::Up, "followed up", Style::Line),
+    (Way::Down, "followed down", Style::Dashed),
+];
 
 /// Measures of one family of meshes along the values of a number.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,17 +44,32 @@ impl Curve {
     }
 }
 
+/// What was measured along the curves, by start and family.
+pub(in crate::study) fn facts(curves: &[Curve]) -> Value {
+    let mut facts = Map::new();
+    for (way, curve) in ["cold", "up", "down"].into_iter().zip(curves) {
+        let measured = curve.rows.first().map(families).unwrap_or_default().into_iter().map(|(_, family)| {
+            let measures = json!({
+                "no_force": curve.measure(&family, |c| c.report.no_force_fraction),
+                "separated": curve.measure(&family, |c| c.report.apart_fraction),
+                "amplitude": curve.measure(&family, |c| c.force_amplitude),
+            });
+            (family, measures)
+        });
+        let measured: Vec<(String, Value)> = measured.collect();
+        facts.insert(way.to_owned(), by_name(measured.iter().map(|(family, m)| (family.as_str(), m))).into());
+        facts.insert("values".to_owned(), json!(curve.values));
+    }
+    facts.into()
+}
+
 /// Title of the panel of a family's time without force, which is there only if the family ever opens.
-#[must_use]
 pub fn fraction_title(family: &str) -> String {
     format!("{family}: time without force")
 }
 
 /// Time apart and force amplitude against the number at `pointer`, started in three ways so that branches which exist side by
 /// side show.
-///
-/// # Errors
-/// [`StudyError`] of the runs.
 pub fn apart(
     context: &Context<'_>,
     scene: &Scene,
@@ -73,7 +77,7 @@ pub fn apart(
     x: Axis,
     (pointer, values): (&str, &[f64]),
 ) -> Result<(Figure, Vec<Curve>), StudyError> {
-    let curves = context.each(&Way::ALL, |&way| {
+    let curves = context.each(&WAYS, |&(way, ..)| {
         let rows = match way {
             Way::Cold => context.cold(scene, pointer, values)?,
             Way::Up => context.followed(scene, pointer, values.iter().copied())?,
@@ -96,10 +100,8 @@ pub fn apart(
         let panel = |title: String, y: Axis| Panel { title, x: x.clone(), y, ..Panel::default() };
         let mut fraction = panel(fraction_title(&family), Axis::new("share of the mesh period", ""));
         let mut amplitude = panel(format!("{family}: force amplitude"), Axis::new("half of the force's range", "N"));
-        for curve in &curves {
-            let series = |y: Vec<f64>| {
-                Series::line(curve.way.name(), curve.way as usize, values.to_vec(), y).styled(curve.way.style())
-            };
+        for (curve, (way, name, style)) in curves.iter().zip(WAYS) {
+            let series = |y: Vec<f64>| Series::line(name, way as usize, values.to_vec(), y).styled(style);
             fraction.series.push(series(curve.measure(&family, |c| c.report.no_force_fraction)));
             amplitude.series.push(series(curve.measure(&family, |c| c.force_amplitude)));
         }

@@ -1,20 +1,21 @@
+use serde::Serialize;
 use serde_json::json;
 
-use super::{Context, Units, load_pointer, number, representatives, speed_pointer};
+use super::{Context, Units, load_pointer, maxima, number, representatives, speed_pointer};
 use crate::{
     analysis::{Spectrum, Window},
     hybrid::ContactMode,
     plot::{Axis, Band, Figure, Panel, Series, Style},
     scene::Scene,
+    simulation::Simulation,
     study::{
-        Case, StudyError,
-        record::{Recording, Spell, record},
-        steady::settled,
+        StudyError,
+        record::{Recording, Spell},
     },
 };
 
 /// What one load showed, of the last family of meshes.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Cycle {
     /// Load, N m.
     pub load: f64,
@@ -38,34 +39,25 @@ const PER_CYCLE: u32 = 512;
 
 /// Forces over a few mesh periods at several loads, N m, with the modes of the last mesh family shaded and its events
 /// marked; below them the angular speed of a planet (or the deflection, in other trains).
-///
-/// # Errors
-/// [`StudyError`] of the runs.
 pub fn cycles(context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Figure, Vec<Cycle>), StudyError> {
     let columns = context.each(loads, |&load| {
         let scene = match load_pointer(scene) {
             Some(pointer) => scene.with(pointer, json!(load))?,
             None => scene.clone(),
         };
-        let case = Case::new(&scene)?;
-        let (mut engine, settled, _) = settled(&case, None, &context.rule, context.interrupted)?;
+        let simulation = Simulation::from_scene(&scene)?;
         // Whole periods of the motion are measured, three mesh periods are shown.
-        let cycles = settled.period.map_or(IRREGULAR, |period| SHOWN.next_multiple_of(u64::from(period)));
-        let recording = record(&case, &mut engine, cycles, PER_CYCLE)?;
-        (context.done)();
-        let contacts = representatives(&case);
+        let cycles = |period: Option<u32>| period.map_or(IRREGULAR, |period| SHOWN.next_multiple_of(period.into()));
+        let (recording, settled) = context.recorded(&simulation, PER_CYCLE, cycles)?;
+        let contacts = representatives(&simulation);
         let shaded = contacts.last().cloned().unwrap_or_default();
         let at_load = load_pointer(&scene).map(|_| format!("{load} N m"));
         let at_speed = speed_pointer(&scene).map(|pointer| format!("{} rev/min", number(&scene, pointer)));
         let title = at_load.into_iter().chain(at_speed).collect::<Vec<_>>().join(", ");
         let found = found(load, &recording, &contacts, settled.window());
-        let recording = recording.first(SHOWN);
-        let units = Units::of(&case);
-        let upper = forces(&title, &recording, &contacts, &shaded, &units);
-        let lower = match speed_of_planet(&case, &scene, &recording, &shaded, &units) {
-            Some(panel) => panel,
-            None => deflection(&recording, &shaded, &units),
-        };
+        let shown = Shown { recording: &recording.first(SHOWN), shaded, units: Units::of(&simulation) };
+        let upper = shown.forces(&title, &contacts);
+        let lower = shown.speed_of_planet(&simulation, &scene).unwrap_or_else(|| shown.deflection());
         Ok(([upper, lower], found))
     })?;
     let (columns, found): (Vec<_>, Vec<_>) = columns.into_iter().unzip();
@@ -89,9 +81,7 @@ fn found(load: f64, recording: &Recording, contacts: &[(usize, String)], window:
         return Cycle { load, peaks: 0, smallest: 0.0, harmonics: Vec::new(), apart: 0.0, together: 0.0 };
     };
     let force = &recording.force[last];
-    let n = force.len();
-    let cycles = n as f64 / f64::from(PER_CYCLE);
-    let peaks = (0..n).filter(|&i| force[i] > force[(i + n - 1) % n] && force[i] >= force[(i + 1) % n]).count();
+    let cycles = force.len() as f64 / f64::from(PER_CYCLE);
     let spectrum = Spectrum::new(force, f64::from(PER_CYCLE), window);
     let span = cycles * recording.period;
     let open = |j: usize| recording.spells[j].iter().filter(|spell| !spell.mode.is_closed());
@@ -106,7 +96,7 @@ fn found(load: f64, recording: &Recording, contacts: &[(usize, String)], window:
     }
     Cycle {
         load,
-        peaks: (peaks as f64 / cycles).round() as usize,
+        peaks: (maxima(force) as f64 / cycles).round() as usize,
         smallest: force.iter().copied().fold(f64::INFINITY, f64::min),
         harmonics: (1..=6).map(|h| spectrum.at(f64::from(h))).collect(),
         apart: open(last).fold(0.0, |sum, spell| sum + spell.to - spell.from) / span,
@@ -114,82 +104,76 @@ fn found(load: f64, recording: &Recording, contacts: &[(usize, String)], window:
     }
 }
 
-fn times(recording: &Recording, units: &Units) -> Vec<f64> {
-    recording.t.iter().map(|t| units.time.0 * t).collect()
+/// What is drawn of one load: a recording, with the modes of one contact shaded.
+struct Shown<'a> {
+    recording: &'a Recording,
+    /// Number and family of the contact.
+    shaded: (usize, String),
+    units: Units,
 }
 
-fn panel(title: &str, recording: &Recording, y: Axis, shaded: &(usize, String), units: &Units) -> Panel {
-    let (factor, unit) = units.time;
-    let end = factor * SHOWN as f64 * recording.period;
-    let bands = recording.spells[shaded.0].iter().filter(|spell| !spell.mode.is_closed()).map(|spell| Band {
-        x: [factor * spell.from, factor * spell.to],
-        name: format!("{} {}", shaded.1, spell.mode.name()),
-        colour: usize::from(spell.mode != ContactMode::Separated),
-    });
-    Panel {
-        title: title.to_owned(),
-        x: Axis::new("time", unit).between(0.0, end),
-        y,
-        bands: bands.collect(),
-        ..Panel::default()
+impl Shown<'_> {
+    fn times(&self) -> Vec<f64> {
+        self.recording.t.iter().map(|t| self.units.time.0 * t).collect()
     }
-}
 
-/// The events of the shaded contact, and a value at each.
-fn marks(
-    recording: &Recording,
-    (j, family): &(usize, String),
-    units: &Units,
-    value: impl Fn(&Spell) -> f64,
-) -> Option<Series> {
-    let events = recording.spells[*j].iter().skip(1);
-    let (x, y): (Vec<f64>, Vec<f64>) = events.map(|spell| (units.time.0 * spell.from, value(spell))).unzip();
-    (!x.is_empty()).then(|| Series { name: format!("events of {family}"), x, y, style: Style::Marks, colour: 7 })
-}
-
-fn forces(
-    title: &str,
-    recording: &Recording,
-    contacts: &[(usize, String)],
-    shaded: &(usize, String),
-    units: &Units,
-) -> Panel {
-    let mut panel = panel(title, recording, Axis::new("contact force", units.force), shaded, units);
-    for (colour, (j, family)) in contacts.iter().enumerate() {
-        panel.series.push(Series::line(family, colour, times(recording, units), recording.force[*j].clone()));
+    fn panel(&self, title: &str, y: Axis) -> Panel {
+        let ((factor, unit), (j, family)) = (self.units.time, &self.shaded);
+        let bands = self.recording.spells[*j].iter().filter(|spell| !spell.mode.is_closed()).map(|spell| Band {
+            x: [factor * spell.from, factor * spell.to],
+            name: format!("{family} {}", spell.mode.name()),
+            colour: usize::from(spell.mode != ContactMode::Separated),
+        });
+        Panel {
+            title: title.to_owned(),
+            x: Axis::new("time", unit).between(0.0, factor * SHOWN as f64 * self.recording.period),
+            y,
+            bands: bands.collect(),
+            ..Panel::default()
+        }
     }
-    panel.series.extend(marks(recording, shaded, units, |spell| spell.force));
-    panel
-}
 
-/// Spin of the first planet beside the carrier: its mean, `(ω_s − ω_c) Z_s/Z_p`, and what it fluctuates by.
-fn speed_of_planet(
-    case: &Case,
-    scene: &Scene,
-    recording: &Recording,
-    shaded: &(usize, String),
-    units: &Units,
-) -> Option<Panel> {
-    let freedom = case.freedom("u_1").or_else(|_| case.freedom("u")).ok()?;
-    let [sun, planet, ring] = ["sun", "planet", "ring"].map(|gear| number(scene, &format!("/train/teeth/{gear}")));
-    let (radius, rpm) = (number(scene, "/train/planet/radius_m"), number(scene, "/train/speed_rpm"));
-    if radius <= 0.0 || planet <= 0.0 {
-        return None;
+    /// The events of the shaded contact, and a value at each.
+    fn marks(&self, value: impl Fn(&Spell) -> f64) -> Option<Series> {
+        let (j, family) = &self.shaded;
+        let events = self.recording.spells[*j].iter().skip(1);
+        let (x, y): (Vec<f64>, Vec<f64>) = events.map(|spell| (self.units.time.0 * spell.from, value(spell))).unzip();
+        (!x.is_empty()).then(|| Series { name: format!("events of {family}"), x, y, style: Style::Marks, colour: 7 })
     }
-    let carried = rpm * std::f64::consts::TAU / 60.0 * (ring / (sun + ring)) * sun / planet;
-    let n = case.structure.freedoms();
-    // The planet turns against the sun: counter-clockwise is positive, and the sun turns that way.
-    let speed = |rate: f64| carried - rate / radius;
-    let y = recording.x[n + freedom].iter().map(|rate| speed(*rate)).collect();
-    let mut panel = panel("", recording, Axis::new("planet's speed relative to the carrier", "rad/s"), shaded, units);
-    panel.series.push(Series::line("planet's speed", 2, times(recording, units), y));
-    panel.series.extend(marks(recording, shaded, units, |spell| speed(spell.x[n + freedom])));
-    Some(panel)
-}
 
-fn deflection(recording: &Recording, shaded: &(usize, String), units: &Units) -> Panel {
-    let mut panel = panel("", recording, Axis::new("deflection", units.length.1), shaded, units);
-    let y = recording.deflection[shaded.0].iter().map(|d| units.length.0 * d).collect();
-    panel.series.push(Series::line(&shaded.1, 2, times(recording, units), y));
-    panel
+    fn forces(&self, title: &str, contacts: &[(usize, String)]) -> Panel {
+        let mut panel = self.panel(title, Axis::new("contact force", self.units.force));
+        for (colour, (j, family)) in contacts.iter().enumerate() {
+            panel.series.push(Series::line(family, colour, self.times(), self.recording.force[*j].clone()));
+        }
+        panel.series.extend(self.marks(|spell| spell.force));
+        panel
+    }
+
+    /// Spin of the first planet beside the carrier: its mean, `(ω_s − ω_c) Z_s/Z_p`, and what it fluctuates by.
+    fn speed_of_planet(&self, simulation: &Simulation, scene: &Scene) -> Option<Panel> {
+        let freedom = simulation.freedom("u_1").or_else(|_| simulation.freedom("u")).ok()?;
+        let [sun, planet, ring] = ["sun", "planet", "ring"].map(|gear| number(scene, &format!("/train/teeth/{gear}")));
+        let (radius, rpm) = (number(scene, "/train/planet/radius_m"), number(scene, "/train/speed_rpm"));
+        if radius <= 0.0 || planet <= 0.0 {
+            return None;
+        }
+        let carried = rpm * std::f64::consts::TAU / 60.0 * (ring / (sun + ring)) * sun / planet;
+        let n = simulation.structure.freedoms();
+        // The planet turns against the sun: counter-clockwise is positive, and the sun turns that way.
+        let speed = |rate: f64| carried - rate / radius;
+        let y = self.recording.x[n + freedom].iter().map(|rate| speed(*rate)).collect();
+        let mut panel = self.panel("", Axis::new("planet's speed relative to the carrier", "rad/s"));
+        panel.series.push(Series::line("planet's speed", 2, self.times(), y));
+        panel.series.extend(self.marks(|spell| speed(spell.x[n + freedom])));
+        Some(panel)
+    }
+
+    fn deflection(&self) -> Panel {
+        let ((j, family), (factor, unit)) = (&self.shaded, self.units.length);
+        let mut panel = self.panel("", Axis::new("deflection", unit));
+        let y = self.recording.deflection[*j].iter().map(|d| factor * d).collect();
+        panel.series.push(Series::line(family, 2, self.times(), y));
+        panel
+    }
 }

@@ -1,15 +1,17 @@
+use serde::Serialize;
+
 use super::{Context, Units, representatives};
 use crate::{
     analysis::Spectrum,
     plot::{Axis, Figure, Guide, Panel, Series, Style},
     scene::Scene,
-    study::{Case, StudyError, record::record, steady::settled},
+    simulation::Simulation,
+    study::StudyError,
 };
 
 /// What the force of one mesh was found to be.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Forces {
-    /// The family of meshes.
     pub family: String,
     /// Mean, N.
     pub mean: f64,
@@ -19,75 +21,56 @@ pub struct Forces {
     pub smallest: f64,
     /// Amplitudes at 1, 2, … times the mesh frequency, N.
     pub harmonics: Vec<f64>,
-    /// Mesh frequency, Hz.
+    /// Hz.
     pub mesh_frequency: f64,
 }
 
 /// Cycles shown.
 const SHOWN: usize = 4;
 /// Cycles of the spectrum: enough for subharmonics to show.
-const CYCLES: usize = 16;
+const CYCLES: u64 = 16;
 const PER_CYCLE: u32 = 512;
 
 /// Forces of one mesh of each family over a few mesh periods, and their spectra up to `highest`, Hz.
-///
-/// # Errors
-/// [`StudyError`] of the run.
 pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Figure, Vec<Forces>), StudyError> {
-    let case = Case::new(scene)?;
-    let (mut engine, settled, _) = settled(&case, None, &context.rule, context.interrupted)?;
-    let cycles = settled.period.map_or(CYCLES, |p| CYCLES.next_multiple_of(p as usize));
-    let recording = record(&case, &mut engine, cycles as u64, PER_CYCLE)?;
-    (context.done)();
-    let period = case.period()?;
+    let simulation = Simulation::from_scene(scene)?;
+    let cycles = |period: Option<u32>| period.map_or(CYCLES, |period| CYCLES.next_multiple_of(period.into()));
+    let (recording, settled) = context.recorded(&simulation, PER_CYCLE, cycles)?;
+    let (cycles, period) = (cycles(settled.period), simulation.period()?);
     let window = settled.window();
-    let units = Units::of(&case);
+    let units = Units::of(&simulation);
     let mut figure = Figure { id: "forces".to_owned(), columns: 2, ..Figure::default() };
     let mut found = Vec::new();
-    for (colour, (j, family)) in representatives(&case).into_iter().enumerate() {
+    for (colour, (j, family)) in representatives(&simulation).into_iter().enumerate() {
         let force = &recording.force[j];
         let spectrum = Spectrum::new(force, f64::from(PER_CYCLE) / period, window);
         let shown = SHOWN * PER_CYCLE as usize + 1;
         let (t, f): (Vec<f64>, Vec<f64>) =
             recording.t.iter().zip(force).take(shown).map(|(t, f)| (units.time.0 * t, *f)).unzip();
-        let mean = spectrum.amplitude[0];
+        let (mean, unit) = (spectrum.amplitude[0], units.force);
         let (low, high) = force.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), f| (l.min(*f), h.max(*f)));
         figure.panels.push(Panel {
-            title: format!(
-                "{family}: mean {} {unit}, amplitude {} {unit}",
-                short(mean),
-                short(0.5 * (high - low)),
-                unit = units.force
-            ),
+            title: format!("{family}: mean {} {unit}, amplitude {} {unit}", short(mean), short(0.5 * (high - low))),
             x: Axis::new("time", units.time.1),
             y: Axis::new(format!("force, {family}"), units.force),
             series: vec![Series::line("", colour, t, f)],
             guides: vec![Guide::Horizontal { y: mean, name: "mean".to_owned() }],
             ..Panel::default()
         });
-        let lines: Vec<(f64, f64)> = spectrum
-            .frequencies()
-            .into_iter()
-            .zip(spectrum.amplitude.iter().copied())
-            .skip(1)
-            .take_while(|(frequency, _)| *frequency <= highest)
-            .collect();
+        let lines = spectrum.frequencies().into_iter().zip(spectrum.amplitude.iter().copied()).skip(1);
+        let lines: Vec<(f64, f64)> = lines.take_while(|(frequency, _)| *frequency <= highest).collect();
         // Bins between the lines of a periodic motion hold rounding only.
         let floor = lines.iter().fold(0.0, |m: f64, l| m.max(l.1)) * 1e-6;
         let (frequency, amplitude): (Vec<f64>, Vec<f64>) = lines.into_iter().filter(|l| l.1 > floor).unzip();
         // Room for the names of the orders above the lines.
         let top = f64::max(1.25e6 * floor, f64::MIN_POSITIVE);
+        let orders = (1..5).map(|h| (h, f64::from(h) / period)).take_while(|(_, f)| *f <= highest);
         figure.panels.push(Panel {
             title: format!("{family}: spectrum"),
             x: Axis::new("frequency", units.frequency).between(0.0, highest),
             y: Axis::new("amplitude", units.force).between(0.0, top),
             series: vec![Series::line("", colour, frequency, amplitude).styled(Style::Stems)],
-            guides: (1..)
-                .map(|h| (h, f64::from(h) / period))
-                .take_while(|(_, f)| *f <= highest)
-                .take(4)
-                .map(|(h, x)| Guide::Vertical { x, name: order(h) })
-                .collect(),
+            guides: orders.map(|(h, x)| Guide::Vertical { x, name: order(h) }).collect(),
             ..Panel::default()
         });
         found.push(Forces {

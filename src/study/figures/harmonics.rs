@@ -1,3 +1,5 @@
+use serde::Serialize;
+
 use super::{Context, families};
 use crate::{
     plot::{Axis, Figure, Guide, Panel, Series, Style},
@@ -6,9 +8,8 @@ use crate::{
 };
 
 /// Harmonics of one family of meshes over the speeds.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Harmonics {
-    /// The family.
     pub family: String,
     /// First harmonic of the force at each speed, N.
     pub first: Vec<f64>,
@@ -17,9 +18,6 @@ pub struct Harmonics {
 }
 
 /// First harmonic, amplitude and smallest value of the mesh forces against speed.
-///
-/// # Errors
-/// [`StudyError`] of the runs.
 pub fn harmonics(
     context: &Context<'_>,
     scene: &Scene,

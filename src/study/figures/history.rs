@@ -1,13 +1,16 @@
+use serde::Serialize;
+
 use super::{Context, Units};
 use crate::{
     analysis::Spectrum,
     plot::{Axis, Band, Figure, Guide, Panel, Series},
     scene::Scene,
-    study::{Case, StudyError, record::record, steady::settled},
+    simulation::Simulation,
+    study::StudyError,
 };
 
 /// What the spectrum of a centre showed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct History {
     /// Period of the motion in mesh cycles, if it has one.
     pub period: Option<u32>,
@@ -28,14 +31,12 @@ const HIGHEST: f64 = 1.6;
 /// Displacement of one freedom over time and its spectrum around half the mesh frequency.
 ///
 /// # Errors
-/// [`StudyError`] of the run; [`StudyError::Missing`] without that freedom.
+/// [`StudyError`] of the run; [`StudyError::Simulation`] without that freedom.
 pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(Figure, History), StudyError> {
-    let case = Case::new(scene)?;
-    let row = case.freedom(freedom)?;
-    let (mut engine, settled, _) = settled(&case, None, &context.rule, context.interrupted)?;
-    let recording = record(&case, &mut engine, CYCLES, PER_CYCLE)?;
-    (context.done)();
-    let mesh_frequency = 1.0 / case.period()?;
+    let simulation = Simulation::from_scene(scene)?;
+    let row = simulation.freedom(freedom)?;
+    let (recording, settled) = context.recorded(&simulation, PER_CYCLE, |_| CYCLES)?;
+    let mesh_frequency = 1.0 / simulation.period()?;
     let window = settled.window();
     let spectrum = Spectrum::new(&recording.x[row], f64::from(PER_CYCLE) * mesh_frequency, window);
     let bins = spectrum.frequencies().into_iter().zip(spectrum.amplitude.iter().copied()).skip(1);
@@ -48,15 +49,10 @@ pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(F
         half: spectrum.at(0.5 * mesh_frequency),
         floor: around.get(around.len() / 2).copied().unwrap_or(0.0),
     };
-    let units = Units::of(&case);
+    let units = Units::of(&simulation);
     let shown = SHOWN * PER_CYCLE as usize + 1;
-    let (t, x): (Vec<f64>, Vec<f64>) = recording
-        .t
-        .iter()
-        .zip(&recording.x[row])
-        .take(shown)
-        .map(|(t, x)| (units.time.0 * t, units.length.0 * x))
-        .unzip();
+    let shown = recording.t.iter().zip(&recording.x[row]).take(shown);
+    let (t, x): (Vec<f64>, Vec<f64>) = shown.map(|(t, x)| (units.time.0 * t, units.length.0 * x)).unzip();
     let (f, a) = bins.into_iter().map(|(f, a)| (f, units.length.0 * a)).unzip();
     let figure = Figure {
         id: "history".to_owned(),
@@ -80,13 +76,12 @@ pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(F
                 series: vec![Series::line("", 0, f, a)],
                 bands: vec![Band {
                     x: REGION.map(|order| order * mesh_frequency),
-                    name: "around f_m/2".to_owned(),
+                    name: "around f_m/2".into(),
                     colour: 0,
                 }],
-                guides: vec![
-                    Guide::Vertical { x: 0.5 * mesh_frequency, name: "f_m/2".to_owned() },
-                    Guide::Vertical { x: mesh_frequency, name: "f_m".to_owned() },
-                ],
+                guides: [(0.5, "f_m/2"), (1.0, "f_m")]
+                    .map(|(order, name)| Guide::Vertical { x: order * mesh_frequency, name: name.to_owned() })
+                    .to_vec(),
                 ..Panel::default()
             },
         ],

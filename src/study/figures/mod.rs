@@ -8,40 +8,42 @@ mod forces;
 mod harmonics;
 mod history;
 mod modes;
+#[cfg(test)]
+#[path = "../../../tests/unit/figures.rs"]
+mod tests;
 mod threshold;
 mod trajectories;
 mod waterfall;
 
-pub use apart::{Curve, Way, apart, fraction_title};
+pub use apart::{Curve, Way, apart};
+pub(super) use apart::{facts, fraction_title};
 pub use cycles::{Cycle, cycles};
-pub use forces::{Forces, forces};
-pub use harmonics::{Harmonics, harmonics};
-pub use history::{History, history};
+pub(super) use forces::forces;
+pub(super) use harmonics::harmonics;
+pub(super) use history::history;
 pub use modes::{ModeRow, modes};
-pub use threshold::{ThresholdRow, threshold};
+pub(super) use threshold::threshold;
 pub use trajectories::{Trajectory, trajectories};
-pub use waterfall::{Strongest, waterfall};
-
-use std::sync::atomic::{AtomicBool, Ordering};
+pub(super) use waterfall::waterfall;
 
 use rayon::prelude::*;
-use serde_json::json;
+use serde::Serialize;
+use serde_json::{Map, Value, json};
 
 use super::{
-    Case, StudyError,
-    steady::{Rule, Seed, Steady, steady},
+    StudyError,
+    record::{Recording, record},
+    steady::{Rule, Seed, Steady, settled, steady},
 };
-use crate::{hybrid::ContactView, scene::Scene};
+use crate::{analysis::Settled, hybrid::ContactView, scene::Scene, simulation::Simulation, task::Task};
 
 /// What every figure needs besides its scene.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
     /// When a transient is over.
     pub rule: Rule,
-    /// Set to break off.
-    pub interrupted: &'a AtomicBool,
-    /// Called after each scene that was run.
-    pub done: &'a (dyn Fn() + Sync),
+    /// Cancels it, and hears of each scene that was run.
+    pub task: Task<'a>,
 }
 
 impl Context<'_> {
@@ -50,9 +52,22 @@ impl Context<'_> {
     /// # Errors
     /// As [`steady`].
     pub fn steady(&self, scene: &Scene, seed: Option<&Seed>) -> Result<Steady, StudyError> {
-        let steady = steady(scene, seed, &self.rule, self.interrupted);
-        (self.done)();
+        let steady = steady(scene, seed, &self.rule, self.task);
+        self.task.advance();
         steady
+    }
+
+    /// The settled motion over as many cycles as `cycles` says for its period, with `per_cycle` samples of each.
+    fn recorded(
+        &self,
+        simulation: &Simulation,
+        per_cycle: u32,
+        cycles: impl Fn(Option<u32>) -> u64,
+    ) -> Result<(Recording, Settled), StudyError> {
+        let (mut engine, settled, _) = settled(simulation, None, &self.rule, self.task)?;
+        let recording = record(simulation, &mut engine, cycles(settled.period), per_cycle)?;
+        self.task.advance();
+        Ok((recording, settled))
     }
 
     /// `work` for every item, on all cores, results in order; the first error in that order counts.
@@ -65,7 +80,7 @@ impl Context<'_> {
         work: impl Fn(&T) -> Result<R, StudyError> + Sync,
     ) -> Result<Vec<R>, StudyError> {
         let run = |item: &T| {
-            if self.interrupted.load(Ordering::Relaxed) { Err(StudyError::Interrupted) } else { work(item) }
+            if self.task.is_cancelled() { Err(StudyError::Interrupted) } else { work(item) }
         };
         items.par_iter().map(run).collect::<Vec<_>>().into_iter().collect()
     }
@@ -100,14 +115,12 @@ impl Context<'_> {
 }
 
 /// Where a train of this kind has its speed, rev/min.
-#[must_use]
-pub fn speed_pointer(scene: &Scene) -> Option<&'static str> {
+pub(super) fn speed_pointer(scene: &Scene) -> Option<&'static str> {
     matches!(kind(scene), "planetary" | "gear-pair").then_some("/train/speed_rpm")
 }
 
 /// Where a train of this kind has its load, N m.
-#[must_use]
-pub fn load_pointer(scene: &Scene) -> Option<&'static str> {
+pub(super) fn load_pointer(scene: &Scene) -> Option<&'static str> {
     match kind(scene) {
         "planetary" => Some("/train/load/output_torque_nm"),
         "gear-pair" => Some("/train/torque_nm"),
@@ -132,8 +145,8 @@ struct Units {
 }
 
 impl Units {
-    fn of(case: &Case) -> Self {
-        if case.built.dimensionless {
+    fn of(simulation: &Simulation) -> Self {
+        if simulation.dimensionless {
             Self { time: (1.0, ""), length: (1.0, ""), force: "", frequency: "" }
         } else {
             Self { time: (1e3, "ms"), length: (1e6, "µm"), force: "N", frequency: "Hz" }
@@ -142,32 +155,43 @@ impl Units {
 }
 
 /// A contact's name without its number: `ring-planet 2` is one of the `ring-planet` meshes.
-#[must_use]
-pub fn family(name: &str) -> &str {
+pub(super) fn family(name: &str) -> &str {
     name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end()
 }
 
 /// The first contact of each family of a case, in order: `(number, family)`.
-fn representatives(case: &Case) -> Vec<(usize, String)> {
-    firsts((0..case.structure.contact_count()).map(|j| case.structure.contact_name(j)))
+fn representatives(simulation: &Simulation) -> Vec<(usize, String)> {
+    firsts((0..simulation.structure.contact_count()).map(|j| family(simulation.structure.contact_name(j))))
 }
 
 /// The first contact of each family of a steady motion.
-fn families(steady: &Steady) -> Vec<(usize, String)> {
-    firsts(steady.contacts.iter().map(|contact| contact.report.name.as_str()))
+pub(super) fn families(steady: &Steady) -> Vec<(usize, String)> {
+    firsts(steady.contacts.iter().map(|contact| family(&contact.report.name)))
 }
 
-fn firsts<'n>(names: impl Iterator<Item = &'n str>) -> Vec<(usize, String)> {
+/// The first item of each family.
+pub(super) fn firsts<'n>(families: impl Iterator<Item = &'n str>) -> Vec<(usize, String)> {
     let mut found: Vec<(usize, String)> = Vec::new();
-    for (j, name) in names.enumerate() {
-        if found.iter().all(|(_, known)| known != family(name)) {
-            found.push((j, family(name).to_owned()));
+    for (j, family) in families.enumerate() {
+        if found.iter().all(|(_, known)| known != family) {
+            found.push((j, family.to_owned()));
         }
     }
     found
 }
 
+/// Local maxima of values that go round.
+fn maxima(values: &[f64]) -> usize {
+    let n = values.len();
+    (0..n).filter(|&i| values[i] > values[(i + n - 1) % n] && values[i] >= values[(i + 1) % n]).count()
+}
+
+/// What was measured, by the name of what it belongs to (`sun_planet` for `sun-planet`), as expressions know it.
+pub(super) fn by_name<'a, T: Serialize + 'a>(items: impl IntoIterator<Item = (&'a str, &'a T)>) -> Map<String, Value> {
+    items.into_iter().map(|(name, item)| (name.replace(['-', ' '], "_"), json!(item))).collect()
+}
+
 /// A scene's number, or zero.
 pub(super) fn number(scene: &Scene, pointer: &str) -> f64 {
-    scene.resolved().pointer(pointer).and_then(serde_json::Value::as_f64).unwrap_or(0.0)
+    scene.resolved().pointer(pointer).and_then(Value::as_f64).unwrap_or(0.0)
 }

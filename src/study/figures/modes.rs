@@ -5,8 +5,9 @@ use crate::{
     plot::{Axis, Figure, Panel, Series, Style},
     scene::Scene,
     study::StudyError,
+    system::Spec,
     train::{
-        Spec, bonded_stiffness,
+        bonded_stiffness,
         planetary::{Family, families},
     },
 };
@@ -42,14 +43,14 @@ impl ModeRow {
 /// Natural modes of a planetary stage with every mesh closed, and drawings of those up to `highest`, Hz.
 ///
 /// # Errors
-/// [`StudyError::Missing`] for trains whose modes do not fall into the families of a stage.
+/// [`StudyError::Simulation`] for trains whose modes do not fall into the families of a stage.
 pub fn modes(scene: &Scene, highest: f64) -> Result<(Figure, Vec<ModeRow>), StudyError> {
     let missing = |missing: String| StudyError::missing(scene.name(), missing);
     if kind(scene) != "planetary" {
         return Err(missing("it is no planetary stage, whose modes fall into families and can be drawn".to_owned()));
     }
-    let spec = scene.build()?.spec;
-    let sorted = families(&spec, &bonded_stiffness(&spec, None)).map_err(|error| missing(error.to_string()))?;
+    let spec = &scene.built().spec;
+    let sorted = families(spec, &bonded_stiffness(spec, None)).map_err(|error| missing(error.to_string()))?;
     let mut rows = Vec::new();
     let mut drawn = Vec::new();
     for family in &sorted {
@@ -70,7 +71,7 @@ pub fn modes(scene: &Scene, highest: f64) -> Result<(Figure, Vec<ModeRow>), Stud
     }
     drawn.sort_by(|a, b| a.0.hertz.total_cmp(&b.0.hertz));
     rows.sort_by(|a, b| a.hertz.total_cmp(&b.hertz));
-    let stage = Layout::new(scene, &spec);
+    let stage = Layout::new(scene, spec);
     let panels: Vec<Panel> =
         drawn.iter().filter(|(row, _)| row.hertz <= highest).map(|(row, shape)| stage.panel(row, shape)).collect();
     let figure = Figure {

@@ -21,21 +21,7 @@ pub struct ThresholdRow {
     pub drag: f64,
 }
 
-impl ThresholdRow {
-    /// The load at the threshold, N m: the middle of its bracket, if it was located.
-    #[must_use]
-    pub fn load(&self) -> Option<f64> {
-        match self.threshold {
-            Threshold::Located { below, above, .. } => Some(0.5 * (below + above)),
-            _ => None,
-        }
-    }
-}
-
 /// The largest load at which the meshes of a family still separate, against speed.
-///
-/// # Errors
-/// [`StudyError`] of the runs.
 pub fn threshold(
     context: &Context<'_>,
     scene: &Scene,
@@ -54,7 +40,7 @@ pub fn threshold(
         Ok(ThresholdRow { rpm, threshold, drag })
     })?;
     let points = |value: &dyn Fn(&ThresholdRow, f64) -> f64| -> (Vec<f64>, Vec<f64>) {
-        rows.iter().filter_map(|row| Some((row.rpm, value(row, row.load()?)))).unzip()
+        rows.iter().filter_map(|row| Some((row.rpm, value(row, row.threshold.located()?)))).unzip()
     };
     let line = |name: &str, colour, (x, y)| Series::line(name, colour, x, y).styled(Style::Joined);
     let series =

@@ -1,16 +1,18 @@
+use serde::Serialize;
 use serde_json::json;
 
-use super::{Context, number};
+use super::{Context, maxima, number};
 use crate::{
     analysis::Spectrum,
     plot::{Axis, Figure, Panel, Series, Style},
     scene::Scene,
-    study::{Case, StudyError, record::record, steady::settled},
+    simulation::Simulation,
+    study::StudyError,
     train::frame::to_fixed,
 };
 
 /// How one centre moved over one turn of the carrier.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trajectory {
     /// `sun` or `ring`.
     pub body: &'static str,
@@ -28,7 +30,7 @@ pub struct Trajectory {
     pub off_harmonics: f64,
 }
 
-const PER_CYCLE: u32 = 128;
+pub(super) const PER_CYCLE: u32 = 128;
 const BODIES: [(&str, &str, &str); 2] = [("sun", "x_s", "y_s"), ("ring", "x_r", "y_r")];
 
 /// Paths of the centres of sun and ring in the fixed frame over one turn of the carrier.
@@ -42,34 +44,32 @@ pub fn trajectories(
 ) -> Result<(Figure, Vec<Trajectory>), StudyError> {
     let columns = context.each(speeds, |&rpm| {
         let scene = scene.with(pointer, json!(rpm))?;
-        let case = Case::new(&scene)?;
-        let bodies =
-            BODIES.iter().filter_map(|(body, x, y)| Some((*body, case.freedom(x).ok()?, case.freedom(y).ok()?)));
+        let simulation = Simulation::from_scene(&scene)?;
+        let bodies = BODIES
+            .iter()
+            .filter_map(|(body, x, y)| Some((*body, simulation.freedom(x).ok()?, simulation.freedom(y).ok()?)));
         let bodies: Vec<(&'static str, usize, usize)> = bodies.collect();
-        let Some(speed) = case.built.carrier_speed.filter(|_| !bodies.is_empty()) else {
-            return Err(case.missing("it has no centres that move in a carrier's frame (x_s, y_s or x_r, y_r)"));
+        let Some(speed) = simulation.carrier_speed.filter(|_| !bodies.is_empty()) else {
+            return Err(simulation
+                .missing("it has no centres that move in a carrier's frame (x_s, y_s or x_r, y_r)")
+                .into());
         };
-        let (mut engine, settled, _) = settled(&case, None, &context.rule, context.interrupted)?;
         // The carrier turns once while Z_r teeth of the ring pass.
         let turn = number(&scene, "/train/teeth/ring") as u64;
-        let recording = record(&case, &mut engine, turn, PER_CYCLE)?;
-        (context.done)();
+        let (recording, settled) = context.recorded(&simulation, PER_CYCLE, |_| turn)?;
         let window = settled.window();
         let mut found = Vec::new();
         for (body, x, y) in bodies {
-            let path: Vec<[f64; 2]> = recording
-                .t
-                .iter()
-                .zip(recording.x[x].iter().zip(&recording.x[y]))
-                .map(|(t, (x, y))| to_fixed([*x, *y], speed * t))
-                .collect();
+            let points = recording.t.iter().zip(recording.x[x].iter().zip(&recording.x[y]));
+            let path: Vec<[f64; 2]> = points.map(|(t, (x, y))| to_fixed([*x, *y], speed * t)).collect();
+            let radius: Vec<f64> = path.iter().map(|p| p[0].hypot(p[1])).collect();
             let spectrum = Spectrum::new(&recording.x[x], f64::from(PER_CYCLE), window);
             let trajectory = Trajectory {
                 body,
                 rpm,
                 period: settled.period,
-                range: path.iter().fold(0.0, |m, p| p[0].hypot(p[1]).max(m)),
-                leaves: settled.period.map(|_| leaves(&path)),
+                range: radius.iter().copied().fold(0.0, f64::max),
+                leaves: settled.period.map(|_| maxima(&radius)),
                 residual: residual(&recording.x[x]),
                 off_harmonics: spectrum.off_multiples(1.0),
             };
@@ -109,14 +109,7 @@ pub fn trajectories(
     Ok((figure, found))
 }
 
-/// Maxima of the radius along a closed path.
-fn leaves(path: &[[f64; 2]]) -> usize {
-    let radius: Vec<f64> = path.iter().map(|p| p[0].hypot(p[1])).collect();
-    let n = radius.len();
-    (0..n).filter(|&i| radius[i] > radius[(i + n - 1) % n] && radius[i] >= radius[(i + 1) % n]).count()
-}
-
-fn residual(x: &[f64]) -> f64 {
+pub(super) fn residual(x: &[f64]) -> f64 {
     let lag = PER_CYCLE as usize;
     let rms = |values: &mut dyn Iterator<Item = f64>| {
         let (sum, count) = values.fold((0.0, 0u32), |(s, n), v| (s + v * v, n + 1));
@@ -126,28 +119,4 @@ fn residual(x: &[f64]) -> f64 {
     let all = rms(&mut x.iter().map(|v| v - mean));
     let changed = rms(&mut x.windows(lag + 1).map(|w| w[lag] - w[0]));
     if all > 0.0 { changed / all } else { 0.0 }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn leaves_of_a_rose() {
-        let n = 4096;
-        let path: Vec<[f64; 2]> = (0..n)
-            .map(|i| {
-                let turn = std::f64::consts::TAU * f64::from(i) / f64::from(n);
-                let r = 1.0 + 0.2 * (12.0 * turn).cos();
-                [r * turn.cos(), r * turn.sin()]
-            })
-            .collect();
-        assert_eq!(leaves(&path), 12);
-    }
-
-    #[test]
-    fn a_motion_of_period_one_has_no_residual() {
-        let x: Vec<f64> = (0..4 * PER_CYCLE).map(|i| f64::from(i % PER_CYCLE)).collect();
-        assert_eq!(residual(&x), 0.0);
-    }
 }

@@ -1,14 +1,16 @@
+use serde::Serialize;
 use serde_json::json;
 
-use super::{Context, forces::order, representatives};
+use super::{Context, ModeRow, forces::order, representatives};
 use crate::{
     analysis::Spectrum,
     plot::{Axis, Figure, Guide, Panel, Series, Style},
     scene::Scene,
-    study::{Case, StudyError, record::record, steady::settled},
+    simulation::Simulation,
+    study::StudyError,
 };
 
-const CYCLES: usize = 48;
+const CYCLES: u64 = 48;
 const PER_CYCLE: u32 = 64;
 /// Order lines drawn.
 const ORDERS: u32 = 4;
@@ -21,9 +23,8 @@ struct Row {
 }
 
 /// The strongest line of one family of meshes over all speeds.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Strongest {
-    /// The family.
     pub family: String,
     /// Speed, rev/min.
     pub rpm: f64,
@@ -37,30 +38,23 @@ pub struct Strongest {
 const SHOWN: f64 = 1e-3;
 
 /// Spectra of the mesh forces at several speeds, one line above the other, with order lines and the natural
-/// frequencies `natural` (name, Hz) up to `highest`, Hz.
-///
-/// # Errors
-/// [`StudyError`] of the runs.
+/// frequencies `natural` up to `highest`, Hz.
 pub fn waterfall(
     context: &Context<'_>,
     scene: &Scene,
     (pointer, speeds): (&str, &[f64]),
-    natural: &[(String, f64)],
+    natural: &[ModeRow],
     highest: f64,
 ) -> Result<(Figure, Vec<Strongest>), StudyError> {
     let rows = context.each(speeds, |&rpm| {
-        let case = Case::new(&scene.with(pointer, json!(rpm))?)?;
-        let (mut engine, settled, _) = settled(&case, None, &context.rule, context.interrupted)?;
-        let cycles = settled.period.map_or(2 * CYCLES, |p| CYCLES.next_multiple_of(p as usize));
-        let recording = record(&case, &mut engine, cycles as u64, PER_CYCLE)?;
+        let simulation = Simulation::from_scene(&scene.with(pointer, json!(rpm))?)?;
+        let cycles = |period: Option<u32>| period.map_or(2 * CYCLES, |period| CYCLES.next_multiple_of(period.into()));
+        let (recording, settled) = context.recorded(&simulation, PER_CYCLE, cycles)?;
         let window = settled.window();
-        let rate = f64::from(PER_CYCLE) / case.period()?;
-        let spectra = representatives(&case)
-            .into_iter()
-            .map(|(j, family)| (family, Spectrum::new(&recording.force[j], rate, window)))
-            .collect();
-        (context.done)();
-        Ok(Row { rpm, mesh_frequency: 1.0 / case.period()?, spectra })
+        let rate = f64::from(PER_CYCLE) / simulation.period()?;
+        let spectrum = |(j, family): (usize, String)| (family, Spectrum::new(&recording.force[j], rate, window));
+        let spectra = representatives(&simulation).into_iter().map(spectrum).collect();
+        Ok(Row { rpm, mesh_frequency: 1.0 / simulation.period()?, spectra })
     })?;
     let step = speeds.windows(2).map(|w| (w[1] - w[0]).abs()).fold(f64::INFINITY, f64::min);
     let step = if step.is_finite() && step > 0.0 { step } else { 1.0 };
@@ -113,8 +107,8 @@ pub fn waterfall(
                 name: order(h),
             })
         });
-        let lines = natural.iter().filter(|(_, hertz)| *hertz <= highest);
-        let lines = lines.map(|(name, hertz)| Guide::Vertical { x: *hertz, name: name.clone() });
+        let lines = natural.iter().filter(|mode| mode.hertz <= highest);
+        let lines = lines.map(|mode| Guide::Vertical { x: mode.hertz, name: mode.name() });
         figure.panels.push(Panel {
             title: name.clone(),
             x: Axis::new("frequency", "Hz").between(0.0, highest),

@@ -106,11 +106,7 @@ fn outside(scene: &Scene, parameter: &Parameter, place: &str) -> Option<Fault> {
 
 /// Targets that the scene, as it stands, does not have.
 fn unreadable(scene: &Scene, targets: &[Target]) -> Vec<Fault> {
-    let spec = match scene.build() {
-        Ok(built) => built.spec,
-        Err(error) => return error.faults,
-    };
-    let train = Train::new(&spec);
+    let train = Train::new(&scene.built().spec);
     let mut faults = Vec::new();
     for target in targets {
         let place = target.to_string();

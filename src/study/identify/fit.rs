@@ -104,9 +104,8 @@ impl<'a> Fit<'a> {
     /// Contacts whose stiffness depends on their load, by name.
     pub fn tangent_contacts(&self) -> Vec<String> {
         let frequencies = self.targets.iter().any(|target| !matches!(target.quantity, Quantity::Force(_)));
-        let contacts = self.scene.build().map(|built| built.spec.contacts).unwrap_or_default();
-        let tangent = contacts.into_iter().filter(|contact| frequencies && !is_linear(contact));
-        tangent.map(|contact| contact.name).collect()
+        let contacts = self.scene.built().spec.contacts.iter();
+        contacts.filter(|contact| frequencies && !is_linear(contact)).map(|contact| contact.name.clone()).collect()
     }
 
     /// The minimum a descent from `start` ends in; none if there is no train at the start.

@@ -34,8 +34,6 @@ mod reading;
 mod result;
 mod uniqueness;
 
-use std::ops::ControlFlow;
-
 pub use check::check;
 use fit::{Fit, Point};
 pub use question::{Parameter, Quantity, Target};
@@ -43,10 +41,13 @@ pub use reading::ReadingError;
 pub use result::{Found, Identification, Met, Side, Solution};
 pub use uniqueness::{Direction, Move, Uniqueness};
 
-use crate::scene::{Fault, Scene};
+use crate::{
+    scene::{Fault, Scene},
+    task::Task,
+};
 
 /// Points a fit starts from, the scene's own among them.
-const STARTS: usize = 32;
+pub const STARTS: usize = 32;
 /// Solutions whose χ² differs by less are of equal quality: no target differs by more than a hundredth of its σ.
 const EQUAL: f64 = 1e-4;
 /// Solutions that differ by less than this share of their bounds, in every number, are one.
@@ -84,11 +85,11 @@ fn report(faults: &[Fault]) -> String {
 /// [`IdentifyError`] if a pointer leads to no number, bounds do not hold a scene, or a target names something that the
 /// train does not have: all faults at once.
 pub fn identify(scene: &Scene, parameters: &[Parameter], targets: &[Target]) -> Result<Identification, IdentifyError> {
-    let found = identify_watched(scene, parameters, targets, &mut |_, _| ControlFlow::Continue(()))?;
+    let found = identify_watched(scene, parameters, targets, Task::default())?;
     Ok(found.expect("OK because nothing stops it"))
 }
 
-/// [`identify`], with `watch` told after each start how many of how many are done; none if it breaks off.
+/// [`identify`]; `task` hears of each of the [`STARTS`]. None if it is cancelled.
 ///
 /// # Errors
 /// Those of [`identify`].
@@ -96,7 +97,7 @@ pub fn identify_watched(
     scene: &Scene,
     parameters: &[Parameter],
     targets: &[Target],
-    watch: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
+    task: Task<'_>,
 ) -> Result<Option<Identification>, IdentifyError> {
     if parameters.is_empty() || targets.is_empty() {
         let fault = fault("no number to find, or no target to find it from", "at least one of each");
@@ -108,7 +109,8 @@ pub fn identify_watched(
     for k in 0..STARTS {
         let start = if k == 0 { fit.clipped(&own) } else { fit.spread(k) };
         points.extend(fit.descend(&start));
-        if watch(k + 1, STARTS).is_break() {
+        task.advance();
+        if task.is_cancelled() {
             return Ok(None);
         }
     }

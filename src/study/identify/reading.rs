@@ -9,8 +9,9 @@ use super::{Quantity, Target};
 use crate::{
     gear::contact::Law,
     linalg::{EigenError, Modes, natural_modes},
+    system::{ContactSpec, Spec},
     train::{
-        ContactSpec, Equilibrium, Spec, TrainError, bonded_stiffness, equilibrium,
+        Equilibrium, TrainError, bonded_stiffness, equilibrium,
         planetary::{FamilyError, FamilyModes, families},
         tangent_stiffness,
     },

@@ -1,174 +1,99 @@
-//! The published study of the reference set, number by number, beside what Flank finds.
-//!
-//! Source of every number here: "Nonlinear Vibroimpact Characteristics of a Planetary Gear Transmission System", figures
-//! 5 to 13 and the text around them (the paper). Nothing is tuned to it: the presets were identified once (see
-//! [`presets`](crate::train::planetary::presets)), and rows that were part of that fit say so.
+//! The published study of the reference set, as data: [claims](super::claims) about its figures, questions for an
+//! identification, values of an independent implementation, and changes to try, each a JSON file beside this one.
 
-mod contradictions;
-mod floating;
-mod heavy;
-mod identified;
-mod light;
+use serde::Deserialize;
+use serde_json::json;
 
-pub use contradictions::contradictions;
-pub use floating::{history, trajectories};
-pub use heavy::{forces, harmonics, modes, waterfall};
-pub use identified::identified;
-pub use light::{apart_by_load, apart_by_speed, cycles, threshold};
+use super::{
+    StudyError,
+    claims::{Claims, Comparison, Verdict, numbers},
+    identify::{Identification, Parameter, Target, identify},
+};
+use crate::scene::Scene;
 
-use serde::Serialize;
-
-/// What comes of a comparison.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Verdict {
-    /// Within 5 % (of a number), or as stated (of a statement).
-    Agrees,
-    /// Within 15 %, or true in part.
-    Partly,
-    /// Neither.
-    Deviates,
-    /// The source contradicts itself, or kinematics, here.
-    Contradiction,
+pub(super) fn claims() -> Result<Claims, StudyError> {
+    Claims::from_json(include_str!("claims.json"))
 }
 
-impl Verdict {
-    /// One word for tables.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Agrees => "agrees",
-            Self::Partly => "partly",
-            Self::Deviates => "deviates",
-            Self::Contradiction => "contradiction",
-        }
+/// Reads one of the tables beside this file.
+pub(super) fn table<T: for<'de> Deserialize<'de>>(text: &str) -> Result<T, StudyError> {
+    serde_json::from_str(text).map_err(|error| StudyError::Claim(error.to_string()))
+}
+
+/// Which numbers of a preset, from which printed values.
+#[derive(Deserialize)]
+struct Question {
+    preset: String,
+    /// Each number in words, and as `flank identify` reads it.
+    vary: Vec<(String, String)>,
+    targets: Vec<String>,
+}
+
+#[derive(Deserialize)]
+struct Questions {
+    /// Each has one answer, compared with the preset.
+    questions: Vec<Question>,
+    /// All open numbers from all that is printed.
+    all: Question,
+}
+
+impl Question {
+    fn answer(&self) -> Result<Identification, StudyError> {
+        let train = json!({ "kind": "planetary", "preset": self.preset, "load": { "output_torque_nm": 500 } });
+        let scene = Scene::from_value(json!({ "flank": 1, "train": train, "run": { "t_end_s": 1 } }), &self.preset)?;
+        let parameters =
+            self.vary.iter().map(|(_, number)| number.parse::<Parameter>()).collect::<Result<Vec<_>, _>>()?;
+        let targets = self.targets.iter().map(|target| target.parse::<Target>()).collect::<Result<Vec<_>, _>>()?;
+        Ok(identify(&scene, &parameters, &targets)?)
     }
 }
 
-/// One row of the table "published, Flank, verdict".
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Comparison {
-    /// Figure of the paper.
-    pub place: &'static str,
-    /// What is compared.
-    pub quantity: String,
-    /// What was published.
-    pub published: String,
-    /// What Flank finds.
-    pub found: String,
-    /// What comes of it.
-    pub verdict: Verdict,
-    /// Whether it was part of the fit that gave the preset, and is no test of it.
-    pub fitted: bool,
-    /// What to know before quoting it; may be empty.
-    pub note: String,
-}
-
-/// Share of the published number up to which a number agrees, and up to which it does in part.
-const NEAR: [f64; 2] = [0.05, 0.15];
-
-/// Two numbers.
-fn numbers(place: &'static str, quantity: &str, (published, found): (f64, f64), unit: &str, note: &str) -> Comparison {
-    let off = (found - published).abs() / published.abs();
-    let verdict = match off {
-        o if o <= NEAR[0] => Verdict::Agrees,
-        o if o <= NEAR[1] => Verdict::Partly,
-        _ => Verdict::Deviates,
-    };
-    let write = |value: f64, digits: usize| format!("{value:.digits$}{}{unit}", if unit.is_empty() { "" } else { " " });
-    let digits = if found.abs() < 1.0 {
-        3
-    } else if found.abs() < 100.0 {
-        2
-    } else {
-        1
-    };
-    let published = format!("{published}{}{unit}", if unit.is_empty() { "" } else { " " });
-    statement(place, quantity, &published, write(found, digits), verdict).noting(note)
-}
-
-/// A statement, and what was found about it.
-fn statement(place: &'static str, quantity: &str, published: &str, found: String, verdict: Verdict) -> Comparison {
-    Comparison {
-        place,
-        quantity: quantity.to_owned(),
-        published: published.to_owned(),
-        found,
-        verdict,
+/// The identified numbers: the preset's, and those that the printed values give back, with residuals.
+///
+/// # Errors
+/// [`StudyError`] never in fact: the questions are part of the library.
+pub fn identified() -> Result<Vec<Comparison>, StudyError> {
+    let Questions { questions, all } = table(include_str!("identified.json"))?;
+    let mut rows = Vec::new();
+    for question in &questions {
+        let answer = question.answer()?;
+        let residuals: Vec<String> =
+            answer.targets.iter().map(|t| format!("{} {} {} got {:.2}", t.quantity, t.wanted, t.unit, t.got)).collect();
+        let unique = match (answer.uniqueness.is_unique(), answer.solutions.len()) {
+            (false, _) => "not unique".to_owned(),
+            (true, 1) => "unique within the bounds".to_owned(),
+            (true, n) => {
+                let other = answer.solutions[1].values.iter().map(|v| format!("{v:.2e}")).collect::<Vec<_>>();
+                format!("{n} solutions; another: {} N/m", other.join(", "))
+            }
+        };
+        for ((words, _), found) in question.vary.iter().zip(&answer.parameters) {
+            let quantity = format!("{words}, {}", question.preset);
+            rows.push(Comparison {
+                found: format!("{:.4e} N/m", found.found),
+                published: format!("{:e} N/m", found.own),
+                note: format!("from {}; {unique}", residuals.join(", ")),
+                ..numbers("preset", &quantity, (found.own, found.found), "N/m")
+            });
+        }
+    }
+    let all = all.answer()?;
+    let words = all.uniqueness.to_string().to_lowercase();
+    let first = words.split([':', '.']).next().unwrap_or_default();
+    let off = all.targets.iter().map(|t| 100.0 * t.relative_residual.unwrap_or(0.0).abs()).fold(0.0, f64::max);
+    rows.push(Comparison {
+        place: "text".to_owned(),
+        quantity: "all nine open numbers from five frequencies and one force".to_owned(),
+        published: "one set".to_owned(),
+        found: format!(
+            "{first}: {} numbers from {} targets, {} free directions; largest residual {off:.1} %",
+            all.uniqueness.unknowns,
+            all.uniqueness.targets,
+            all.uniqueness.free.len()
+        ),
+        verdict: if all.uniqueness.is_unique() { Verdict::Agrees } else { Verdict::Deviates },
         fitted: false,
-        note: String::new(),
-    }
-}
-
-impl Comparison {
-    /// The same row, part of the fit.
-    #[must_use]
-    fn fitted(self) -> Self {
-        Self { fitted: true, ..self }
-    }
-
-    /// The same row with a note.
-    #[must_use]
-    fn noting(self, note: &str) -> Self {
-        Self { note: note.to_owned(), ..self }
-    }
-}
-
-/// A statement that holds or not.
-fn holds(yes: bool) -> Verdict {
-    if yes { Verdict::Agrees } else { Verdict::Deviates }
-}
-
-/// Coefficient of determination of the straight line through points, `1 − Σ(y − ŷ)²/Σ(y − ȳ)²`.
-fn linearity(x: &[f64], y: &[f64]) -> f64 {
-    let n = x.len() as f64;
-    let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
-    let sum = |a: &[f64], ma: f64, b: &[f64], mb: f64| a.iter().zip(b).map(|(a, b)| (a - ma) * (b - mb)).sum::<f64>();
-    let (xx, xy, yy) = (sum(x, mx, x, mx), sum(x, mx, y, my), sum(y, my, y, my));
-    if xx * yy > 0.0 { xy * xy / (xx * yy) } else { 0.0 }
-}
-
-/// Whether a study has enough points to speak of a curve, and these among them. What was read off the paper at one place is
-/// compared there, not between its neighbours.
-fn has(xs: &[f64], wanted: &[f64]) -> bool {
-    xs.len() >= 20 && wanted.iter().all(|x| xs.iter().any(|own| (own - x).abs() <= 1e-9 * x.abs().max(1.0)))
-}
-
-/// Value at `x` of a curve through points in rising order, linear between them.
-fn at(xs: &[f64], ys: &[f64], x: f64) -> f64 {
-    match xs.iter().position(|v| *v >= x) {
-        Some(0) => ys[0],
-        Some(i) => ys[i - 1] + (ys[i] - ys[i - 1]) * (x - xs[i - 1]) / (xs[i] - xs[i - 1]),
-        None => ys.last().copied().unwrap_or_default(),
-    }
-}
-
-/// Where a curve is largest.
-fn summit(xs: &[f64], ys: &[f64]) -> (f64, f64) {
-    xs.iter().zip(ys).fold((0.0, f64::NEG_INFINITY), |best, (x, y)| if *y > best.1 { (*x, *y) } else { best })
-}
-
-/// Numbers joined by commas.
-fn list(values: impl IntoIterator<Item = f64>, digits: usize) -> String {
-    values.into_iter().map(|v| format!("{v:.digits$}")).collect::<Vec<_>>().join(", ")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_straight_line_is_linear() {
-        let x = [1.0, 2.0, 4.0];
-        assert!((linearity(&x, &[3.0, 5.0, 9.0]) - 1.0).abs() < 1e-15);
-        assert!(linearity(&[-1.0, 0.0, 1.0], &[1.0, 0.0, 1.0]) < 1e-15);
-        assert_eq!(at(&x, &[3.0, 5.0, 9.0], 3.0), 7.0);
-    }
-
-    #[test]
-    fn verdicts_follow_their_rule() {
-        for (found, verdict) in [(104.0, Verdict::Agrees), (86.0, Verdict::Partly), (84.0, Verdict::Deviates)] {
-            assert_eq!(numbers("", "", (100.0, found), "N", "").verdict, verdict);
-        }
-    }
+        note: "the bearing and a nearly free sun are what every fit has in common".to_owned(),
+    });
+    Ok(rows)
 }

@@ -5,9 +5,9 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use nalgebra::{DMatrix, DVector};
 
 use super::{Freedoms, Planetary};
+use crate::system::{ContactSpec, Spec};
 use crate::train::Mesh;
 use crate::train::error::{TrainError, check};
-use crate::train::spec::{ContactSpec, Spec};
 
 /// The matrices in all freedoms.
 struct Whole {

@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 use thiserror::Error;
 
 use crate::linalg::{EigenError, Modes, natural_modes};
-use crate::train::Spec;
+use crate::system::Spec;
 
 /// What the modes of a symmetric stage move (Lin & Parker, J. Vib. Acoust. 121, 1999, 316).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -10,10 +10,10 @@
 //! ```
 //!
 //! ```
-//! use flank::train::{Freedoms, bonded_modes, planetary::presets};
+//! use flank::{scene::Scene, train::bonded_modes};
 //!
-//! let spec = presets::lin_parker(3).assemble(&Freedoms::FullCarrier)?;
-//! let hertz = bonded_modes(&spec)?.hertz();
+//! let stage = r#"{ "flank": 1, "train": { "kind": "planetary", "preset": "lin-parker" }, "run": { "t_end_s": 1 } }"#;
+//! let hertz = bonded_modes(&Scene::from_json(stage, "lin-parker")?.build()?.spec)?.hertz();
 //! assert!((hertz[1] - 743.2).abs() < 0.1);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -23,7 +23,6 @@
 mod assemble;
 mod family;
 mod freedoms;
-pub mod presets;
 mod stage;
 mod warning;
 

@@ -1,0 +1,233 @@
+//! Everything that happens at one instant, from its first cause to its record.
+//!
+//! The first cause opens the instant: guards that fire, a known switching time or the sum of an impact sequence. Each cause makes a
+//! jump. The first step of the motion after it tells whether guards fire at the same instant again, which is the next cause; if none
+//! does, the instant is closed and on record (`docs/EVENTS.md`, 2, 11 to 15 and 20).
+
+use super::{
+    EngineError, Observer, Outcome,
+    state::{Point, State},
+    visit::{Arrival, Core, End, Place},
+};
+use crate::{
+    event::{Accumulation, EventRecord, Located},
+    hybrid::{GuardSet, Mode},
+    integrate::DenseStep,
+};
+
+/// Jumps without an impulse allowed at one instant; more are a cycle.
+const MAX_CASCADE: usize = 64;
+/// Jumps with an impulse allowed at one instant. A factor of 0.992 a round reaches [`LOST`] in as many.
+const MAX_STRIKES: usize = 4096;
+/// Approach speed, relative to the fastest at the same instant, below which contacts come to rest instead of bouncing: the rounding of
+/// the speeds that it is a difference of.
+const LOST: f64 = 256.0 * f64::EPSILON;
+
+/// Times its error that a guard may be off zero at a switch that its event waits for: twice each for the values there and at the event.
+const WAITING: f64 = 4.0;
+
+/// How far an instant is resolved.
+#[derive(Clone, Copy, PartialEq)]
+enum Stage {
+    /// Guards may still fire.
+    Open,
+    /// The record is complete; its impacts are not yet part of a sequence.
+    Closed,
+    /// The motion has gone on.
+    Past,
+}
+
+/// The event iteration of the last instant at which something happened.
+pub(super) struct EventIteration {
+    stage: Stage,
+    record: EventRecord,
+    /// Modes left at the instant, one for each jump.
+    cascade: Vec<Mode>,
+    /// Jumps that had an impulse.
+    strikes: usize,
+    /// Their fastest approach, where all that fired rebounds, m/s.
+    fastest: f64,
+}
+
+impl EventIteration {
+    /// The start of a run: what follows from it at once is one record.
+    pub fn new(state: &State) -> Self {
+        let mode = || state.jump.mode.clone();
+        let (x_minus, jump) = (state.x.clone(), state.jump.clone());
+        let record =
+            EventRecord { at: state.at, from: mode(), to: mode(), x_minus, jump, start: true, ..Default::default() };
+        Self { stage: Stage::Open, record, cascade: Vec::with_capacity(MAX_CASCADE), strikes: 0, fastest: 0.0 }
+    }
+
+    pub fn is_open(&self) -> bool {
+        self.stage == Stage::Open
+    }
+
+    /// Opens the instant at which `state` stands, unless it is open.
+    fn open(&mut self, state: &State) {
+        if self.is_open() {
+            return;
+        }
+        // An arc too short for the clock to tell leaves the instant what it was: its jumps go on counting.
+        if self.record.at != state.at {
+            self.cascade.clear();
+            (self.strikes, self.fastest) = (0, 0.0);
+        }
+        let record = &mut self.record;
+        (record.at, record.from) = (state.at, state.jump.mode.clone());
+        record.x_minus.clone_from(&state.x);
+        // All but what `close` writes.
+        (record.fired, record.conditioning, record.accumulation) = Default::default();
+        (record.jumps, record.projected, record.switched, record.start) = Default::default();
+        self.stage = Stage::Open;
+    }
+
+    /// Closes the instant with the state after it. Its record, if there is anything to say.
+    pub fn close(&mut self, state: &State) -> Option<&EventRecord> {
+        if !self.is_open() {
+            return None;
+        }
+        self.stage = Stage::Closed;
+        let record = &mut self.record;
+        // A start off all guards is no decision. The record has the exact zeros of the start until it is closed.
+        if record.start && record.jump.pinned.is_empty() && record.fired.is_empty() && !record.switched {
+            return None;
+        }
+        record.to = state.jump.mode.clone();
+        record.jump = state.jump.clone();
+        record.x_plus.clone_from(&state.x);
+        Some(record)
+    }
+}
+
+impl Core<'_> {
+    /// The guards of `located` fire where `point` stands.
+    pub fn fire(&mut self, point: &mut Point, located: &Located) -> Result<(), EngineError> {
+        let Self { system, alarm, iteration, .. } = self;
+        iteration.open(&point.state);
+        let EventIteration { record, cascade, strikes, fastest, .. } = iteration;
+        let Point { state: State { at, x, jump }, low, .. } = point;
+        record.fired |= &located.fired;
+        if located.conditioning.time >= record.conditioning.time {
+            record.conditioning = located.conditioning;
+        }
+        let rounds = cascade.len();
+        if rounds >= MAX_CASCADE + *strikes || *strikes >= MAX_STRIKES {
+            let since = cascade.iter().rposition(|mode| *mode == jump.mode).unwrap_or(0);
+            let cycle = cascade[since..].iter().map(|mode| system.mode_in_words(mode)).collect();
+            return Err(EngineError::Cycle { t: system.clock().time(*at).value(), rounds, cycle });
+        }
+        cascade.push(jump.mode.clone());
+        alarm.jumped();
+        // A guard that is known to touch carries an impulse without an impact.
+        let near = &located.near - &jump.pinned;
+        jump.pinned |= &located.zero;
+        // Events closer together than their uncertainties are one instant: a rigid flank that does not give back touches.
+        let touches = located.near.iter().filter(|id| system.restitution(*id) == Some(0.0));
+        touches.for_each(|id| jump.pinned.insert(id));
+        let rebounds = |id| system.restitution(id).is_some_and(|e| e > 0.0);
+        let speed = if located.fired.iter().all(rebounds) { located.conditioning.slope.abs() } else { 0.0 };
+        let after = if speed > 0.0 && speed < LOST * *fastest {
+            low.fill(0.0);
+            system.settle(jump, &located.fired, *at, x)
+        } else {
+            system.jump(jump, &located.fired, *at, x, low)
+        };
+        *jump = after.map_err(|source| EngineError::Model { t: system.clock().time(*at).value(), source })?;
+        alarm.moved(*system, *at, &located.fired, jump.projected)?;
+        if !jump.struck.is_empty() {
+            *strikes += 1;
+            *fastest = fastest.max(speed);
+        }
+        record.fired |= &(&near & &jump.struck);
+        record.projected = record.projected.max(jump.projected);
+        record.jumps += 1;
+        self.next_switch = system.next_switch(&jump.mode, *at);
+        Ok(())
+    }
+
+    /// `point` stands at a known switching time: the schedule of the mode moves on.
+    pub fn switch(&mut self, point: &mut Point) {
+        self.counters.switches += 1;
+        self.iteration.open(&point.state);
+        self.iteration.record.switched = true;
+        let State { at, jump, .. } = &mut point.state;
+        jump.mode = self.system.switched(&jump.mode, *at);
+        self.next_switch = self.system.next_switch(&jump.mode, *at);
+    }
+
+    /// An impact sequence ends: the contacts of `guards` come to rest. The time of the record is that of the sum, which is ahead of the
+    /// state: nothing else is known to happen then, and the instant is closed.
+    pub fn rest(
+        &mut self,
+        point: &mut Point,
+        guards: GuardSet,
+        accumulation: Accumulation,
+        observer: &mut dyn Observer,
+    ) -> Result<Option<Outcome>, EngineError> {
+        let (clock, Point { state, low, carried }) = (self.system.clock(), point);
+        low.fill(0.0);
+        carried.clear();
+        self.alarm.jumped();
+        self.chatter.clear();
+        self.iteration.open(state);
+        let at = clock.advance(state.at, accumulation.remaining);
+        let settled = self.system.settle(&state.jump, &guards, state.at, &mut state.x);
+        state.jump = settled.map_err(|source| EngineError::Model { t: clock.time(at).value(), source })?;
+        let record = &mut self.iteration.record;
+        (record.at, record.fired, record.accumulation, record.jumps) = (at, guards, Some(accumulation), 1);
+        Ok(self.close(state, observer))
+    }
+
+    /// Closes the instant that is open, if any, and hands on its record. The outcome, if the observer stops the run there.
+    pub fn close(&mut self, state: &State, observer: &mut dyn Observer) -> Option<Outcome> {
+        let record = self.iteration.close(state)?;
+        self.counters.add(record);
+        observer.event(record).is_break().then_some(Outcome::StoppedByObserver)
+    }
+
+    /// Resolves the instant at which the first step of an arc starts. If guards fire there again, they are returned. Otherwise the
+    /// instant is closed, and the arc, which has `left` to run, goes on, unless the run stops or an impact sequence is summed.
+    pub fn resolve(
+        &mut self,
+        step: &dyn DenseStep,
+        place: Place<'_>,
+        located: &mut Option<Located>,
+        left: f64,
+        observer: &mut dyn Observer,
+    ) -> Option<End> {
+        if let Some(located) = located.take_if(|l| l.theta == 0.0) {
+            return Some(End::Event(located));
+        }
+        if self.iteration.is_open() {
+            let outcome = self.close(place.state, observer);
+            let outcome = outcome.or((place.arrival == Arrival::Record).then_some(Outcome::ReachedEnd));
+            let is_spent = self.counters.events >= self.options.max_events;
+            if let Some(outcome) = outcome.or(is_spent.then_some(Outcome::EventBudgetSpent)) {
+                return Some(End::Stop(outcome));
+            }
+        }
+        let stage = std::mem::replace(&mut self.iteration.stage, Stage::Past);
+        let impacts = Some(&self.iteration.record.fired).filter(|fired| stage == Stage::Closed && !fired.is_empty())?;
+        let (guards, accumulation) = self.chatter.ends(self.system, step, impacts, &self.options)?;
+        // A sequence is summed only if it ends before the arc does: a switch or the run's end may not fall inside.
+        (accumulation.remaining < left).then_some(End::Rest(guards, accumulation))
+    }
+}
+
+impl Place<'_> {
+    /// Whether a state event on `step` waits for the switch at the end of the arc, `left` after the step's start: it fires at the start of
+    /// the next arc. Its guards are then not to be told from zero up to there; one whose time is uncertain because they hardly move, and
+    /// then do, does not wait.
+    pub fn waits(&self, step: &dyn DenseStep, located: &Located, left: f64) -> bool {
+        let is_zero = |i: usize| {
+            let (tail, rounding) = step.guard_error(i);
+            step.plain_span().is_none()
+                || step.guard(i).iter().sum::<f64>().abs() <= WAITING * (tail + rounding + step.gathered(i, 1.0, 0))
+        };
+        let fired = |i: &usize| located.fired.contains(step.guards()[*i]);
+        self.arrival == Arrival::Switch
+            && left - step.time(located.theta) <= located.conditioning.time
+            && (0..step.guards().len()).filter(fired).all(is_zero)
+    }
+}

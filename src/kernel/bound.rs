@@ -1,0 +1,403 @@
+//! How long a step may be, what its series leave out, and the error of every row read from it.
+//!
+//! Norm of the state: `‖x‖ = max_i √M_ii max(Ω |q_i|, |q̇_i|)` with `Ω² = ‖A_q‖` of `q̈ = A_q q + A_v q̇ + f`.
+//! Then `‖A x‖ ≤ L ‖x‖` with `L = Ω + ‖A_v‖`. The series `x_N` of a step of length H, cut after order N, leaves the defect
+//! `d(θ) = ẋ_N − f(t, x_N)`, whose terms all have order N or more, so `‖d(θ)‖ ≤ D θᴺ`. The error obeys `ė = A e − d`, hence
+//!
+//! ```text
+//! ‖x − x_N‖ ≤ T = D H/((N + 1)(1 − ρ)),   ρ = H L/(N + 1) < 1,   D = L ‖X_N‖ + Σ_{k≥N} |F_k| + Σ_{i≤N} |p_i| Σ_{l≥N−i} |k_l|
+//! ```
+//!
+//! F is the forcing by harmonics, k the part of the stiffnesses that varies, p the penetrations. This is a proof: `docs/EVENTS.md`
+//! has the derivation.
+
+use super::{Elasticity, Expansion, Force, LANES, ORDER, ROW, defect::Defect, motion::Part};
+use crate::{
+    gear::contact::Law,
+    hybrid::Jet,
+    system::{Contact, Oscillator, Sticking, Structure},
+};
+
+/// Largest ρ, which keeps `1/(1 − ρ)` below four.
+const LARGEST_RATIO: f64 = 0.75;
+/// Times the truncation may exceed what was asked for, before the step is shortened.
+const EXCESS: f64 = 2.0;
+/// Truncation where rounding is kept, relative to the one asked for: it has one sign, and ε in each of N periods is up to `ε N²/2`
+/// in the end.
+const FINER: f64 = 1e-5;
+/// Least order whose remainders [`Amplitude::top`] bounds.
+const LEAST_ORDER: i32 = 16;
+
+/// `1/k!`.
+const INVERSE_FACTORIAL: [f64; ROW + 1] = {
+    let mut f = [1.0; ROW + 1];
+    let mut k = 1;
+    while k <= ROW {
+        f[k] = f[k - 1] / k as f64;
+        k += 1;
+    }
+    f
+};
+
+/// A little less than `x^(1/k)` for `x > 0`, within 7 %: the exponent and the leading bits divided by k.
+///
+/// The double's bits are a piecewise linear logarithm, off by at most 0.0861 in log₂, twice over in the quotient.
+pub(super) fn root_below(x: f64, k: usize) -> f64 {
+    const ONE: i64 = 1023 << 52;
+    let bits = (x.to_bits() as i64 - ONE) / k as i64 + ONE;
+    f64::from_bits(bits as u64) * 0.94
+}
+
+/// Bound on `Σ_{l≥m} zˡ/l!`, given its first term.
+fn exponential_tail(z: f64, m: usize, first: f64) -> f64 {
+    let ratio = z / (m + 1) as f64;
+    first * if ratio < 0.5 { 1.0 / (1.0 - ratio) } else { z.exp() }
+}
+
+/// Sums over the harmonics `a cos(ωt + φ)` of one row.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Amplitude {
+    /// `Σ |a|`.
+    pub sum: f64,
+    /// `Σ |a| (ω/Ω)^16` with Ω the fastest frequency of loads and errors: the terms of order N ≥ 16 are at most `top (ΩH)ᴺ/N!`.
+    pub top: f64,
+}
+
+impl Amplitude {
+    fn add(&mut self, size: f64, oscillator: Oscillator, fastest: f64) {
+        self.sum += size;
+        self.top += size * (oscillator.omega / fastest).powi(LEAST_ORDER);
+    }
+}
+
+/// The forcing of a structure, in sums.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Forcing {
+    /// The fastest frequency Ω of loads and errors, rad/s.
+    fastest: f64,
+    /// Harmonic loads as weighted accelerations, `max_i √M_ii |a_i|`.
+    load: Amplitude,
+    /// The errors of each contact: e, ė, ë.
+    errors: Vec<[Amplitude; 3]>,
+    /// `min (1/ω) (Σ|e|/|e_ω|)^(1/25)` over all errors that are watched, s: the step on which each wave stays resolved.
+    span: f64,
+    /// Row sums of the weighted `M⁻¹K` and `M⁻¹C` without contacts.
+    rows: [Vec<f64>; 2],
+}
+
+impl Forcing {
+    pub fn new(s: &Structure) -> Self {
+        let oscillators = &s.oscillators;
+        let errors = s.contacts.iter().flat_map(|c| &c.error).map(|w| w.index);
+        let waves = s.load_waves.iter().map(|w| w.index).chain(errors);
+        let fastest = waves.fold(0.0, |m: f64, i| m.max(oscillators[i].omega));
+        let mut load = Amplitude::default();
+        for w in &s.load_waves {
+            load.add(w.size(&s.weights), oscillators[w.index], fastest);
+        }
+        let mut span = f64::INFINITY;
+        let mut errors = Vec::with_capacity(s.contacts.len());
+        for c in &s.contacts {
+            let mut sums = [Amplitude::default(); 3];
+            for w in &c.error {
+                let (size, o) = (w.cosine.hypot(w.sine), oscillators[w.index]);
+                for (power, sum) in sums.iter_mut().enumerate() {
+                    sum.add(size * o.omega.powi(power as i32), o, fastest);
+                }
+            }
+            for w in c.error.iter().filter(|_| !matches!(c.spec.law, Law::Bilateral(_))) {
+                let share = sums[0].sum / w.cosine.hypot(w.sine);
+                span = span.min(share.powf(1.0 / ROW as f64) / oscillators[w.index].omega);
+            }
+            errors.push(sums);
+        }
+        let w = &s.weights;
+        let mut rows = [vec![0.0; s.n], vec![0.0; s.n]];
+        for (i, row) in s.rows.iter().enumerate() {
+            for (j, k, c) in row {
+                let ratio = w[i] / w[*j as usize];
+                rows[0][i] += k.abs() * ratio;
+                rows[1][i] += c.abs() * ratio;
+            }
+        }
+        Self { fastest, load, errors, span, rows }
+    }
+
+    /// `‖M⁻¹K‖`, 1/s², and `‖M⁻¹C‖`, 1/s, without contacts.
+    pub fn norms(&self) -> [f64; 2] {
+        [0, 1].map(|i| self.rows[i].iter().copied().fold(0.0, f64::max))
+    }
+}
+
+/// What the truncated terms add at most, anywhere on the step.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Tail {
+    /// To the weighted velocities, `√M_ii |v_i|`.
+    pub velocity: f64,
+    /// To the weighted displacements, `√M_ii |q_i|`.
+    pub displacement: f64,
+    /// `zᴺ/N!` and `zᴺ⁺¹/(N+1)!` of the fastest load or error: what a cosine leaves out after order N − 1 and N. Stiffness waves have their own
+    /// ([`product_tail`](Expansion::product_tail)).
+    pub waves: [f64; 2],
+    /// `‖A_q‖`, `‖A_v‖` and the forcing's top amplitude, without the contacts at rest.
+    pub free: [f64; 3],
+    /// In a root clock the bounds of its own.
+    pub rooted: Option<Defect>,
+}
+
+/// The smooth flow of a mode in numbers.
+#[derive(Debug)]
+pub(super) struct Growth {
+    /// `‖A_q‖`, 1/s², and `‖A_v‖`, 1/s.
+    norms: [f64; 2],
+    /// Harmonic forcing as a weighted acceleration.
+    forcing: Amplitude,
+    /// Norms and the forcing's top without the contacts at rest.
+    free: [f64; 3],
+    /// Norm of the projection by contacts at rest; 1 without.
+    projection: f64,
+    /// Fastest frequency of a stiffness that a force is carried or watched by, rad/s.
+    swing: f64,
+}
+
+impl Growth {
+    /// The structure, the linear contacts that carry force, the projection by those at rest.
+    pub fn new(s: &Structure, forcing: &Forcing, parts: &[Part], held: Option<&Sticking>) -> Self {
+        let [mut by_q, mut by_v] = forcing.rows.clone();
+        let (mut total, mut swing) = (forcing.load, 0.0);
+        for (j, (part, c)) in parts.iter().zip(&s.contacts).enumerate() {
+            if part.acting.is_some() {
+                swing = f64::max(swing, c.swing.1);
+            }
+            let Some((_, damping)) = part.carried_linear() else { continue };
+            let stiffness = c.stiffest;
+            for (i, p) in &c.push {
+                let push = p.abs() * s.weights[*i as usize];
+                by_q[*i as usize] += stiffness * push * c.across;
+                by_v[*i as usize] += damping * push * c.across;
+            }
+            let [e, rate, _] = forcing.errors[j];
+            total.sum += c.push_norm * (stiffness * e.sum + damping * rate.sum);
+            total.top += c.push_norm * (stiffness * e.top + damping * rate.top);
+        }
+        let largest = |r: &[f64]| r.iter().copied().fold(0.0, f64::max);
+        let mut norms = [largest(&by_q), largest(&by_v)];
+        let free = [norms[0], norms[1], total.top];
+        let mut projection = 1.0;
+        if let Some(held) = held {
+            projection = 1.0 + project_norms(s, held, |k, norm| norm * s.contacts[k].across);
+            norms = norms.map(|n| n * projection);
+            total.sum = total.sum * projection + project_norms(s, held, |k, norm| norm * forcing.errors[k][2].sum);
+            total.top = total.top * projection + project_norms(s, held, |k, norm| norm * forcing.errors[k][2].top);
+        }
+        Self { norms, forcing: total, free, projection, swing }
+    }
+}
+
+/// Sums `term` over the contacts at rest; `norm` is the weighted acceleration that the multipliers answer a unit of
+/// contact `k`'s free acceleration with, `max_i Σ_j √M_ii |M⁻¹g_j|_i |W⁻¹|_jk`.
+fn project_norms(s: &Structure, held: &Sticking, term: impl Fn(usize, f64) -> f64) -> f64 {
+    let contacts = held.contacts();
+    (0..contacts.len())
+        .map(|k| {
+            let column = held.inverse_column(k);
+            let norm = contacts.iter().zip(&column).map(|(&j, w)| s.contacts[j].push_norm * w.abs()).sum();
+            term(contacts[k], norm)
+        })
+        .sum()
+}
+
+impl Expansion<'_> {
+    /// The weighted size of the rates at order `k`, those of the contacts included.
+    pub(super) fn size(&self, k: usize, out: &Jet) -> f64 {
+        // (δ̇)_k = (k+1) δ_{k+1}/h in plain time; in a root clock the same up to the weight, which is of order one.
+        let per_time = (k + 1) as f64 / self.h;
+        self.s.contacts.iter().enumerate().fold(self.velocity_size(k, out), |m, (j, c)| {
+            m.max((out.work[self.layout.deflection(j, k + 1)] * per_time).abs() * c.weight)
+        })
+    }
+
+    pub(super) fn velocity_size(&self, k: usize, out: &Jet) -> f64 {
+        let s = self.s;
+        let v = &out.state[k * s.dim + s.n..k * s.dim + 2 * s.n];
+        v.iter().zip(&s.weights).fold(0.0, |m: f64, (v, w)| m.max(v.abs() * w))
+    }
+
+    /// The longest `θ ≤ 1` on which the series hold to the tolerance, and what they leave out there; `None` if the coefficients
+    /// overflowed. Plain time.
+    pub(super) fn plain_reach(&self, out: &Jet) -> Option<(f64, Tail)> {
+        let flow = &self.motion.growth;
+        let tolerance = self.request.tolerance * if out.low.is_empty() { 1.0 } else { FINER };
+        let first = [0, 1, 2].map(|k| self.size(k, out));
+        let last = self.last_size(out);
+        let growth = flow.norms[0].sqrt() + flow.norms[1];
+        let fastest = self.motion.forcing.fastest;
+        let steps = (ORDER + 1) as f64;
+        // What the terms of order N and N + 1 are at reach one; forcing below the smallest double does not count.
+        let order = ORDER as i32;
+        let wave = flow.forcing.top * (fastest * self.h).powi(order) * INVERSE_FACTORIAL[ORDER];
+        let scale = (growth * last + wave) * self.h / steps;
+        if !first.iter().all(|v| v.is_finite()) || !scale.is_finite() {
+            return None;
+        }
+        let allowed = |r: f64| {
+            let forced = flow.forcing.sum * self.h * r;
+            tolerance * first[0].max(first[1] * r).max(first[2] * r * r).max(forced)
+        };
+        // Errors stay resolved to the tolerance of their own size, zᴺ⁺¹/(N+1)! ≤ tolerance, and so do stiffnesses that a force is
+        // watched or carried by.
+        let resolved = root_below(tolerance / INVERSE_FACTORIAL[ORDER + 1], ORDER + 1) / self.h;
+        let waves = resolved * self.motion.forcing.span.min(flow.swing.recip());
+        let proven = LARGEST_RATIO * steps / (self.h * growth.max(fastest));
+        let most = waves.min(proven).min(1.0);
+        let mut reach = most;
+        for _ in 0..4 {
+            if scale <= 0.0 {
+                break;
+            }
+            let room = 1.0 - reach * self.h * growth / steps;
+            let next = root_below(allowed(reach) * room / scale, ORDER + 1).min(most);
+            let settled = (next - reach).abs() <= 0.1 * next;
+            reach = next;
+            if settled {
+                break;
+            }
+        }
+        if crate::old_steps() {
+            let (reach, rate) = self.old_reach(allowed, out);
+            let displacement = rate * self.h * reach / ORDER as f64;
+            return Some((reach, Tail { velocity: rate, displacement, ..Tail::default() }));
+        }
+        let mut tail = self.tail(growth, last, reach, out);
+        for _ in 0..4 {
+            let excess = tail.velocity / allowed(reach);
+            if excess.is_nan() || excess <= EXCESS {
+                break;
+            }
+            reach *= root_below(1.0 / excess, ORDER + 1);
+            tail = self.tail(growth, last, reach, out);
+        }
+        Some((reach, tail))
+    }
+
+    /// The step rule of an earlier version, which missed events: the last two orders of a contact's rate are taken from the same
+    /// coefficient, and forces of contacts at rest do not count. For tests of the verification.
+    fn old_reach(&self, allowed: impl Fn(f64) -> f64, out: &Jet) -> (f64, f64) {
+        let size = |k: usize| match k {
+            ORDER => self.size(ORDER - 1, out).max(self.velocity_size(ORDER, out)),
+            _ => self.size(ORDER - 1, out).max(self.velocity_size(k, out)),
+        };
+        let last = [ORDER - 1, ORDER].map(size);
+        let mut reach: f64 = 1.0;
+        for _ in 0..4 {
+            let next = [ORDER - 1, ORDER].iter().zip(last).filter(|(_, a)| *a > allowed(reach));
+            reach = next.map(|(k, a)| root_below(allowed(reach) / a, *k)).fold(1.0, f64::min);
+        }
+        (reach, 3.0 * last[0].max(last[1]) * reach.powi(ORDER as i32 - 1))
+    }
+
+    /// `‖x_N‖`.
+    fn last_size(&self, out: &Jet) -> f64 {
+        let s = self.s;
+        let q = &out.state[ORDER * s.dim..ORDER * s.dim + s.n];
+        let displacement = q.iter().zip(&s.weights).fold(0.0, |m: f64, (q, w)| m.max(q.abs() * w));
+        self.velocity_size(ORDER, out).max(displacement * self.motion.growth.norms[0].sqrt())
+    }
+
+    fn tail(&self, growth: f64, last: f64, reach: f64, out: &Jet) -> Tail {
+        let flow = &self.motion.growth;
+        let h = self.h * reach;
+        let steps = (ORDER + 1) as f64;
+        let z = self.motion.forcing.fastest * h;
+        let wave = z.powi(ORDER as i32) * INVERSE_FACTORIAL[ORDER];
+        let last = last * reach.powi(ORDER as i32);
+        let varying = self.varying_tail(ORDER, reach, out);
+        let defect = growth * last + flow.forcing.top * exponential_tail(z, ORDER, wave) + flow.projection * varying;
+        let velocity = defect * h / steps / (1.0 - growth * h / steps);
+        let displacement = h / steps * (self.velocity_size(ORDER, out) * reach.powi(ORDER as i32) + velocity);
+        Tail { velocity, displacement, waves: [wave, wave * z / steps], free: flow.free, rooted: None }
+    }
+
+    /// Bound on what the varying parts of all stiffnesses add to weighted accelerations in orders `from` and more.
+    fn varying_tail(&self, from: usize, reach: f64, out: &Jet) -> f64 {
+        let carried = self.motion.parts.iter().zip(&self.s.contacts).enumerate();
+        let carried = carried.filter(|(_, (part, _))| part.carried_linear().is_some());
+        carried.map(|(j, (_, c))| c.push_norm * self.product_tail(j, from, reach, out)).sum()
+    }
+
+    /// Bound on the terms of order `from` and more of `k(t) p` of contact `j` that come from the varying part of k.
+    fn product_tail(&self, j: usize, from: usize, reach: f64, out: &Jet) -> f64 {
+        let (c, h) = (&self.s.contacts[j], self.h * reach);
+        let slope = match self.motion.parts[j].force() {
+            Some(Force::Linear { stiffness: Elasticity::Ramp { slope, .. }, .. }) => (slope * h).abs(),
+            Some(Force::Linear { stiffness: Elasticity::Waves, .. }) => 0.0,
+            _ => return 0.0,
+        };
+        let z = c.swing.1 * h;
+        let mut terms = [1.0; ORDER + 3];
+        for m in 1..=from + 1 {
+            terms[m] = terms[m - 1] * z / m as f64;
+        }
+        // Terms k_l with l ≥ m meet the penetration at order `from − m`.
+        let mut varied = c.swing.0 * exponential_tail(z, from + 1, terms[from + 1]);
+        let (mut sum, mut power) = (0.0, 1.0);
+        let rows = out.work[self.layout.deflection(j, 1)..].iter().step_by(LANES);
+        let stretches = std::iter::once(&out.work[self.layout.stretches + j]).chain(rows);
+        for (stretch, term) in stretches.zip(terms[..=from].iter().rev()).take(ORDER + 1) {
+            varied += c.swing.0 * term;
+            sum += stretch.abs() * power * varied;
+            power *= reach;
+        }
+        // A slope is the term k₁, which meets orders `from − 1` and more.
+        let last = |k: usize| self.stretch(j, k, &out.work).abs() * reach.powi(k as i32);
+        sum + if slope == 0.0 { 0.0 } else { slope * (from - 1..=ORDER).map(last).sum::<f64>() }
+    }
+
+    /// What the tail adds to the deflection of contact `j`, m.
+    pub(super) fn deflection_tail(&self, j: usize, tail: &Tail) -> f64 {
+        if let Some(defect) = &tail.rooted {
+            return defect.of_deflection(&self.s.contacts[j]);
+        }
+        self.s.contacts[j].across * tail.displacement + self.motion.forcing.errors[j][0].top * tail.waves[1]
+    }
+
+    /// What it adds to the rate of contact `j`, of which order N is missing too, m/s.
+    pub(super) fn rate_tail(&self, j: usize, tail: &Tail, out: &Jet) -> f64 {
+        if let Some(defect) = &tail.rooted {
+            return defect.of_rate(self.s, &self.s.contacts[j]);
+        }
+        let last = self.velocity_size(ORDER, out) * out.reach.powi(ORDER as i32);
+        self.s.contacts[j].across * (last + tail.velocity) + self.motion.forcing.errors[j][1].top * tail.waves[0]
+    }
+
+    /// What it adds to the force of contact `j`, N: `k δ + c δ̇` of a linear law.
+    pub(super) fn linear_force_tail(&self, j: usize, damping: f64, tail: &Tail, out: &Jet) -> f64 {
+        let c: &Contact = &self.s.contacts[j];
+        let varying = match tail.rooted {
+            Some(_) => self.rooted_product_tail(j, out),
+            None => self.product_tail(j, ORDER + 1, out.reach, out),
+        };
+        c.stiffest * self.deflection_tail(j, tail) + damping * self.rate_tail(j, tail, out) + varying
+    }
+
+    /// What it adds to the force that holds contact `j` at rest, N: `|W⁻¹|` times the tails of the free accelerations.
+    pub(super) fn held_force_tail(&self, j: usize, tail: &Tail, out: &Jet) -> f64 {
+        if let Some(defect) = &tail.rooted {
+            return defect.of_force(self.s, &self.s.contacts[j]);
+        }
+        let Some(held) = &self.motion.held else { return 0.0 };
+        let forcing = &self.motion.forcing;
+        let varying = self.varying_tail(ORDER + 1, out.reach, out);
+        let free = |k: usize| {
+            let state = tail.free[0] * tail.displacement
+                + tail.free[1] * tail.velocity
+                + tail.free[2] * tail.waves[1]
+                + varying;
+            self.s.contacts[k].across * state + forcing.errors[k][2].top * tail.waves[1]
+        };
+        let contacts = held.contacts();
+        let Some(row) = contacts.iter().position(|k| *k == j) else { return 0.0 };
+        let column = held.inverse_column(row);
+        contacts.iter().zip(&column).map(|(k, w)| w.abs() * free(*k)).sum()
+    }
+}

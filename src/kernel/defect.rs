@@ -1,0 +1,391 @@
+//! The error of a step in a root clock, from its defect.
+//!
+//! In the owner's clock the truncated series are polynomials `z(θ)`, and what they miss in `z′ = f(z)` is known: the
+//! terms of f from order N on, `N` the last order kept. Sums of absolute coefficients bound these terms, products of
+//! all orders included. With `D = Σ_{k≥N} |d_k|/(k+1)` and B a bound on `|∂f/∂z|` over the step, the error obeys
+//! `|e|′ ≤ B|e| + |d|`, and so `|e| ≤ exp(B) D`, for the four parts of z together: the root y, the time, displacements
+//! and deflections, velocities. That is a proof up to the square of the error, which enters B, and up to rounding.
+//! `pⁿ` of a contact that does not own the clock is no polynomial. Its series u has the residual `R = p u′ − n p′ u`,
+//! and `|pⁿ − u| ≤ (max p/min p)ⁿ Σ|R_k|/(k+1)/min p`.
+
+use super::{
+    Elasticity, Expansion, FACTOR, Force, Layout, ORDER, PENETRATION, POWER, RATE, ROW, STIFFNESS, bound::root_below,
+    rooted::Owner,
+};
+use crate::{
+    hybrid::Jet,
+    poly::{FirstRoot, first_root},
+    system::{Contact, Spring, Structure, Wave, zeros},
+};
+
+/// Bounds on the error of a step in a root clock.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Defect {
+    /// Of the root y.
+    pub root: f64,
+    /// Of the time, s.
+    pub time: f64,
+    /// Of displacements over `1/√M_ii` and of deflections over `Contact::across`.
+    pub stretch: f64,
+    /// Of velocities, in the same weights.
+    pub rate: f64,
+    /// Of accelerations, in the same weights.
+    pub acceleration: f64,
+}
+
+impl Defect {
+    /// Of the deflection of `c`, m.
+    pub fn of_deflection(&self, c: &Contact) -> f64 {
+        self.stretch * c.across
+    }
+
+    /// Of the force that holds `c`, N.
+    pub fn of_force(&self, s: &Structure, c: &Contact) -> f64 {
+        (self.acceleration * c.across + self.time * s.wave_size(&c.error, 3)) * c.effective_mass()
+    }
+
+    /// Of its rate at the step's own time, m/s.
+    pub fn of_rate(&self, s: &Structure, c: &Contact) -> f64 {
+        self.rate * c.across + self.time * s.wave_size(&c.error, 2)
+    }
+}
+
+/// Absolute coefficients of a series at the end of the step.
+type Sizes = [f64; ROW];
+
+/// Sum of the terms of `a b` of order `from` and more; `from` is N or N + 1.
+fn beyond(a: &Sizes, b: &Sizes, from: usize) -> f64 {
+    let (mut sum, mut tail) = (0.0, b[from.min(ROW)..].iter().sum::<f64>());
+    for (i, a) in a.iter().enumerate() {
+        sum += a * tail;
+        if from > i {
+            tail += b.get(from - i - 1).copied().unwrap_or(0.0);
+        }
+    }
+    sum
+}
+
+fn total(a: &Sizes) -> f64 {
+    a.iter().sum()
+}
+
+/// A factor with its sum and what it leaves out.
+struct Factor {
+    sizes: Sizes,
+    total: f64,
+    missing: f64,
+}
+
+impl Factor {
+    fn new(sizes: Sizes, missing: f64) -> Self {
+        Self { sizes, total: total(&sizes), missing }
+    }
+
+    /// What the truncated product with `other` leaves out.
+    fn product(&self, other: &Self) -> f64 {
+        beyond(&self.sizes, &other.sizes, ORDER + 1) + self.missing * other.total + other.missing * self.total
+    }
+}
+
+/// A bound on the Jacobian of the accelerations, and what the forces leave out.
+#[derive(Default)]
+struct Forces {
+    by_root: f64,
+    by_time: f64,
+    by_stretch: f64,
+    by_rate: f64,
+    missing: f64,
+}
+
+impl Structure {
+    /// `Σ ωᵏ |amplitude|`.
+    pub(super) fn wave_size(&self, waves: &[Wave], k: i32) -> f64 {
+        waves.iter().map(|w| self.oscillators[w.index].omega.powi(k) * w.cosine.hypot(w.sine)).sum()
+    }
+}
+
+impl Expansion<'_> {
+    /// The step's length θ and its error: the error of each quantity is brought to the tolerance times its size.
+    pub(super) fn rooted_reach(&self, owner: Owner, out: &Jet) -> Option<(f64, Defect)> {
+        let goal = self.request.tolerance;
+        let (mut low, mut high): (Option<(f64, Defect)>, f64) = (None, f64::INFINITY);
+        let (mut theta, mut order, mut before) = (self.guess(owner, out), ROW as f64, None);
+        // The error is a power of θ or nearly so: a few trials settle it, and some more find the way from a bad guess.
+        for _ in 0..24 {
+            let (share, defect) = self.defect(owner, theta, out);
+            if share <= goal {
+                low = Some((theta, defect));
+                if share >= 0.02 * goal || theta >= 1.0 {
+                    break;
+                }
+            } else {
+                high = theta;
+            }
+            if let Some((t, s)) = before
+                && t != theta
+            {
+                let slope = f64::ln(share / s) / f64::ln(theta / t);
+                order = if slope.is_finite() { slope.clamp(2.0, 4.0 * ROW as f64) } else { order };
+            }
+            before = Some((theta, share));
+            let next = theta * (0.3 * goal / share).powf(1.0 / order).clamp(1e-6, 1e3);
+            let lower = low.map_or(0.0, |(t, _)| t);
+            theta = if next.is_finite() && lower < next && next < high {
+                next.min(1.0)
+            } else if lower > 0.0 && high.is_finite() {
+                (lower * high).sqrt()
+            } else {
+                0.25 * theta
+            };
+            if theta <= lower * 1.05 {
+                break;
+            }
+        }
+        let (theta, defect) = low?;
+        let cut = self.within_bound(theta, out);
+        Some(if cut < theta { (cut, self.defect(owner, cut, out).1) } else { (theta, defect) })
+    }
+
+    /// The error up to `theta`, and its largest ratio to the size of what it is the error of.
+    fn defect(&self, owner: Owner, theta: f64, out: &Jet) -> (f64, Defect) {
+        let (s, layout, work) = (self.s, self.layout, &out.work);
+        let (n, dim, span) = (s.n, s.dim, self.h * theta);
+        let mut powers = [1.0; ROW];
+        (1..ROW).for_each(|k| powers[k] = powers[k - 1] * theta);
+        let row = |at: usize| -> Sizes { std::array::from_fn(|k| work[at + k].abs() * powers[k]) };
+        let column = |of: &[f64], at: usize, stride: usize| -> Sizes {
+            std::array::from_fn(|k| of[at + k * stride].abs() * powers[k])
+        };
+        let per = span / ROW as f64;
+        let y = Factor::new(row(layout.y(1)), 0.0);
+        // What y², y³, … and w = q y^(q−1) leave out.
+        let mut missing = [0.0; 17];
+        for m in 2..owner.root as usize {
+            let lower = Factor::new(row(layout.y(m - 1)), missing[m - 1]);
+            missing[m] = lower.product(&y);
+        }
+        let q = f64::from(owner.root);
+        let w = Factor::new(row(layout.clock), if owner.root > 1 { q * missing[owner.root as usize - 1] } else { 0.0 });
+        let by_root = match owner.root {
+            1 => 0.0,
+            2 => 2.0,
+            q => f64::from(q) * f64::from(q - 1) * total(&row(layout.y(q as usize - 2))),
+        };
+        // What the products with w leave out, and the sizes of their other factor.
+        let through = |other: &Sizes| beyond(&w.sizes, other, ORDER) + w.missing * total(other);
+        let mut d = Defect { time: per * (w.sizes[ORDER] + w.missing), ..Defect::default() };
+        let (mut speed, mut acceleration, mut ring): (f64, f64, f64) = (0.0, 0.0, 0.0);
+        for (i, weight) in s.weights.iter().enumerate() {
+            let v = column(&out.state, n + i, dim);
+            let a = column(work, layout.accelerations + i, n);
+            d.stretch = d.stretch.max(weight * per * through(&v));
+            d.rate = d.rate.max(weight * per * through(&a));
+            speed = speed.max(weight * total(&v));
+            acceleration = acceleration.max(weight * total(&a));
+        }
+        for i in 0..s.oscillators.len() {
+            let c = Layout::oscillator(i);
+            ring = ring.max(through(&row(c)) + through(&row(c + ROW)));
+        }
+        d.time += per * ring;
+        let (mut swing, mut size): (f64, f64) = (0.0, speed);
+        for (j, c) in s.contacts.iter().enumerate() {
+            let rate = row(layout.of(j, RATE));
+            d.stretch = d.stretch.max(per * through(&rate) / c.across);
+            if j == owner.contact {
+                d.root = per * rate[ORDER];
+            }
+            speed = speed.max(total(&rate) / c.across);
+            size = size.max(total(&rate) * c.weight);
+            swing = swing.max(s.wave_size(&c.error, 2) / c.across);
+        }
+        let [by_stretch, by_rate] = self.motion.forcing.norms();
+        let mut forces = Forces { by_stretch, by_rate, ..Forces::default() };
+        for l in &s.load_waves {
+            forces.by_time += l.size(&s.weights) * s.oscillators[l.index].omega;
+        }
+        let mut least = f64::INFINITY;
+        for (j, c) in s.contacts.iter().enumerate() {
+            let penetration = row(layout.of(j, PENETRATION));
+            let (part, push) = (&self.motion.parts[j], c.push_norm);
+            if let Some((stiffness, damping)) = part.carried_linear() {
+                forces.by_stretch += push * c.across * c.stiffest;
+                forces.by_rate += push * c.across * damping;
+                forces.by_time += push * damping * s.wave_size(&c.error, 2);
+                let by_time = match (stiffness, &c.spring) {
+                    (Elasticity::Ramp { slope, .. }, _) => slope.abs(),
+                    (_, Spring::Waves(_, waves)) => s.wave_size(waves, 1),
+                    _ => 0.0,
+                };
+                forces.by_time += push * by_time * total(&penetration);
+                if stiffness.varies() {
+                    forces.missing += push * beyond(&row(layout.of(j, STIFFNESS)), &penetration, ORDER + 1);
+                }
+            }
+            let Some(power @ Force::Power { law, stiffness, .. }) = part.force().filter(|_| part.is_pressed()) else {
+                continue;
+            };
+            let (k, e) = (push * stiffness, law.exponent.value());
+            let chi = power.chi(self.request.x);
+            let factor = Factor::new(row(layout.of(j, FACTOR)), 0.0);
+            let p = Factor::new(penetration, 0.0);
+            let own = (owner.contact == j || self.is_twin(owner, j, work)) && owner.root == law.exponent.q;
+            let mut power = Factor::new(row(layout.of(j, POWER)), 0.0);
+            if own {
+                let (a, r) = ((law.exponent.p / law.exponent.q) as i32, (law.exponent.p % law.exponent.q) as usize);
+                let (mut left, mut at) = (0.0, layout.of(j, PENETRATION));
+                for m in 2..=a as usize {
+                    left = Factor::new(row(at), left).product(&p);
+                    at = layout.y(16 + m - 1);
+                }
+                if r > 0 {
+                    let root = Factor::new(row(layout.y(r)), missing[r]);
+                    power.missing = Factor::new(row(at), left).product(&root);
+                    forces.by_root += k * p.total.powi(a) * r as f64 * y.total.powi(r as i32 - 1) * factor.total;
+                } else {
+                    power.missing = left;
+                }
+                forces.by_stretch +=
+                    k * f64::from(a) * p.total.powi(a - 1) * y.total.powi(r as i32) * factor.total * c.across;
+            } else {
+                power.missing = missing_power(&p.sizes, &power.sizes, e);
+                forces.by_stretch += k * e * p.total.powf(e - 1.0) * factor.total * c.across;
+            }
+            forces.by_rate += k * p.total.powf(e) * chi * c.across;
+            forces.by_time += k * p.total.powf(e) * chi * s.wave_size(&c.error, 2);
+            forces.missing += k * power.product(&factor);
+            // Below its own rounding a penetration p cannot show speeds: p times the contact's frequency.
+            size = size.max((e * c.spec.stiffness.mean() * p.total.powf(e + 1.0)).sqrt());
+            least = least.min(p.total / c.across);
+        }
+        let held = self.projector(&mut forces);
+        d.rate += per * w.total * held * forces.missing;
+        let own = &s.contacts[owner.contact];
+        // Rows and columns: root, time, stretch, rate.
+        let b = [
+            [0.0, span * s.wave_size(&own.error, 2), 0.0, span * own.across],
+            [span * by_root, 0.0, 0.0, 0.0],
+            [span * by_root * speed, span * w.total * swing, 0.0, span * w.total],
+            [
+                span * (by_root * acceleration + w.total * held * forces.by_root),
+                span * w.total * held * forces.by_time,
+                span * w.total * held * forces.by_stretch,
+                span * w.total * held * forces.by_rate,
+            ],
+        ];
+        let [root, time, stretch, rate] = grown(&b, [d.root, d.time, d.stretch, d.rate]);
+        let elapsed = total(&std::array::from_fn(|k| out.time[k].abs() * powers[k]));
+        let parts = [(rate, size), (stretch, least), (root, y.total), (time, elapsed)];
+        // Nothing moves: no error either. A comparison with NaN is false.
+        let share = parts.iter().fold(0.0, |m: f64, (e, size)| match e / size {
+            _ if *e == 0.0 => m,
+            ratio if ratio <= m => m,
+            ratio if ratio > m => ratio,
+            _ => f64::INFINITY,
+        });
+        let felt = forces.by_time * time + forces.by_stretch * stretch + forces.by_rate * rate + forces.missing;
+        let acceleration = held * (forces.by_root * root + felt);
+        (share, Defect { root, time, stretch, rate, acceleration })
+    }
+
+    /// A guess of the step's length by the root test: as the coefficients fall over the last p + q orders (in a free
+    /// contact no others are there) they reach the tolerance, relative to the largest of the first ones.
+    fn guess(&self, owner: Owner, out: &Jet) -> f64 {
+        let size = |k: usize| {
+            let rate = |j: usize| out.work[self.layout.of(j, RATE) + k].abs();
+            let contacts = self.s.contacts.iter().enumerate();
+            contacts.fold(self.velocity_size(k, out), |m, (j, c)| m.max(rate(j) * c.weight))
+        };
+        let first: [f64; 17] = std::array::from_fn(|k| if k <= owner.root as usize { size(k) } else { 0.0 });
+        let window = ((owner.law.exponent.p + owner.root) as usize).min(ORDER);
+        let last: [f64; ROW] = std::array::from_fn(|k| if k + window > ORDER { size(k) } else { 0.0 });
+        let shrink = self.request.tolerance.powf(1.0 / ORDER as f64);
+        let mut reach: f64 = 1.0;
+        for _ in 0..4 {
+            let allowed = first.iter().rev().fold((0.0, reach.powi(16)), |(m, t), a| (f64::max(m, a * t), t / reach)).0;
+            let terms = last.iter().enumerate().filter(|(_, a)| **a > 0.0);
+            let next = terms.fold(1.0, |m: f64, (k, a)| m.min(shrink * root_below(allowed / a, k)));
+            let settled = (next - reach).abs() <= 0.1 * next;
+            reach = next;
+            if settled {
+                break;
+            }
+        }
+        reach
+    }
+
+    /// Not beyond the bound in time.
+    fn within_bound(&self, reach: f64, out: &Jet) -> f64 {
+        let mut left = [0.0; ROW];
+        left.iter_mut().zip(&out.time).for_each(|(l, t)| *l = -t);
+        left[0] += self.request.span;
+        match first_root(&left, reach, 0.0).root {
+            FirstRoot::At(theta) => theta,
+            FirstRoot::None => reach,
+        }
+    }
+
+    /// What the product `k(t) p` of contact `j` leaves out in a root clock, N.
+    pub(super) fn rooted_product_tail(&self, j: usize, out: &Jet) -> f64 {
+        if !matches!(self.motion.parts[j].force(), Some(Force::Linear { stiffness, .. }) if stiffness.varies()) {
+            return 0.0;
+        }
+        let sizes = |which: usize| -> Sizes {
+            let row = self.layout.of(j, which);
+            std::array::from_fn(|k| out.work[row + k].abs() * out.reach.powi(k as i32))
+        };
+        beyond(&sizes(STIFFNESS), &sizes(PENETRATION), ORDER + 1)
+    }
+
+    /// The norm of the projector that holds the rigid contacts at rest, and the part of their flanks in `forces`.
+    fn projector(&self, forces: &mut Forces) -> f64 {
+        let s = self.s;
+        let Some(held) = &self.motion.held else { return 1.0 };
+        let mut norm = 1.0;
+        for (k, &j) in held.contacts().iter().enumerate() {
+            let mut f = zeros(held.contacts().len());
+            f[k] = 1.0;
+            held.solve(&mut f);
+            for (f, &i) in f.iter().zip(held.contacts()) {
+                let push = s.contacts[i].push_norm;
+                norm += push * f.abs() * s.contacts[j].across;
+                forces.by_time += push * f.abs() * s.wave_size(&s.contacts[j].error, 3);
+            }
+        }
+        norm
+    }
+}
+
+/// `exp(B) d`.
+fn grown(b: &[[f64; 4]; 4], d: [f64; 4]) -> [f64; 4] {
+    let (mut sum, mut term) = (d, d);
+    for k in 1..60 {
+        let next: [f64; 4] =
+            std::array::from_fn(|i| b[i].iter().zip(&term).map(|(b, t)| b * t).sum::<f64>() / k as f64);
+        term = next;
+        sum.iter_mut().zip(&term).for_each(|(s, t)| *s += t);
+        if sum.iter().zip(&term).all(|(s, t)| *t <= 1e-3 * s) {
+            return sum.map(|s| 1.01 * s);
+        }
+    }
+    [f64::INFINITY; 4]
+}
+
+/// What the series of `pⁿ` leaves out; of all of it where it has no power series in this clock and is written as zero.
+fn missing_power(p: &Sizes, power: &Sizes, n: f64) -> f64 {
+    let zeros = p.iter().take_while(|c| **c == 0.0).count();
+    if zeros == ROW {
+        return 0.0;
+    }
+    let first = p[zeros];
+    let others: f64 = p[zeros + 1..].iter().sum();
+    if power.iter().all(|c| *c == 0.0) {
+        // Of order mn in θ in place of N, so that its integral is that much larger.
+        return (first + others).powf(n) * ROW as f64 / (zeros as f64 * n + 1.0);
+    }
+    let (least, most) = (first - others, first + others);
+    if least <= 0.0 {
+        return f64::INFINITY;
+    }
+    n * beyond(p, power, ORDER + 1 + zeros) * (most / least).powf(n) / least
+}

@@ -1,0 +1,295 @@
+//! Taylor recurrences of a structure with contacts.
+//!
+//! In the step's clock θ, with `dt = h w(θ) dθ`,
+//!
+//! ```text
+//! (k+1) q_{k+1} = h (w v)_k,   (k+1) v_{k+1} = h (w a)_k,   a = M⁻¹(f − C v − K q − Σ g_j F_j)
+//! ```
+//!
+//! where `(w v)_k = Σ_i w_i v_{k−i}`. Plain time has `w = 1`. While a power law is in contact the clock
+//! belongs to the contact nearest to its boundary: with penetration `p = y^q` and `w = q y^(q−1)`,
+//! `dy/dθ = h ṗ`, and everything is a polynomial in y again. The series then runs through the start and the end of
+//! a contact, where in plain time `pⁿ` has a branch point.
+
+mod bound;
+mod defect;
+mod guards;
+mod linear;
+mod low;
+mod motion;
+mod plain;
+mod rooted;
+
+use bound::Tail;
+use motion::Motion;
+
+use crate::hybrid::{GuardId, Instant, Jet, JetField, JetRequest};
+use crate::system::{ContactMode, Elasticity, Force, Structure, Watch, Wave, dot, guard_id};
+
+/// Highest power of a step.
+const ORDER: usize = 24;
+/// Room for one series.
+const ROW: usize = ORDER + 1;
+/// Series of one contact: rate, the law's force, the force carried, penetration, its power,
+/// stiffness, hysteresis factor `1 + χ ṗ`.
+const CONTACT_ROWS: usize = 7;
+const RATE: usize = 0;
+const FORCE: usize = 1;
+const PENETRATION: usize = 2;
+const POWER: usize = 3;
+const STIFFNESS: usize = 4;
+const FACTOR: usize = 5;
+const CARRIED: usize = 6;
+
+/// Deflections are kept four contacts side by side.
+const LANES: usize = 4;
+/// Room for the clock: w, then y, y², … y^(q−1), then p², p³, p⁴.
+const CLOCK_ROWS: usize = 1 + 16 + 4;
+
+/// A stretch below this fraction of the terms it is a difference of loses four bits or more when it is formed.
+const SMALL_STRETCH: f64 = 1.0 / 16.0;
+
+/// Where the series lie in the working space.
+#[derive(Debug)]
+struct Layout {
+    contacts: usize,
+    deflections: usize,
+    clock: usize,
+    /// Accelerations of all orders, `n` each.
+    accelerations: usize,
+    /// `δ − σ b` of each contact at order zero, σ b its flank.
+    stretches: usize,
+    /// `δ − σ b` at order zero of separated contacts from the flank that they have left, where it is known better than by the
+    /// state; else NaN. Negative at the drive flank, positive at the back flank.
+    gaps: usize,
+    /// Cosine and sine of each oscillator at one order, side by side.
+    waves: usize,
+    len: usize,
+}
+
+impl Layout {
+    fn new(s: &Structure) -> Self {
+        let contacts = 2 * s.oscillators.len() * ROW;
+        let clock = contacts + s.contacts.len() * CONTACT_ROWS * ROW;
+        let accelerations = clock + CLOCK_ROWS * ROW;
+        let deflections = accelerations + ROW * s.n;
+        let lanes = s.contacts.len().next_multiple_of(LANES);
+        let stretches = deflections + ROW * lanes;
+        let gaps = stretches + lanes;
+        let waves = gaps + s.contacts.len();
+        let len = waves + 2 * s.oscillators.len();
+        Self { contacts, deflections, clock, accelerations, stretches, gaps, waves, len }
+    }
+
+    /// `cos ωt` of oscillator `i`; its sine follows, one row on.
+    fn oscillator(i: usize) -> usize {
+        2 * i * ROW
+    }
+
+    fn of(&self, j: usize, which: usize) -> usize {
+        self.contacts + (j * CONTACT_ROWS + which) * ROW
+    }
+
+    /// Deflection of contact `j` at order `k`.
+    fn deflection(&self, j: usize, k: usize) -> usize {
+        self.deflections + (j / LANES * ROW + k) * LANES + j % LANES
+    }
+
+    /// `y^power`; in the place of `y⁰` lies the clock's weight w.
+    fn y(&self, power: usize) -> usize {
+        self.clock + power * ROW
+    }
+}
+
+/// `(a b)_k`.
+fn product(w: &[f64], a: usize, b: usize, k: usize) -> f64 {
+    w[a..=a + k].iter().zip(w[b..=b + k].iter().rev()).fold(0.0, |s, (x, y)| s + x * y)
+}
+
+/// `start + Σ waves` at order `k`.
+fn waves(start: f64, waves: &[Wave], k: usize, work: &[f64]) -> f64 {
+    waves.iter().fold(start, |sum, w| {
+        let o = Layout::oscillator(w.index) + k;
+        sum + w.cosine * work[o] + w.sine * work[o + ROW]
+    })
+}
+
+/// One expansion: the motion, where, and the scale of the clock.
+struct Expansion<'a> {
+    s: &'a Structure,
+    motion: &'a Motion<'a>,
+    request: &'a JetRequest<'a>,
+    layout: &'a Layout,
+    /// Span of `θ ∈ [0, 1]` in the step's clock.
+    h: f64,
+}
+
+impl JetField for Motion<'_> {
+    fn jet(&self, request: &JetRequest<'_>, out: &mut Jet) {
+        let (s, layout) = (self.structure, &self.layout);
+        out.order = ORDER;
+        out.dim = s.dim;
+        out.state.resize((ORDER + 1) * s.dim, 0.0);
+        out.work.resize(layout.len, 0.0);
+        let owner = self.owner(request);
+        let h = owner.map_or(request.span, |o| self.root_scale(request, o));
+        let mut e = Expansion { s, motion: self, request, layout, h };
+        let tail = loop {
+            e.start(out);
+            match owner {
+                None if self.is_linear => e.linear(out),
+                None => e.plain(out),
+                Some(owner) => e.rooted(owner, out),
+            }
+            out.span = e.h;
+            let reach = match owner {
+                None => e.plain_reach(out),
+                Some(owner) => {
+                    let rooted = e.rooted_reach(owner, out);
+                    rooted.map(|(reach, defect)| (reach, Tail { rooted: Some(defect), ..Tail::default() }))
+                }
+            };
+            if let Some((reach, tail)) = reach.filter(|(reach, _)| *reach > 0.0) {
+                out.reach = reach;
+                break tail;
+            }
+            // The scale overshot so far that the last coefficients overflowed.
+            e.h *= 1e-6;
+            if e.h < f64::MIN_POSITIVE {
+                out.reach = f64::NAN;
+                return;
+            }
+        };
+        out.is_estimate = owner.is_some();
+        e.guards(owner, &tail, out);
+    }
+
+    fn term_sizes(&self, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
+        self.guard_sizes(id, step, x)
+    }
+
+    fn restore(&self, at: Instant, x: &mut [f64]) {
+        if self.held.is_some() {
+            self.structure.rest(&self.mode, at, x);
+        }
+    }
+
+    /// The stretch `δ − σ b` of closed contacts, and of separated ones from the flank that they have left. It is a small difference of
+    /// displacements: taken afresh at every step, the rounding of a penetration times the contact force would be energy from
+    /// nowhere, and a gap would lose the digits that tell when it closes. Where it is not small nothing is kept (NaN): the
+    /// state is then as good, and cannot drift apart from it.
+    fn carry(&self, step: &Jet, theta: f64, carried: &mut Vec<f64>) {
+        let layout = &self.layout;
+        let s = theta * step.reach;
+        carried.clear();
+        carried.extend(self.parts.iter().zip(&self.structure.contacts).enumerate().map(|(j, (part, c))| {
+            let is_closed = part.state.side() != 0.0;
+            let start = step.work[if is_closed { layout.stretches } else { layout.gaps } + j];
+            if start.is_nan() || part.is_bilateral() || !is_closed && step.is_estimate {
+                return f64::NAN;
+            }
+            let highest = layout.deflection(j, ORDER);
+            let stretch = (0..ORDER).fold(0.0, |sum, k| (sum + step.work[highest - k * LANES]) * s) + start;
+            let is_small = stretch.abs() < SMALL_STRETCH * self.structure.deflection_size(c, &step.state);
+            if is_small { stretch } else { f64::NAN }
+        }));
+    }
+}
+
+impl Expansion<'_> {
+    /// Order zero of the state, the oscillators and the deflections.
+    fn start(&self, out: &mut Jet) {
+        let (s, layout, dim) = (self.s, self.layout, self.s.dim);
+        out.low.clear();
+        out.state[..dim].copy_from_slice(self.request.x);
+        if dim > 2 * s.n {
+            for k in 1..=ORDER {
+                out.state[k * dim + 2 * s.n..(k + 1) * dim].fill(0.0);
+            }
+        }
+        let work = &mut out.work;
+        s.oscillate(self.request.at, |i, cosine, sine| {
+            work[Layout::oscillator(i)] = cosine;
+            work[Layout::oscillator(i) + ROW] = sine;
+        });
+        for (j, c) in s.contacts.iter().enumerate() {
+            work[layout.deflection(j, 0)] = if self.pinned(j, Watch::DriveFlank) {
+                c.gap()
+            } else if self.pinned(j, Watch::BackFlank) {
+                -c.gap()
+            } else if self.keeps_low() {
+                s.deflection_in_two(j, self.request.at, self.request.x, self.request.low).value()
+            } else {
+                dot(&c.direction, self.request.x) - waves(c.spec.error_offset, &c.error, 0, work)
+            };
+            let part = &self.motion.parts[j];
+            let (side, is_open) = (part.side, part.state == ContactMode::Separated);
+            let on_flank = self.pinned(j, Watch::DriveFlank) || self.pinned(j, Watch::BackFlank);
+            let carried = self.request.carried.get(j).copied().filter(|stretch| !stretch.is_nan() && !self.keeps_low());
+            work[layout.gaps + j] = match carried {
+                _ if on_flank => 0.0,
+                Some(gap) if is_open => gap,
+                _ => f64::NAN,
+            };
+            work[layout.stretches + j] = match carried.filter(|_| !is_open && !on_flank) {
+                _ if self.pinned(j, Watch::Force) => self.forceless(j, side, work),
+                Some(stretch) => stretch,
+                _ if self.keeps_low() => self.stretch_in_two(j, side).value(),
+                _ => work[layout.deflection(j, 0)] - side * c.offset(),
+            };
+        }
+    }
+
+    /// The gap of separated contact `j` to the flank of `watch`, where it is known better than by the state.
+    fn gap(&self, j: usize, watch: Watch, work: &[f64]) -> Option<f64> {
+        let (c, gap) = (&self.s.contacts[j], -watch.side() * work[self.layout.gaps + j]);
+        // Of two flanks it is that to which the state agrees.
+        let from_state = c.gap() - watch.side() * work[self.layout.deflection(j, 0)];
+        let agrees = !c.has_back() || (gap - from_state).abs() < c.gap();
+        (agrees && gap != 0.0 && !gap.is_nan()).then_some(gap)
+    }
+
+    /// `δ − σ b` where the force of contact `j` is exactly zero: `−c δ̇/k` under a linear law. Taken from the state it would
+    /// be off by the rounding of the displacements, and times k that can be more than all else: the force would pull where
+    /// the contact is closed, and the mode without it press, each leading to the other. With damping, what is more than that
+    /// rounding comes from the rounded time of the event, and the state is right.
+    fn forceless(&self, j: usize, side: f64, work: &[f64]) -> f64 {
+        let (c, request) = (&self.s.contacts[j], self.request);
+        let stretch = work[self.layout.deflection(j, 0)] - side * c.offset();
+        let Some(Force::Linear { stiffness, damping }) = self.motion.parts[j].force() else { return stretch };
+        let k = self.s.stiffness_at(j, stiffness, request.at).0;
+        if k <= 0.0 {
+            return stretch;
+        }
+        let forceless = -damping * self.rate(j, 0, &request.x[self.s.n..], work) / k;
+        let rounding = guards::ROUNDING * self.s.deflection_size(c, request.x);
+        if damping == 0.0 || (forceless - stretch).abs() <= rounding { forceless } else { stretch }
+    }
+
+    fn pinned(&self, j: usize, watch: Watch) -> bool {
+        self.request.pinned.contains(guard_id(j, watch))
+    }
+
+    fn is_still(&self, j: usize) -> bool {
+        let still = self.request.still;
+        !still.is_empty()
+            && (still.contains(guard_id(j, Watch::DriveFlank)) || still.contains(guard_id(j, Watch::BackFlank)))
+    }
+
+    /// Deflection rate of contact `j` at order `k`, from the velocities `v` of that order.
+    fn rate(&self, j: usize, k: usize, v: &[f64], work: &[f64]) -> f64 {
+        let c = &self.s.contacts[j];
+        if k == 0 && self.is_still(j) {
+            return 0.0;
+        }
+        c.error_rate.iter().fold(dot(&c.direction, v), |r, w| {
+            let o = Layout::oscillator(w.index);
+            r - w.cosine * work[o + k] - w.sine * work[o + ROW + k]
+        })
+    }
+
+    /// `δ − σ b` of contact `j` at order `k`.
+    fn stretch(&self, j: usize, k: usize, work: &[f64]) -> f64 {
+        if k == 0 { work[self.layout.stretches + j] } else { work[self.layout.deflection(j, k)] }
+    }
+}

@@ -1,0 +1,114 @@
+//! A mode, compiled: what every contact does, what is watched, and how fast it can move. An arc reads this and no law.
+
+use smallvec::SmallVec;
+
+use super::{
+    Layout,
+    bound::{Forcing, Growth},
+    linear::{Four, LARGEST},
+};
+use crate::{
+    hybrid::{GuardId, JetField, Mode},
+    system::{Acting, ContactMode, Elasticity, Force, PerContact, Sticking, Structure, Watch, contact_mode, guard_id},
+};
+
+/// One contact in a mode.
+#[derive(Debug)]
+pub(super) struct Part {
+    pub state: ContactMode,
+    /// Side of the flank that its law is on; 0 where the law acts on the deflection itself.
+    pub side: f64,
+    pub acting: Option<Acting>,
+}
+
+impl Part {
+    /// The law acts on the deflection itself.
+    pub fn is_bilateral(&self) -> bool {
+        self.acting.is_some_and(|a| a.side == 0.0)
+    }
+
+    pub fn force(&self) -> Option<Force> {
+        self.acting.map(|a| a.force)
+    }
+
+    /// The linear law that carries force: its stiffness and damping.
+    pub fn carried_linear(&self) -> Option<(Elasticity, f64)> {
+        match self.acting? {
+            Acting { is_carried: true, force: Force::Linear { stiffness, damping }, .. } => Some((stiffness, damping)),
+            _ => None,
+        }
+    }
+
+    /// The force is that of a closed power law.
+    pub fn is_pressed(&self) -> bool {
+        matches!(self.acting, Some(Acting { is_carried: true, force: Force::Power { .. }, .. }))
+    }
+}
+
+/// One guard of a mode.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Watched {
+    pub id: GuardId,
+    pub contact: usize,
+    pub watch: Watch,
+    /// Makes the guard positive inside the mode.
+    pub sign: f64,
+}
+
+/// The smooth motion of a structure in one mode.
+#[derive(Debug)]
+pub(super) struct Motion<'s> {
+    pub(super) structure: &'s Structure,
+    pub(super) mode: Mode,
+    pub(super) layout: Layout,
+    /// Each contact.
+    pub(super) parts: PerContact<Part>,
+    pub(super) guards: SmallVec<[Watched; 32]>,
+    /// The rigid contacts at rest.
+    pub(super) held: Option<Sticking>,
+    pub(super) forcing: Forcing,
+    pub(super) growth: Growth,
+    /// No power law is inside its flank's zone, nothing rests, and the degrees of freedom are few enough for the fast path.
+    pub(super) is_linear: bool,
+    /// Some stiffness is a series.
+    pub(super) is_varying: bool,
+    /// The contacts four at a time.
+    pub(super) fours: SmallVec<[Four; 4]>,
+}
+
+impl<'s> Motion<'s> {
+    pub fn new(structure: &'s Structure, mode: &Mode) -> Self {
+        let part = |j: usize| {
+            let (state, acting) = (contact_mode(mode, j), structure.acting(mode, j));
+            Part { state, side: acting.map_or(state.side(), |a| a.side), acting }
+        };
+        let parts: PerContact<Part> = (0..structure.contacts.len()).map(part).collect();
+        let guards = (0..parts.len()).flat_map(|contact| {
+            let watched = structure.watched(mode, contact).iter();
+            watched.map(move |&(watch, sign)| Watched { id: guard_id(contact, watch), contact, watch, sign })
+        });
+        let (held, forcing) = (Sticking::new(structure, mode), Forcing::new(structure));
+        let is_affine = |p: &Part| matches!(p.force(), None | Some(Force::Linear { .. }));
+        let varies = |p: &Part| matches!(p.force(), Some(Force::Linear { stiffness, .. }) if stiffness.varies());
+        Self {
+            structure,
+            mode: mode.clone(),
+            layout: Layout::new(structure),
+            guards: guards.collect(),
+            growth: Growth::new(structure, &forcing, &parts, held.as_ref()),
+            forcing,
+            is_linear: structure.n <= LARGEST && parts.iter().all(is_affine),
+            is_varying: parts.iter().any(varies),
+            fours: Four::all(&parts),
+            held,
+            parts,
+        }
+    }
+}
+
+impl Structure {
+    /// The motion in `mode`, compiled.
+    pub(crate) fn compile(&self, mode: &Mode) -> Box<dyn JetField + '_> {
+        Box::new(Motion::new(self, mode))
+    }
+}

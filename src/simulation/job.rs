@@ -1,0 +1,256 @@
+use std::{
+    fs::File,
+    io::{BufWriter, LineWriter, Write},
+    ops::{ControlFlow, Deref},
+    path::Path,
+};
+
+use super::{
+    IntegratorUsed, Provenance, RunEnd, Simulation, SimulationError, Summary, TrainUsed,
+    samples::{SampleFile, sample_grid},
+};
+use crate::{
+    analysis::{Balance, Contacts, EventLog, EventRow, Grid, Ledger, Trajectory},
+    engine::{Observer, Outcome},
+    event::EventRecord,
+    hybrid::{Clock, Instant, Mode},
+    integrate::DenseStep,
+    output::Request,
+    task::{Progress, Task},
+};
+
+const EVENTS: &str = "events.jsonl";
+const TRAJECTORY: &str = "trajectory.csv";
+const SUMMARY: &str = "summary.json";
+
+/// Steps between two reports of progress.
+const EVERY: u32 = 64;
+
+/// One run of a [`Simulation`], and what it does besides. Its fields start as the settings of the simulation have them.
+#[must_use = "a job does nothing until it runs or writes"]
+pub struct Job<'a> {
+    /// What runs.
+    pub simulation: &'a Simulation,
+    /// Watches the run, and may break it off.
+    pub observer: Option<&'a mut dyn Observer>,
+    /// Cancels and follows the run. A cancelled run gives a record too.
+    pub task: Task<'a>,
+    /// Stops the run after this many events.
+    pub max_events: u64,
+    /// Checks every event by two other ways; see [`verify`](crate::verify).
+    pub verify: bool,
+    /// Writes `trajectory.csv` too, with 64 samples a cycle where the settings name no number.
+    pub trajectory: bool,
+    /// Replaces the files of an earlier run, and nothing else, in a folder that is not empty.
+    pub replace: bool,
+}
+
+/// The record of a run. It reads as its [`Summary`]: `record.contacts`, `record.energy`.
+#[derive(Debug)]
+pub struct RunRecord {
+    /// Measures, and what they came from.
+    pub summary: Summary,
+    /// A row of every event; empty after [`Job::write`], which has them in `events.jsonl`.
+    pub events: Vec<EventRow>,
+    /// Why the numbers must not be used, if so.
+    pub failure: Option<SimulationError>,
+}
+
+impl Deref for RunRecord {
+    type Target = Summary;
+
+    fn deref(&self) -> &Summary {
+        &self.summary
+    }
+}
+
+impl<'a> Job<'a> {
+    pub(super) fn new(simulation: &'a Simulation) -> Self {
+        let run = &simulation.settings;
+        Self {
+            simulation,
+            observer: None,
+            task: Task::default(),
+            max_events: run.event_budget,
+            verify: run.verify,
+            trajectory: run.samples_per_cycle > 0,
+            replace: false,
+        }
+    }
+
+    /// Runs to the end and keeps a row of every event.
+    ///
+    /// # Errors
+    /// [`SimulationError`] if the run cannot start, fails, or contradicts itself.
+    pub fn run(self) -> Result<RunRecord, SimulationError> {
+        self.attempt(None).and_then(RunRecord::sound)
+    }
+
+    /// Runs to the end and writes `events.jsonl`, `summary.json`, the manifest, and `trajectory.csv` if asked for.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run); [`SimulationError::Output`] or [`SimulationError::File`] if a file cannot be written. Whatever
+    /// was written stays.
+    pub fn write(self, folder: impl AsRef<Path>) -> Result<RunRecord, SimulationError> {
+        self.attempt(Some(folder.as_ref())).and_then(RunRecord::sound)
+    }
+
+    /// Runs as [`write`](Self::write), or as [`run`](Self::run) without a folder, and gives the record of a run that failed
+    /// too.
+    ///
+    /// # Errors
+    /// [`SimulationError`] if the run cannot start or a file cannot be written.
+    pub fn attempt(self, folder: Option<&Path>) -> Result<RunRecord, SimulationError> {
+        let Self { simulation, mut observer, task, .. } = self;
+        let (run, structure) = (&simulation.settings, &simulation.structure);
+        let start = simulation.start()?;
+        let mut check = self.verify.then(|| simulation.verifier(&start));
+        let (mut engine, why) = simulation.limited(start, self.max_events)?;
+
+        let sampled = self.trajectory && folder.is_some();
+        let files = [Some(EVENTS), sampled.then_some(TRAJECTORY), Some(SUMMARY)];
+        let files = files.into_iter().flatten().map(String::from).collect();
+        let (input, force) = (simulation.file.as_deref(), self.replace);
+        let request = folder.map(|folder| Request { folder, command: "run", input, force, files });
+        let mut folder = request.map(|request| request.open()).transpose()?;
+        // Each line reaches the file as it is written.
+        let file = folder.as_mut().map(|folder| folder.create(EVENTS)).transpose()?.map(LineWriter::new);
+        let mut rows = Rows { file, error: None, kept: Vec::new() };
+        let file = folder.as_mut().filter(|_| sampled).map(|folder| folder.create(TRAJECTORY)).transpose()?;
+        let mut samples = file.map(|file| SampleFile::new(simulation, BufWriter::new(file)));
+
+        let [from, measured, end] = simulation.instants();
+        let measures = Contacts::new(structure, Some(measured)).keep(0);
+        let mut log = EventLog::new(structure, measures, |row| rows.take(row));
+        let mut ledger = Ledger::new(structure);
+        // A grid that is never due stands for no trajectory.
+        let grid = if sampled { sample_grid(simulation) } else { Grid::Interval { interval: 0.0 } };
+        let mut trajectory = Trajectory::new(structure, grid, from, |sample| match &mut samples {
+            Some(file) => file.write(sample),
+            None => ControlFlow::Continue(()),
+        });
+        let clock = structure.clock();
+        let mut watch = Watchman { task, clock, from, span: clock.between(from, end), steps: 0 };
+        let measures = ((&mut log, &mut check), &mut ledger);
+        let result = engine.run(end, &mut ((measures, (&mut trajectory, &mut watch)), &mut observer));
+        let state = engine.state();
+        if let Ok(Outcome::ReachedEnd) = result {
+            // A break here is a file that cannot be written: it is reported with the file.
+            let _ = trajectory.finish(state);
+        }
+        let verified = check.as_mut().map_or(Ok(()), |check| check.finish(state.at));
+        let name = |(mode, name): (Mode, _)| (simulation.mode_name(&mode), name);
+        let summary = Summary {
+            flank: env!("CARGO_PKG_VERSION"),
+            scene: Provenance { name: simulation.name.clone(), sha256: simulation.hash() },
+            train: TrainUsed {
+                kind: simulation.kind().to_owned(),
+                freedoms: structure.spec().freedoms.clone(),
+                dimensionless: simulation.dimensionless,
+                cycle: run.period,
+            },
+            integrator: IntegratorUsed {
+                asked: run.method.name(),
+                tolerance: run.tolerance,
+                why,
+                modes: engine.integrator().chosen().into_iter().map(name).collect(),
+            },
+            outcome: RunEnd::new(simulation, &result, task.is_cancelled(), state),
+            measured_time: log.contacts().time(),
+            contacts: (0..structure.contacts().len()).map(|j| log.contacts().report(j)).collect(),
+            energy: ledger.balance(),
+            work: engine.counters(),
+            verification: check.as_ref().map(crate::verify::Verifier::verification),
+            warnings: simulation.warnings.iter().map(ToString::to_string).collect(),
+        };
+        let written = rows.finish();
+        let sampled = samples.map_or(Ok(()), SampleFile::finish);
+        folder.map_or(Ok(()), |mut folder| folder.complete(SUMMARY, &summary))?;
+        let events = written.map_err(|error| SimulationError::File(EVENTS, error))?;
+        sampled.map_err(|error| SimulationError::File(TRAJECTORY, error))?;
+        let step = clock.between(from, state.at) / summary.work.steps.max(1) as f64;
+        // A difference comes before what follows from it; a run that failed says so itself.
+        let failure = verified.err().map(SimulationError::from).or_else(|| match result {
+            Ok(_) => alarm(simulation, &summary, step),
+            Err(error) => Some(error.into()),
+        });
+        Ok(RunRecord { summary, events, failure })
+    }
+}
+
+impl RunRecord {
+    /// The record, if its numbers can be used.
+    fn sound(mut self) -> Result<Self, SimulationError> {
+        self.failure.take().map_or(Ok(self), Err)
+    }
+}
+
+/// What the numbers of a run say against it; `step` is the mean step, s.
+fn alarm(simulation: &Simulation, summary: &Summary, step: f64) -> Option<SimulationError> {
+    // The ledger takes K as symmetric, and knows rounding only.
+    let (spec, steps) = (simulation.structure.spec(), summary.work.steps);
+    let is_exact = summary.integrator.modes.iter().all(|(_, name)| *name == "taylor");
+    let is_symmetric = spec.stiffness == spec.stiffness.transpose();
+    let throughput = summary.energy.throughput;
+    let energy = simulation.structure.rounded_energy(step, throughput);
+    if is_exact && is_symmetric && summary.energy.is_open(energy, steps) {
+        let share = if throughput > 0.0 { energy / throughput } else { 0.0 };
+        let rounding = Balance::rounding(steps) * (1.0 + share);
+        return Some(SimulationError::Energy { closure: summary.energy.closure(), rounding });
+    }
+    summary.overflow().map(SimulationError::Overflow)
+}
+
+/// Takes event rows: into a file, one JSON object a line, or else into memory. Keeps the first error.
+struct Rows {
+    file: Option<LineWriter<File>>,
+    error: Option<std::io::Error>,
+    kept: Vec<EventRow>,
+}
+
+impl Rows {
+    /// Takes a row; breaks off if it cannot be written.
+    fn take(&mut self, row: EventRow) -> ControlFlow<()> {
+        let Some(file) = &mut self.file else {
+            self.kept.push(row);
+            return ControlFlow::Continue(());
+        };
+        let written = serde_json::to_string(&row).map_err(Into::into).and_then(|line| writeln!(file, "{line}"));
+        match written {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(error) => {
+                self.error = Some(error);
+                ControlFlow::Break(())
+            }
+        }
+    }
+
+    fn finish(mut self) -> std::io::Result<Vec<EventRow>> {
+        self.error.map_or(Ok(()), Err)?;
+        self.file.as_mut().map_or(Ok(()), Write::flush)?;
+        Ok(self.kept)
+    }
+}
+
+/// Reports how far a run is, and breaks it off once its task is cancelled.
+struct Watchman<'a> {
+    task: Task<'a>,
+    clock: &'a Clock,
+    from: Instant,
+    span: f64,
+    steps: u32,
+}
+
+impl Observer for Watchman<'_> {
+    fn step(&mut self, _: &Mode, step: &dyn DenseStep, _: f64) -> ControlFlow<()> {
+        self.steps = (self.steps + 1) % EVERY;
+        if self.steps == 0 {
+            self.task.report(Progress::Share(self.clock.between(self.from, step.start()) / self.span));
+        }
+        self.task.flow()
+    }
+
+    fn event(&mut self, _: &EventRecord) -> ControlFlow<()> {
+        self.task.flow()
+    }
+}

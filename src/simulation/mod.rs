@@ -1,0 +1,293 @@
+//! The front door: a scene, or a train built in Rust, ready to run.
+//!
+//! A [`Simulation`] holds a train, its start and the settings of its run. [`Simulation::run`] gives a [`RunRecord`] with
+//! measures and events. [`Simulation::write`] writes the files of `flank run`. A [`Job`] sets what one run does besides.
+//!
+//! The borrowing types behind it ([`Structure`], [`Engine`], observers) stay public, for those who drive a run themselves.
+
+mod error;
+mod job;
+mod samples;
+mod summary;
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+pub use error::SimulationError;
+pub use job::{Job, RunRecord};
+pub use summary::{Ended, IntegratorUsed, Provenance, RunEnd, Summary, TrainUsed};
+
+use crate::{
+    engine::{Engine, Observer, Options, State},
+    gear::{MeshGeometry, contact::Law},
+    hybrid::{Clock, Instant, Wide},
+    integrate::build,
+    scene::{Built, Run, Scene, Warning, hash},
+    system::{Spec, Structure},
+    train::bonded_modes,
+    verify::Verifier,
+};
+
+/// A train, its start and the settings of its run.
+#[derive(Clone, Debug)]
+pub struct Simulation {
+    /// Name in messages and in the summary.
+    pub name: String,
+    /// The train.
+    pub structure: Structure,
+    /// How long to run, and how exactly.
+    pub settings: Run,
+    /// Coordinates at the start, `[n]`.
+    pub q0: Vec<f64>,
+    /// Velocities at the start, `[n]`.
+    pub v0: Vec<f64>,
+    /// Whether the start is the static equilibrium, so that a changed train starts in its own.
+    pub is_static: bool,
+    /// Whether the train is in dimensionless form.
+    pub dimensionless: bool,
+    /// Speed of the frame the train is written in, rad/s, if it turns.
+    pub carrier_speed: Option<f64>,
+    /// Geometry of the meshes whose teeth are given, by name.
+    pub meshes: Vec<(&'static str, MeshGeometry)>,
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
+    /// The scene with every default; null for a train built in Rust.
+    scene: Value,
+    /// The file of the scene: no output replaces it.
+    file: Option<PathBuf>,
+}
+
+impl Simulation {
+    /// Reads a scene from JSON text.
+    ///
+    /// # Errors
+    /// [`SimulationError::Scene`] with every fault, each with the JSON pointer of its place.
+    pub fn from_json(text: &str) -> Result<Self, SimulationError> {
+        Self::from_scene(Scene::from_json(text, "scene")?)
+    }
+
+    /// Reads a scene file. [`write`](Self::write) never replaces this file.
+    ///
+    /// # Errors
+    /// [`SimulationError::Scene`] with every fault; a file that cannot be read is one.
+    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, SimulationError> {
+        let file = Some(path.as_ref().to_owned());
+        Ok(Self { file, ..Self::from_scene(Scene::from_file(path)?)? })
+    }
+
+    /// Takes what a scene has built. A borrowed scene is copied.
+    ///
+    /// # Errors
+    /// [`SimulationError::Assemble`].
+    pub fn from_scene(scene: impl Into<Scene>) -> Result<Self, SimulationError> {
+        let (name, scene, built) = scene.into().into_parts();
+        let is_static = scene["initial"] == "static";
+        Ok(Self { is_static, scene, ..Self::from_built(&name, built)? })
+    }
+
+    /// Takes what a scene has built, or what was made from it.
+    ///
+    /// # Errors
+    /// [`SimulationError::Assemble`].
+    pub fn from_built(name: &str, built: Built) -> Result<Self, SimulationError> {
+        Ok(Self {
+            name: name.to_owned(),
+            structure: Structure::new(built.spec)?,
+            settings: built.run,
+            q0: built.q0,
+            v0: built.v0,
+            is_static: false,
+            dimensionless: built.dimensionless,
+            carrier_speed: built.carrier_speed,
+            meshes: built.meshes,
+            warnings: built.warnings,
+            scene: Value::Null,
+            file: None,
+        })
+    }
+
+    /// Takes a train built in Rust. It starts at rest with all coordinates zero; [`starting_at`](Self::starting_at) changes
+    /// that. A run without a period has that of the train.
+    ///
+    /// # Errors
+    /// [`SimulationError::Assemble`]; [`SimulationError::Missing`] for a run without an end after its start and transient.
+    pub fn from_spec(name: &str, spec: Spec, run: Run) -> Result<Self, SimulationError> {
+        let period = run.period.or(spec.omega.map(|omega| std::f64::consts::TAU / omega));
+        let (n, run) = (spec.freedoms.len(), Run { period, ..run });
+        let (q0, v0) = (vec![0.0; n], vec![0.0; n]);
+        // A run with cycles but without a period ends at no finite time.
+        let measured = run.end() - (run.start_cycle + run.transient_cycles) as f64 * period.unwrap_or(0.0);
+        if !(measured > 0.0 && measured.is_finite()) {
+            let missing =
+                "its run has no end after its start and transient; give it a time or a period, and more cycles";
+            return Err(SimulationError::missing(name, missing));
+        }
+        let (meshes, warnings) = (Vec::new(), Vec::new());
+        Self::from_built(name, Built { spec, q0, v0, run, dimensionless: false, carrier_speed: None, meshes, warnings })
+    }
+
+    /// Starts at these coordinates and velocities, `[n]` each.
+    #[must_use]
+    pub fn starting_at(self, q0: Vec<f64>, v0: Vec<f64>) -> Self {
+        Self { q0, v0, is_static: false, ..self }
+    }
+
+    /// Runs to the end and keeps a row of every event, about a kilobyte each.
+    ///
+    /// # Errors
+    /// [`SimulationError`] if the run cannot start, fails, or contradicts itself.
+    pub fn run(&self) -> Result<RunRecord, SimulationError> {
+        self.job().run()
+    }
+
+    /// A run that a user's observer watches.
+    pub fn observe<'a>(&'a self, observer: &'a mut dyn Observer) -> Job<'a> {
+        Job { observer: Some(observer), ..self.job() }
+    }
+
+    /// Runs to the end and writes the files of `flank run --out` into `folder`.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run); [`SimulationError::Output`] for a folder that is not empty.
+    pub fn write(&self, folder: impl AsRef<Path>) -> Result<RunRecord, SimulationError> {
+        self.job().write(folder)
+    }
+
+    /// A run, with settings of its own to come.
+    pub fn job(&self) -> Job<'_> {
+        Job::new(self)
+    }
+
+    /// The forcing clock.
+    #[must_use]
+    pub fn clock(&self) -> &Clock {
+        self.structure.clock()
+    }
+
+    /// Where the run starts, where its measures start, where it ends.
+    #[must_use]
+    pub fn instants(&self) -> [Instant; 3] {
+        self.settings.instants(self.clock())
+    }
+
+    /// The forcing period T, s.
+    ///
+    /// # Errors
+    /// [`SimulationError::Missing`] without one.
+    pub fn period(&self) -> Result<f64, SimulationError> {
+        self.clock().period().map(Wide::value).ok_or_else(|| {
+            self.missing(
+                "its forcing has no period, so that there are no cycles to compare; give it a forcing with one",
+            )
+        })
+    }
+
+    /// The error of a measure that needs more than the simulation has.
+    #[must_use]
+    pub fn missing(&self, missing: impl Into<String>) -> SimulationError {
+        SimulationError::missing(&self.name, missing)
+    }
+
+    /// The state at the start.
+    ///
+    /// # Errors
+    /// [`SimulationError::Start`].
+    pub fn start(&self) -> Result<State, SimulationError> {
+        let at = self.instants()[0];
+        let start = self.structure.start(at, &self.q0, &self.v0)?;
+        Ok(State { at, x: start.x, jump: start.jump })
+    }
+
+    /// An engine at `state`, with the integrator and the limits of the run.
+    ///
+    /// # Errors
+    /// [`SimulationError::Integrator`].
+    pub fn engine(&self, state: State) -> Result<Engine<'_>, SimulationError> {
+        Ok(self.limited(state, self.settings.event_budget)?.0)
+    }
+
+    /// The same with another limit on events, and the reason for its integrator.
+    ///
+    /// # Errors
+    /// [`SimulationError::Integrator`].
+    pub fn limited(&self, state: State, max_events: u64) -> Result<(Engine<'_>, String), SimulationError> {
+        let run = &self.settings;
+        let (integrator, why) = build(run.method, run.tolerance, &self.structure)?;
+        let options = Options { max_events, chatter_speed: run.chatter_speed.unwrap_or(0.0), ..Options::default() };
+        Ok((Engine::new(&self.structure, integrator, options, state), why))
+    }
+
+    /// Checks a run from `state`.
+    #[must_use]
+    pub fn verifier(&self, state: &State) -> Verifier<'_, Structure> {
+        Verifier::new(&self.structure, state, self.time_unit(), self.settings.method)
+    }
+
+    /// The time, s, that the accuracy of a check is a part of: the forcing period, else that of the highest natural frequency
+    /// with all linear contacts closed. Rigid contacts and power laws have no frequency of their own; a train with nothing
+    /// else has no such time.
+    fn time_unit(&self) -> Option<f64> {
+        let natural = || {
+            let mut spec = self.structure.spec().clone();
+            spec.contacts.retain(|c| matches!(c.law, Law::Bilateral(_) | Law::KelvinVoigt(..)));
+            let highest = bonded_modes(&spec).ok()?.omega.last().copied().filter(|omega| *omega > 0.0)?;
+            Some(std::f64::consts::TAU / highest)
+        };
+        self.clock().period().map(Wide::value).or_else(natural)
+    }
+
+    /// Index of the degree of freedom called `name`.
+    ///
+    /// # Errors
+    /// [`SimulationError::Missing`].
+    pub fn freedom(&self, name: &str) -> Result<usize, SimulationError> {
+        let freedoms = &self.structure.spec().freedoms;
+        freedoms
+            .iter()
+            .position(|freedom| freedom == name)
+            .ok_or_else(|| self.missing(format!("it has no freedom {name}; it has {}", freedoms.join(", "))))
+    }
+
+    /// `at`, moved to the start of its cycle: where the state of another simulation is taken up.
+    pub(crate) fn cycle_start(&self, at: Instant) -> Instant {
+        self.clock().at(at.cycle, 0.0)
+    }
+
+    /// The scene with every default; null for a train built in Rust.
+    #[must_use]
+    pub fn resolved(&self) -> &Value {
+        &self.scene
+    }
+
+    /// SHA-256 of the scene, as [`Scene::hash`]; none for a train built in Rust.
+    #[must_use]
+    pub fn hash(&self) -> Option<String> {
+        (!self.scene.is_null()).then(|| hash(&self.scene))
+    }
+
+    /// What the scene calls itself, or else the name.
+    #[must_use]
+    pub fn title(&self) -> &str {
+        self.scene["name"].as_str().unwrap_or(&self.name)
+    }
+
+    /// Kind of train of the scene; `spec` for a train built in Rust.
+    #[must_use]
+    pub fn kind(&self) -> &str {
+        self.scene["train"]["kind"].as_str().unwrap_or("spec")
+    }
+
+    /// A unit, or nothing in a dimensionless train.
+    #[must_use]
+    pub fn unit(&self, name: &'static str) -> &'static str {
+        if self.dimensionless { "" } else { name }
+    }
+
+    /// The states of all contacts, such as `drive, separated`.
+    #[must_use]
+    pub fn mode_name(&self, mode: &crate::hybrid::Mode) -> String {
+        let names = (0..self.structure.contacts().len()).map(|j| crate::system::contact_mode(mode, j).name());
+        names.collect::<Vec<_>>().join(", ")
+    }
+}

@@ -1,0 +1,206 @@
+//! What a source states about a train, beside what Flank finds.
+//!
+//! Claims are data: a JSON file lists, figure by figure, numbers and statements with the place they stand at, an
+//! expression over what the figure measured, such as `max(sun.range) > 1e-6`, and what to know before quoting them. A
+//! number agrees within 5 % and in part within 15 %; a statement agrees if its condition holds.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+
+use super::{
+    StudyError,
+    expression::{evaluate, fill},
+};
+pub use crate::plot::Verdict;
+
+/// One row of the table "published, Flank, verdict".
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Figure of the source.
+    pub place: String,
+    /// What is compared.
+    pub quantity: String,
+    /// What was published.
+    pub published: String,
+    /// What Flank finds.
+    pub found: String,
+    /// What comes of it.
+    pub verdict: Verdict,
+    /// Whether it was part of the fit that gave the scene its numbers, and is no test of it.
+    pub fitted: bool,
+    /// What to know before quoting it; may be empty.
+    pub note: String,
+}
+
+/// Share of the published number up to which a number agrees, and up to which it does in part.
+const NEAR: [f64; 2] = [0.05, 0.15];
+
+/// Two numbers: what was published and what was found.
+pub(super) fn numbers(place: &str, quantity: &str, (published, found): (f64, f64), unit: &str) -> Comparison {
+    let off = (found - published).abs() / published.abs();
+    let verdict = match off {
+        o if o <= NEAR[0] => Verdict::Agrees,
+        o if o <= NEAR[1] => Verdict::Partly,
+        _ => Verdict::Deviates,
+    };
+    let digits = match found.abs() {
+        small if small < 1.0 => 3,
+        middle if middle < 100.0 => 2,
+        _ => 1,
+    };
+    Comparison {
+        place: place.to_owned(),
+        quantity: quantity.to_owned(),
+        published: format!("{published} {unit}").trim_end().to_owned(),
+        found: format!("{found:.digits$} {unit}").trim_end().to_owned(),
+        verdict,
+        fitted: false,
+        note: String::new(),
+    }
+}
+
+/// The claims about one figure.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Group {
+    /// Whether anything can be said at all: an expression.
+    when: Option<String>,
+    /// Names for expressions, `name = expression`, in order.
+    #[serde(rename = "let")]
+    names: Vec<String>,
+    /// Published points to draw: share of the mesh period without force.
+    points: Option<Points>,
+    claims: Vec<Claim>,
+}
+
+/// Published points of a curve.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Points {
+    /// Loads or speeds.
+    pub x: Vec<f64>,
+    /// Values there.
+    pub y: Vec<f64>,
+}
+
+/// A number (`expected`, `value`, `unit`) or a statement (`published`, `found`, and `agrees`, `partly` or `verdict`).
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Claim {
+    place: String,
+    quantity: String,
+    when: Option<String>,
+    expected: Option<f64>,
+    unit: String,
+    value: String,
+    published: String,
+    found: Option<String>,
+    agrees: Option<String>,
+    partly: Option<String>,
+    verdict: Option<Verdict>,
+    /// Where this holds, `ambiguous_found` is what is found, and agreement is in part.
+    ambiguous: Option<String>,
+    ambiguous_found: String,
+    fitted: bool,
+    note: String,
+}
+
+/// The claims of one source, by figure.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+pub struct Claims {
+    figures: BTreeMap<String, Group>,
+}
+
+impl Claims {
+    /// Reads claims.
+    ///
+    /// # Errors
+    /// [`StudyError::Claim`] for a text that is no list of claims.
+    pub fn from_json(text: &str) -> Result<Self, StudyError> {
+        serde_json::from_str(text).map_err(|error| StudyError::Claim(error.to_string()))
+    }
+
+    /// Whether nothing is claimed.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.figures.is_empty()
+    }
+
+    /// Published points for a figure, if there are any.
+    #[must_use]
+    pub fn points(&self, figure: &str) -> Option<&Points> {
+        self.figures.get(figure)?.points.as_ref()
+    }
+
+    /// What is claimed about a figure beside `facts`, what the figure measured, by name.
+    ///
+    /// # Errors
+    /// [`StudyError::Claim`] for a claim that cannot be evaluated.
+    pub fn compare(&self, figure: &str, facts: Value) -> Result<Vec<Comparison>, StudyError> {
+        let Some(group) = self.figures.get(figure) else { return Ok(Vec::new()) };
+        group.compare(facts).map_err(|error| StudyError::Claim(format!("{figure}: {error}")))
+    }
+}
+
+impl Group {
+    fn compare(&self, facts: Value) -> Result<Vec<Comparison>, String> {
+        let mut names = match facts {
+            Value::Object(facts) => facts,
+            found => Map::from_iter([("found".to_owned(), found)]),
+        };
+        if !truth(self.when.as_deref(), &names)?.unwrap_or(true) {
+            return Ok(Vec::new());
+        }
+        for line in &self.names {
+            let (name, expression) = line.split_once(" = ").ok_or_else(|| format!("{line}: no name = expression"))?;
+            let value = evaluate(expression, &names)?;
+            names.insert(name.to_owned(), value);
+        }
+        let rows = self.claims.iter().filter_map(|claim| claim.compare(&names).transpose());
+        rows.collect()
+    }
+}
+
+impl Claim {
+    /// The row, unless the claim says nothing here.
+    fn compare(&self, names: &Map<String, Value>) -> Result<Option<Comparison>, String> {
+        if !truth(self.when.as_deref(), names)?.unwrap_or(true) {
+            return Ok(None);
+        }
+        let quantity = fill(&self.quantity, names)?;
+        let mut row = match self.expected {
+            Some(expected) => {
+                let value =
+                    evaluate(&self.value, names)?.as_f64().ok_or_else(|| format!("{} is no number", self.value))?;
+                numbers(&self.place, &quantity, (expected, value), &self.unit)
+            }
+            None => Comparison { published: self.published.clone(), ..numbers(&self.place, &quantity, (0.0, 0.0), "") },
+        };
+        if let Some(found) = &self.found {
+            row.found = fill(found, names)?;
+        }
+        let holds = |condition: &Option<String>| truth(condition.as_deref(), names);
+        if self.expected.is_none() {
+            row.verdict = match (holds(&self.agrees)?, holds(&self.partly)?) {
+                (Some(true), _) => Verdict::Agrees,
+                (_, Some(true)) => Verdict::Partly,
+                _ => Verdict::Deviates,
+            };
+        }
+        if holds(&self.ambiguous)? == Some(true) {
+            row.found = fill(&self.ambiguous_found, names)?;
+            row.verdict = if row.verdict == Verdict::Agrees { Verdict::Partly } else { row.verdict };
+        }
+        row.verdict = self.verdict.unwrap_or(row.verdict);
+        Ok(Some(Comparison { fitted: self.fitted, note: fill(&self.note, names)?, ..row }))
+    }
+}
+
+/// Whether a condition holds; nothing where there is none.
+fn truth(condition: Option<&str>, names: &Map<String, Value>) -> Result<Option<bool>, String> {
+    let Some(text) = condition else { return Ok(None) };
+    let value = evaluate(text, names)?;
+    value.as_bool().map(Some).ok_or_else(|| format!("{text} is neither true nor false"))
+}

@@ -1,0 +1,198 @@
+use serde_json::{Map, Value, json};
+
+use super::{
+    StudyError,
+    steady::{ContactSteady, Rule, Seed, Steady, steady},
+};
+use crate::{
+    output::number,
+    scene::{Scene, SceneError},
+    simulation::Simulation,
+    sweep::{Cell, Ending, Entry, Journal, Outcome, Plan, SweepError, Tally, run},
+    task::Task,
+};
+
+/// Steady motions at the points of a grid of scene numbers, kept in a [`Journal`].
+///
+/// ```no_run
+/// use flank::{Task, scene::Scene, study::{SteadySweep, steady::Rule}, sweep::{Begin, Grid, Journal, Plan, Seeding}};
+///
+/// let plan = Plan::new(Grid::parse(&["/train/speed_rpm=500:900:9"])?, Seeding::Up);
+/// let sweep = SteadySweep::new(Scene::reference()?, plan, Rule::default())?;
+/// let folder = std::path::Path::new("sweep");
+/// let mut journal = Journal::open(folder, Begin::New, sweep.header(), sweep.plan().rows())?.expect("a new sweep is open");
+/// sweep.run(&mut journal, 0, Task::default())?;
+/// let tally = sweep.finish(journal)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct SteadySweep {
+    scene: Scene,
+    plan: Plan,
+    rule: Rule,
+    dimensionless: bool,
+}
+
+impl SteadySweep {
+    /// Checks that the scene holds, starts and has a forcing period at both ends of every axis, with each other.
+    ///
+    /// # Errors
+    /// [`StudyError::Simulation`]: faults of the scenes at all corners, or what the first corner that cannot run lacks.
+    pub fn new(scene: Scene, plan: Plan, rule: Rule) -> Result<Self, StudyError> {
+        let mut sweep = Self { scene, plan, rule, dimensionless: false };
+        let mut corners = vec![Vec::new()];
+        for axis in sweep.plan.grid().axes() {
+            let ends = [0, axis.count() - 1].map(|i| axis.value(i));
+            corners =
+                corners.iter().flat_map(|corner: &Vec<f64>| ends.map(|end| [&corner[..], &[end]].concat())).collect();
+        }
+        let (mut scenes, mut faults) = (Vec::new(), Vec::new());
+        for corner in corners {
+            match sweep.at(&corner) {
+                Ok(scene) => scenes.push(scene),
+                Err(error) => error.faults.into_iter().for_each(|fault| {
+                    if !faults.contains(&fault) {
+                        faults.push(fault);
+                    }
+                }),
+            }
+        }
+        if !faults.is_empty() {
+            return Err(SceneError { name: sweep.scene.name().to_owned(), faults }.into());
+        }
+        for scene in scenes {
+            let simulation = Simulation::from_scene(scene)?;
+            simulation.period()?;
+            simulation.start()?;
+            sweep.dimensionless = simulation.dimensionless;
+        }
+        Ok(sweep)
+    }
+
+    /// The scene at a point of the grid.
+    ///
+    /// # Errors
+    /// [`SceneError`] if it does not hold there.
+    pub fn at(&self, values: &[f64]) -> Result<Scene, SceneError> {
+        // Whole numbers are written as such: some keys take no others. Below 2⁵³ nothing is lost.
+        let json = |v: f64| if v.fract() == 0.0 && v.abs() < 9e15 { Value::from(v as i64) } else { Value::from(v) };
+        let axes = self.plan.grid().axes().iter().zip(values);
+        self.scene.with_all(axes.map(|(axis, value)| (axis.pointer.as_str(), json(*value))))
+    }
+
+    /// The points and their order.
+    #[must_use]
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// What identifies the sweep: a journal with another header is not gone on with.
+    #[must_use]
+    pub fn header(&self) -> Map<String, Value> {
+        let mut header = self.plan.header();
+        header.insert("flank".to_owned(), env!("CARGO_PKG_VERSION").into());
+        header.insert("scene_sha256".to_owned(), self.scene.hash().into());
+        header.insert("rule".to_owned(), json!(self.rule));
+        header
+    }
+
+    /// Computes every row that the journal does not hold, as [`run`]; `threads` are as many as there are cores if 0.
+    ///
+    /// # Errors
+    /// As [`run`].
+    pub fn run(
+        &self,
+        journal: &mut Journal<Steady, Seed>,
+        threads: usize,
+        task: Task<'_>,
+    ) -> Result<Ending, SweepError> {
+        let point = |cell: &Cell, seed: Option<&Seed>| -> Result<(Steady, Seed), StudyError> {
+            let steady = steady(self.at(&cell.values)?, seed, &self.rule, task)?;
+            let end = steady.end.clone();
+            Ok((steady, end))
+        };
+        run(&self.plan, journal, point, task, threads)
+    }
+
+    /// Writes the table and the rows of a complete sweep.
+    ///
+    /// # Errors
+    /// As [`Journal::finish`].
+    pub fn finish(&self, mut journal: Journal<Steady, Seed>) -> Result<Tally, SweepError> {
+        // Where the train itself is varied, not every row has each contact.
+        let mut contacts = Vec::new();
+        for row in 0..self.plan.rows() {
+            if let Some(Entry { outcome: Outcome::Done { result, .. }, .. }) = journal.entry(row)? {
+                for (name, _) in named(&result) {
+                    if !contacts.contains(&name) {
+                        contacts.push(name);
+                    }
+                }
+            }
+        }
+        let columns = columns(&contacts, self.dimensionless);
+        journal.finish(&self.plan, &columns, |steady| cells(&contacts, steady))
+    }
+}
+
+/// Contacts and their names; a name given before gets a number.
+fn named(steady: &Steady) -> impl Iterator<Item = (String, &ContactSteady)> {
+    steady.contacts.iter().enumerate().map(|(j, contact)| {
+        let name = &contact.report.name;
+        let before = steady.contacts[..j].iter().filter(|other| other.report.name == *name).count();
+        (if before == 0 { name.clone() } else { format!("{name} ({})", before + 1) }, contact)
+    })
+}
+
+/// A column reported per contact: its name, its unit, the value.
+type Column = (&'static str, &'static str, fn(&ContactSteady) -> Option<f64>);
+
+const COLUMNS: [Column; 14] = [
+    ("apart_fraction", "", |c| Some(c.report.apart_fraction)),
+    ("no_force_fraction", "", |c| Some(c.report.no_force_fraction)),
+    ("separations_per_cycle", "", |c| c.report.separations_per_cycle),
+    ("contacts_per_cycle", "", |c| c.report.contacts_per_cycle),
+    ("no_force_mean", "_s", |c| c.report.durations.mean),
+    ("no_force_longest", "_s", |c| c.report.durations.max),
+    ("force_mean", "_n", |c| Some(c.report.force_mean)),
+    ("force_min", "_n", |c| c.report.force_min),
+    ("force_max", "_n", |c| c.report.force_max),
+    ("force_amplitude", "_n", |c| Some(c.force_amplitude)),
+    ("force_harmonic_1", "_n", |c| c.force_harmonics.first().copied()),
+    ("force_harmonic_2", "_n", |c| c.force_harmonics.get(1).copied()),
+    ("deflection_min", "_m", |c| c.report.deflection_min),
+    ("deflection_max", "_m", |c| c.report.deflection_max),
+];
+
+/// Columns of the table. A dimensionless train has no units.
+fn columns(contacts: &[String], dimensionless: bool) -> Vec<String> {
+    let with = |unit: &'static str| if dimensionless { "" } else { unit };
+    let orbit = ["seeded", "orbit", "period_cycles", "transient_cycles", "orbit_distance", "measured_cycles"];
+    let mut columns: Vec<String> = orbit.map(String::from).to_vec();
+    columns.extend([format!("cycle{}", with("_s")), "events".to_owned(), "grazes".to_owned()]);
+    for contact in contacts {
+        columns.extend(COLUMNS.map(|(name, unit, _)| format!("{contact} {name}{}", with(unit))));
+    }
+    columns
+}
+
+/// A row of the table.
+fn cells(contacts: &[String], steady: &Steady) -> Vec<String> {
+    let settled = &steady.settled;
+    let mut cells = vec![
+        steady.seeded.to_string(),
+        settled.word().to_owned(),
+        settled.period.map_or_else(String::new, |period| period.to_string()),
+        settled.cycles.to_string(),
+        number(settled.distance),
+        steady.measured_cycles.to_string(),
+        number(steady.period_s),
+        steady.events.to_string(),
+        steady.grazes.to_string(),
+    ];
+    for name in contacts {
+        let contact = named(steady).find(|(other, _)| other == name).map(|(_, contact)| contact);
+        cells.extend(COLUMNS.map(|(_, _, measure)| contact.and_then(measure).map_or_else(String::new, number)));
+    }
+    cells
+}

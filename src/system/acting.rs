@@ -1,0 +1,252 @@
+//! What a contact does in a mode: the one place where contact laws meet the states of contacts.
+//!
+//! A contact without an [`Acting`] only has a deflection, which its guards may watch. Everything else about forces, energies, guards
+//! and methods reads this.
+
+use super::{
+    assemble::{Contact, Spring, Structure},
+    contact_mode::{ContactMode, Watch, contact_mode, piece},
+};
+use crate::{
+    gear::contact::{Law, PowerLaw, Release},
+    hybrid::{Instant, Mode},
+};
+
+/// A contact and its law, with the numbers of the mode.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Acting {
+    pub contact: usize,
+    /// +1 on the drive flank, −1 on the back flank, 0 where the law acts on the deflection itself.
+    pub side: f64,
+    /// The force acts; else it is only watched.
+    pub is_carried: bool,
+    pub force: Force,
+}
+
+/// The force along the direction of a contact, N.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Force {
+    /// `k (δ − σ b) + c δ̇`.
+    Linear { stiffness: Elasticity, damping: f64 },
+    /// `σ K pⁿ (1 + χ ṗ)` with `p = σ δ − b ≥ 0` and `χ = D/v`: `latch` is where the state keeps v; without one, χ is zero.
+    Power { law: PowerLaw, stiffness: f64, latch: Option<usize> },
+    /// Whatever keeps `δ̈ = 0`.
+    Held,
+}
+
+/// A stiffness in one mode.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Elasticity {
+    Constant(f64),
+    /// The value where piece `number` of the schedule starts, N/m, and its slope, N/(m s).
+    Ramp {
+        value: f64,
+        slope: f64,
+        number: u32,
+    },
+    /// Follows the oscillators.
+    Waves,
+}
+
+impl Elasticity {
+    /// It is a series in a step.
+    pub fn varies(self) -> bool {
+        !matches!(self, Self::Constant(_))
+    }
+}
+
+impl Force {
+    /// The damping of a linear law.
+    pub fn damping(&self) -> Option<f64> {
+        if let Self::Linear { damping, .. } = self { Some(*damping) } else { None }
+    }
+
+    /// χ of a power law in the state `x`, s/m.
+    pub fn chi(&self, x: &[f64]) -> f64 {
+        match self {
+            Self::Power { law, latch: Some(latch), .. } => law.hysteresis / x[*latch],
+            _ => 0.0,
+        }
+    }
+}
+
+impl Acting {
+    pub fn is_held(&self) -> bool {
+        self.force == Force::Held
+    }
+}
+
+impl Structure {
+    /// What contact `j` does in `mode`, if anything.
+    pub(crate) fn acting(&self, mode: &Mode, j: usize) -> Option<Acting> {
+        let c = &self.contacts[j];
+        let state = contact_mode(mode, j);
+        let (side, is_carried) = match c.spec.law {
+            Law::Bilateral(_) => (0.0, true),
+            Law::Rigid(_) if !state.is_closed() => return None,
+            _ if state == ContactMode::Separated => return None,
+            _ => (state.side(), state.is_closed()),
+        };
+        let force = match c.spec.law {
+            Law::Bilateral(l) | Law::KelvinVoigt(l, _) => {
+                Force::Linear { stiffness: c.elasticity(piece(mode, j)), damping: l.damping }
+            }
+            Law::Power(law) => Force::Power { law, stiffness: c.spec.stiffness.mean(), latch: c.latch },
+            Law::Rigid(_) => Force::Held,
+        };
+        Some(Acting { contact: j, side, is_carried, force })
+    }
+
+    /// What carries force in `mode`.
+    pub(crate) fn carrying(&self, mode: &Mode) -> impl Iterator<Item = Acting> {
+        (0..self.contacts.len()).filter_map(move |j| self.acting(mode, j)).filter(|a| a.is_carried)
+    }
+
+    /// Stiffness of a linear law, N/m, and its rate of change, N/(m s).
+    pub(crate) fn stiffness_at(&self, j: usize, stiffness: Elasticity, at: Instant) -> (f64, f64) {
+        match (stiffness, &self.contacts[j].spring) {
+            (Elasticity::Constant(k), _) => (k, 0.0),
+            (Elasticity::Ramp { value, slope, number }, Spring::Scheduled(s)) => {
+                (value + slope * s.elapsed(&self.clock, at, number), slope)
+            }
+            (_, Spring::Waves(mean, waves)) => waves.iter().fold((*mean, 0.0), |(k, dk), w| {
+                let o = self.oscillators[w.index];
+                let (sin, cos) = self.clock.angle(o.omega, o.order, at).sin_cos();
+                (k + w.cosine * cos + w.sine * sin, dk + o.omega * (w.sine * cos - w.cosine * sin))
+            }),
+            (_, spring) => unreachable!("{stiffness:?} of {spring:?}"),
+        }
+    }
+
+    /// `1 + χ ṗ` of a power law, `rate` = δ̇; 1 for any other.
+    pub(crate) fn factor(&self, acting: &Acting, rate: f64, x: &[f64]) -> f64 {
+        1.0 + acting.force.chi(x) * (acting.side * rate)
+    }
+
+    /// What the law gives along g, N, whether or not it is carried; zero where the contact is held.
+    pub(crate) fn law_force(&self, acting: &Acting, at: Instant, x: &[f64]) -> f64 {
+        let (c, side) = (&self.contacts[acting.contact], acting.side);
+        let (d, rate) = self.deflection(acting.contact, at, x);
+        match acting.force {
+            Force::Linear { stiffness, damping } => {
+                self.stiffness_at(acting.contact, stiffness, at).0 * (d - side * c.gap()) + damping * rate
+            }
+            Force::Power { law, stiffness, .. } => {
+                let p = (side * d - c.gap()).max(0.0);
+                side * stiffness * p.powf(law.exponent.value()) * self.factor(acting, rate, x)
+            }
+            Force::Held => 0.0,
+        }
+    }
+
+    /// Change of the force for a change `(d1, r1)` of deflection and rate, and `x1` of the state.
+    pub(crate) fn force_change(&self, acting: &Acting, at: Instant, x: &[f64], [d1, r1]: [f64; 2], x1: &[f64]) -> f64 {
+        match acting.force {
+            Force::Linear { stiffness, damping } => {
+                self.stiffness_at(acting.contact, stiffness, at).0 * d1 + damping * r1
+            }
+            Force::Power { law, stiffness: k, latch } => {
+                let (d, r) = self.deflection(acting.contact, at, x);
+                let (side, n) = (acting.side, law.exponent.value());
+                let p = (side * d - self.contacts[acting.contact].gap()).max(0.0);
+                let by_p = k * n * p.powf(n - 1.0) * self.factor(acting, r, x);
+                let (by_rate, by_latch) = latch.map_or((0.0, 0.0), |i| {
+                    let chi = acting.force.chi(x);
+                    let force = k * p.powf(n);
+                    (force * chi, -side * force * chi / x[i] * side * r * x1[i])
+                });
+                by_p * d1 + by_rate * r1 + by_latch
+            }
+            Force::Held => 0.0,
+        }
+    }
+
+    /// Energy in the spring, J; none where no force is carried.
+    pub(crate) fn stored_in(&self, acting: Option<Acting>, at: Instant, x: &[f64]) -> f64 {
+        let Some(a) = acting.filter(|a| a.is_carried) else { return 0.0 };
+        let p = self.penetration(&a, self.deflection(a.contact, at, x).0);
+        match a.force {
+            Force::Linear { stiffness, .. } => 0.5 * self.stiffness_at(a.contact, stiffness, at).0 * p * p,
+            Force::Power { law, stiffness, .. } => {
+                let n = law.exponent.value();
+                let p = p.max(0.0);
+                stiffness * p.powf(n + 1.0) / (n + 1.0)
+            }
+            Force::Held => 0.0,
+        }
+    }
+
+    /// Powers of a contact, W: dissipation, and work of a stiffness that varies.
+    pub(crate) fn contact_powers(&self, acting: Option<Acting>, at: Instant, x: &[f64]) -> (f64, f64) {
+        let Some(a) = acting.filter(|a| a.is_carried) else { return (0.0, 0.0) };
+        let (d, rate) = self.deflection(a.contact, at, x);
+        let p = self.penetration(&a, d);
+        match a.force {
+            Force::Linear { stiffness, damping } => {
+                (damping * rate * rate, 0.5 * self.stiffness_at(a.contact, stiffness, at).1 * p * p)
+            }
+            Force::Power { law, stiffness, .. } => {
+                let elastic = stiffness * p.max(0.0).powf(law.exponent.value());
+                (elastic * (self.factor(&a, rate, x) - 1.0) * (a.side * rate), 0.0)
+            }
+            Force::Held => (0.0, 0.0),
+        }
+    }
+
+    /// `σ δ − b`, m; δ itself where the law acts on that.
+    fn penetration(&self, a: &Acting, deflection: f64) -> f64 {
+        if a.side == 0.0 { deflection } else { a.side * deflection - self.contacts[a.contact].gap() }
+    }
+
+    /// What is watched on contact `j` in `mode`, with the sign that makes it positive inside.
+    pub(crate) fn watched(&self, mode: &Mode, j: usize) -> &'static [(Watch, f64)] {
+        let (c, state) = (&self.contacts[j], contact_mode(mode, j));
+        match c.spec.law {
+            Law::Bilateral(_) => &[],
+            // The force reaches zero no later than the deflection does.
+            Law::KelvinVoigt(_, Release::Force) if state.is_closed() => &[(Watch::Force, 1.0)],
+            Law::KelvinVoigt(_, Release::Force) => watches(state, true, c.has_back()),
+            Law::KelvinVoigt(_, Release::Deflection) => watches(state, false, c.has_back()),
+            Law::Power(_) => watches(state, c.latch.is_some(), c.has_back()),
+            Law::Rigid(_) if state.is_closed() => &[(Watch::Force, 1.0)],
+            // Held on its flank by others.
+            Law::Rigid(_) if state.side() != 0.0 => &[],
+            Law::Rigid(_) => watches(state, false, c.has_back()),
+        }
+    }
+}
+
+impl Contact {
+    /// The damping of a contact that lets go where its force is zero.
+    pub(crate) fn release_damping(&self) -> Option<f64> {
+        if let Law::KelvinVoigt(l, Release::Force) = self.spec.law { Some(l.damping) } else { None }
+    }
+
+    /// The stiffness in piece `number` of its schedule.
+    fn elasticity(&self, number: u32) -> Elasticity {
+        match &self.spring {
+            Spring::Constant(k) => Elasticity::Constant(*k),
+            Spring::Waves(..) => Elasticity::Waves,
+            Spring::Scheduled(schedule) => match schedule.law(number) {
+                (value, 0.0) => Elasticity::Constant(value),
+                (value, slope) => Elasticity::Ramp { value, slope, number },
+            },
+        }
+    }
+}
+
+/// What fires in a state, with the sign that makes the guard positive inside: `b − δ`, `δ + b` and the
+/// compressive force are the positive directions of the three watches in the separated state.
+fn watches(state: ContactMode, releases_by_force: bool, back: bool) -> &'static [(Watch, f64)] {
+    use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
+    match state {
+        Separated if back => &[(Watch::DriveFlank, 1.0), (Watch::BackFlank, 1.0)],
+        Separated => &[(Watch::DriveFlank, 1.0)],
+        Drive if releases_by_force => &[(Watch::DriveFlank, -1.0), (Watch::Force, 1.0)],
+        Back if releases_by_force => &[(Watch::BackFlank, -1.0), (Watch::Force, 1.0)],
+        Drive => &[(Watch::DriveFlank, -1.0)],
+        Back => &[(Watch::BackFlank, -1.0)],
+        DriveDetached => &[(Watch::DriveFlank, -1.0), (Watch::Force, -1.0)],
+        BackDetached => &[(Watch::BackFlank, -1.0), (Watch::Force, -1.0)],
+    }
+}

@@ -1,0 +1,394 @@
+//! From a [`Spec`] to a [`Structure`]: everything a step needs, computed once.
+
+use std::collections::{BTreeMap, HashMap};
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+use smallvec::{SmallVec, smallvec};
+
+use super::{
+    ContactSpec, Flanks, Spec, check::AssembleError, schedule::Schedule, symmetry::Symmetry, twofold::conserves,
+};
+use crate::{
+    gear::{Harmonic, Stiffness, contact::Law},
+    hybrid::{Clock, Instant},
+};
+
+/// One value for each contact, or for some of them. Up to 24 need no allocation.
+pub(crate) type PerContact<T> = SmallVec<[T; 24]>;
+
+/// A zero for each of `count` contacts.
+pub(crate) fn zeros(count: usize) -> PerContact<f64> {
+    smallvec![0.0; count]
+}
+
+/// A sparse vector: pairs of freedom and value.
+pub(crate) type Sparse = Vec<(u32, f64)>;
+
+fn sparse<'a>(values: impl IntoIterator<Item = &'a f64>) -> Sparse {
+    values.into_iter().enumerate().filter(|(_, v)| **v != 0.0).map(|(i, v)| (i as u32, *v)).collect()
+}
+
+/// `Σ row_i x_i`.
+pub(crate) fn dot(row: &Sparse, x: &[f64]) -> f64 {
+    row.iter().fold(0.0, |s, (i, g)| s + g * x[*i as usize])
+}
+
+/// One frequency of the forcing; its phase is evaluated once a step and shared by all harmonics.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Oscillator {
+    pub omega: f64,
+    /// `Some(h)` if `ω = h ω₀` exactly, with ω₀ the clock's.
+    pub order: Option<u32>,
+}
+
+/// `cosine · cos ωt + sine · sin ωt` for the oscillator at `index`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Wave {
+    pub index: usize,
+    pub cosine: f64,
+    pub sine: f64,
+}
+
+/// A harmonic load over M, `cosine cos ωt + sine sin ωt`, as accelerations, m/s².
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct LoadWave {
+    pub index: usize,
+    pub cosine: Vec<f64>,
+    pub sine: Vec<f64>,
+}
+
+impl LoadWave {
+    /// `max_i √M_ii |a_i|` with `√M_ii` in `weights`.
+    pub fn size(&self, weights: &[f64]) -> f64 {
+        let amplitudes = self.cosine.iter().zip(&self.sine).map(|(c, s)| c.hypot(*s));
+        amplitudes.zip(weights).fold(0.0, |m: f64, (a, w)| m.max(a * w))
+    }
+}
+
+/// The stiffness of one contact, ready to be expanded.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Spring {
+    Constant(f64),
+    /// `mean + Σ waves` (waves in N/m).
+    Waves(f64, Vec<Wave>),
+    Scheduled(Schedule),
+}
+
+/// One contact of a [`Structure`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contact {
+    /// What it was assembled from.
+    pub spec: ContactSpec,
+    pub(crate) direction: Sparse,
+    /// `M⁻¹ g`.
+    pub(crate) push: Sparse,
+    /// `gᵀ M⁻¹ g`, 1/kg: the inverse of the mass the contact feels.
+    pub(crate) mobility: f64,
+    /// `Σ |g_i|/√M_ii`: what a weighted rate of one can add to the contact's rate.
+    pub(crate) across: f64,
+    /// `max √M_ii |M⁻¹g|_i`: the weighted acceleration by a force of one.
+    pub(crate) push_norm: f64,
+    /// Sum of the amplitudes, N/m, and fastest frequency, rad/s, of a stiffness that follows oscillators.
+    pub(crate) swing: (f64, f64),
+    pub(crate) error: Vec<Wave>,
+    /// `ė` as waves.
+    pub(crate) error_rate: Vec<Wave>,
+    /// Largest stiffness of its schedule, N/m.
+    pub(crate) stiffest: f64,
+    /// Sums of the sizes of all terms of e, ė and ë.
+    pub(crate) error_sizes: [f64; 3],
+    /// `1/√(gᵀM⁻¹g)`: makes the contact's rate comparable with weighted rates.
+    pub(crate) weight: f64,
+    pub(crate) spring: Spring,
+    /// Where the latched approach speed is kept in the state.
+    pub(crate) latch: Option<usize>,
+}
+
+impl Contact {
+    /// Mass the contact feels, `1/(gᵀ M⁻¹ g)`, kg.
+    #[must_use]
+    pub fn effective_mass(&self) -> f64 {
+        1.0 / self.mobility
+    }
+
+    /// Index in the state of its latched approach speed, if its law keeps one.
+    #[must_use]
+    pub fn latch(&self) -> Option<usize> {
+        self.latch
+    }
+
+    pub(crate) fn gap(&self) -> f64 {
+        self.spec.half_backlash
+    }
+
+    /// Where the spring is unstretched on its flank's side: the gap, but a bilateral mesh has none.
+    pub(crate) fn offset(&self) -> f64 {
+        if matches!(self.spec.law, Law::Bilateral(_)) { 0.0 } else { self.gap() }
+    }
+
+    pub(crate) fn has_back(&self) -> bool {
+        self.spec.flanks == Flanks::Both
+    }
+}
+
+/// What the recurrence of linear modes reads, laid out for vector instructions.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Columns {
+    /// Diagonals of `−M⁻¹K` and `−M⁻¹C`.
+    pub by_q: Vec<f64>,
+    pub by_v: Vec<f64>,
+    /// Their entries off the diagonal: row, column, by q, by v.
+    pub couplings: Vec<(u32, u32, f64, f64)>,
+    /// The contacts, four at a time.
+    pub fours: Vec<FourColumns>,
+}
+
+/// Four contacts.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct FourColumns {
+    /// `n` rows of direction components.
+    pub directions: Vec<[f64; 4]>,
+    /// Errors: oscillator, cosine and sine parts.
+    pub waves: Vec<(usize, [f64; 4], [f64; 4])>,
+    /// `M⁻¹ g` of each.
+    pub pushes: [Vec<f64>; 4],
+}
+
+impl Columns {
+    fn new(k: &DMatrix<f64>, c: &DMatrix<f64>, contacts: &[Contact]) -> Self {
+        let n = k.nrows();
+        let entries = |i: usize, j: usize| (i as u32, j as u32, -k[(i, j)], -c[(i, j)]);
+        Self {
+            by_q: (0..n).map(|i| -k[(i, i)]).collect(),
+            by_v: (0..n).map(|i| -c[(i, i)]).collect(),
+            couplings: (0..n)
+                .flat_map(|i| (0..n).filter(move |j| *j != i).map(move |j| entries(i, j)))
+                .filter(|(_, _, k, c)| *k != 0.0 || *c != 0.0)
+                .collect(),
+            fours: contacts.chunks(4).map(|four| FourColumns::new(four, n)).collect(),
+        }
+    }
+}
+
+impl FourColumns {
+    fn new(four: &[Contact], n: usize) -> Self {
+        let part = |f: &dyn Fn(&Contact) -> f64| std::array::from_fn(|l| four.get(l).map_or(0.0, f));
+        let mut waves: BTreeMap<usize, [[f64; 4]; 2]> = BTreeMap::new();
+        for (l, w) in four.iter().enumerate().flat_map(|(l, c)| c.error.iter().map(move |w| (l, w))) {
+            let [cosine, sine] = waves.entry(w.index).or_default();
+            cosine[l] += w.cosine;
+            sine[l] += w.sine;
+        }
+        Self {
+            directions: (0..n).map(|i| part(&|c| c.spec.direction[i])).collect(),
+            waves: waves.into_iter().map(|(o, [cosine, sine])| (o, cosine, sine)).collect(),
+            pushes: std::array::from_fn(|l| {
+                let mut push = vec![0.0; n];
+                four.get(l).iter().flat_map(|c| &c.push).for_each(|(i, p)| push[*i as usize] = *p);
+                push
+            }),
+        }
+    }
+}
+
+/// An assembled train: state `x = (q, q̇, latched speeds)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Structure {
+    pub(crate) spec: Spec,
+    pub(crate) n: usize,
+    pub(crate) dim: usize,
+    pub(crate) clock: Clock,
+    pub(crate) oscillators: Vec<Oscillator>,
+    /// `M⁻¹ f₀`.
+    pub(crate) load: Vec<f64>,
+    pub(crate) load_waves: Vec<LoadWave>,
+    /// Rows of `M⁻¹ K` and `M⁻¹ C` together: column, stiffness, damping.
+    pub(crate) rows: Vec<Vec<(u32, f64, f64)>>,
+    pub(crate) columns: Columns,
+    pub(crate) contacts: Vec<Contact>,
+    /// `√M_ii`, the weights that make freedoms of different kinds comparable.
+    pub(crate) weights: Vec<f64>,
+    /// What is equal.
+    pub(crate) symmetry: Symmetry,
+    /// Nothing drives or damps it: errors are never forgotten, and the state keeps its low part.
+    pub(crate) is_conservative: bool,
+}
+
+impl Structure {
+    /// Assembles a train.
+    ///
+    /// # Errors
+    /// [`AssembleError`] as [`Spec::check`].
+    pub fn new(spec: Spec) -> Result<Self, AssembleError> {
+        let n = spec.freedoms.len();
+        spec.check()?;
+        let cholesky = Cholesky::new(spec.mass.clone()).ok_or(AssembleError::Mass)?;
+        let over_mass = |v: &[f64]| cholesky.solve(&DVector::from_column_slice(v)).as_slice().to_vec();
+        let (clock, oscillators, places) = find_oscillators(&spec);
+        let wave = |h: &Harmonic, scale: f64| Wave {
+            // OK to index: find_oscillators collected every frequency of the spec.
+            index: places[&h.omega.to_bits()],
+            cosine: scale * h.amplitude * h.phase.cos(),
+            sine: -scale * h.amplitude * h.phase.sin(),
+        };
+        let load_waves = spec
+            .load_harmonics
+            .iter()
+            .map(|l| {
+                let w = wave(&Harmonic { omega: l.omega, amplitude: 1.0, phase: l.phase }, 1.0);
+                let a = over_mass(&l.vector);
+                LoadWave {
+                    index: w.index,
+                    cosine: a.iter().map(|v| v * w.cosine).collect(),
+                    sine: a.iter().map(|v| v * w.sine).collect(),
+                }
+            })
+            .collect();
+        let weights: Vec<f64> = (0..n).map(|i| spec.mass[(i, i)].sqrt()).collect();
+        let mut dim = 2 * n;
+        let mut contacts = Vec::with_capacity(spec.contacts.len());
+        for c in &spec.contacts {
+            let push = over_mass(&c.direction);
+            let mobility: f64 = c.direction.iter().zip(&push).map(|(g, p)| g * p).sum();
+            let error: Vec<Wave> = c.error.iter().map(|h| wave(h, 1.0)).collect();
+            let latch = matches!(c.law, Law::Power(l) if l.hysteresis > 0.0).then(|| {
+                dim += 1;
+                dim - 1
+            });
+            let spring = match &c.stiffness {
+                Stiffness::Constant(k) => Spring::Constant(*k),
+                Stiffness::Harmonic { mean, harmonics } => {
+                    Spring::Waves(*mean, harmonics.iter().map(|h| wave(h, *mean)).collect())
+                }
+                scheduled => Spring::Scheduled(Schedule::new(scheduled, &clock)),
+            };
+            let error_rate: Vec<Wave> = error
+                .iter()
+                .map(|w| {
+                    let omega = oscillators[w.index].omega;
+                    Wave { index: w.index, cosine: omega * w.sine, sine: -omega * w.cosine }
+                })
+                .collect();
+            let size = |w: &Wave| w.cosine.abs() + w.sine.abs();
+            contacts.push(Contact {
+                error_sizes: [
+                    error.iter().map(size).sum(),
+                    error_rate.iter().map(size).sum(),
+                    error.iter().map(|w| oscillators[w.index].omega.powi(2) * size(w)).sum(),
+                ],
+                direction: sparse(&c.direction),
+                mobility,
+                weight: mobility.sqrt().recip(),
+                across: c.direction.iter().zip(&weights).map(|(g, w)| g.abs() / w).sum(),
+                push_norm: push.iter().zip(&weights).fold(0.0, |m: f64, (p, w)| m.max(p.abs() * w)),
+                push: sparse(&push),
+                error_rate,
+                error,
+                swing: match &spring {
+                    Spring::Waves(_, waves) => swing(waves, &oscillators),
+                    _ => (0.0, 0.0),
+                },
+                spring,
+                latch,
+                stiffest: c.stiffness.maximum(),
+                spec: c.clone(),
+            });
+        }
+        let (k, c) = (cholesky.solve(&spec.stiffness), cholesky.solve(&spec.damping));
+        let rows = (0..n)
+            .map(|i| {
+                (0..n)
+                    .filter(|j| k[(i, *j)] != 0.0 || c[(i, *j)] != 0.0)
+                    .map(|j| (j as u32, k[(i, j)], c[(i, j)]))
+                    .collect()
+            })
+            .collect();
+        let structure = Self {
+            load: over_mass(&spec.load),
+            rows,
+            columns: Columns::new(&k, &c, &contacts),
+            n,
+            dim,
+            clock,
+            oscillators,
+            load_waves,
+            contacts,
+            weights,
+            symmetry: Symmetry::new(&spec),
+            is_conservative: conserves(&spec),
+            spec,
+        };
+        Ok(structure)
+    }
+
+    /// The train it was assembled from.
+    #[must_use]
+    pub fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    /// Number of freedoms.
+    #[must_use]
+    pub fn freedoms(&self) -> usize {
+        self.n
+    }
+
+    /// The forcing clock.
+    #[must_use]
+    pub fn clock(&self) -> &Clock {
+        &self.clock
+    }
+
+    /// The contacts.
+    #[must_use]
+    pub fn contacts(&self) -> &[Contact] {
+        &self.contacts
+    }
+
+    /// `(cos ωt, sin ωt)` of every oscillator, into `out`.
+    pub(crate) fn oscillate(&self, at: Instant, mut out: impl FnMut(usize, f64, f64)) {
+        for (i, o) in self.oscillators.iter().enumerate() {
+            let (s, c) = self.clock.angle(o.omega, o.order, at).sin_cos();
+            out(i, c, s);
+        }
+    }
+}
+
+/// Range of a stiffness that follows oscillators: sum of its amplitudes, and its fastest frequency.
+fn swing(waves: &[Wave], oscillators: &[Oscillator]) -> (f64, f64) {
+    waves.iter().fold((0.0, 0.0), |(sum, fastest): (f64, f64), w| {
+        (sum + w.cosine.hypot(w.sine), fastest.max(oscillators[w.index].omega))
+    })
+}
+
+/// The clock, the distinct frequencies, and the place of each by its bits. Without a named base frequency the lowest one is the base if
+/// all others are its multiples; otherwise the first one met, and the others keep their own angles.
+fn find_oscillators(spec: &Spec) -> (Clock, Vec<Oscillator>, HashMap<u64, usize>) {
+    let (mut omegas, mut places) = (Vec::new(), HashMap::new());
+    let mut meet = |w: f64| {
+        places.entry(w.to_bits()).or_insert_with(|| {
+            omegas.push(w);
+            omegas.len() - 1
+        });
+    };
+    spec.load_harmonics.iter().for_each(|l| meet(l.omega));
+    for c in &spec.contacts {
+        c.error.iter().for_each(|h| meet(h.omega));
+        if let Stiffness::Harmonic { harmonics, .. } = &c.stiffness {
+            harmonics.iter().for_each(|h| meet(h.omega));
+        }
+    }
+    let order = |w: f64, base: f64| {
+        let h = (w / base).round();
+        // A multiple to one unit in the last place counts as one: 3 · 0.3 is meant to be 0.9.
+        ((1.0..1e6).contains(&h) && (h * base - w).abs() <= f64::EPSILON * w).then_some(h as u32)
+    };
+    let lowest = omegas.iter().copied().fold(f64::INFINITY, f64::min);
+    let base = spec.omega.or_else(|| {
+        let common = omegas.iter().all(|w| order(*w, lowest).is_some());
+        omegas.first().map(|first| if common { lowest } else { *first })
+    });
+    let oscillators =
+        omegas.iter().map(|&omega| Oscillator { omega, order: base.and_then(|b| order(omega, b)) }).collect();
+    (Clock::new(base), oscillators, places)
+}

@@ -1,0 +1,368 @@
+//! The train as a hybrid automaton: which guard leads where, and what it resets.
+
+use super::symmetry::Equal;
+
+use super::{
+    acting::Force,
+    assemble::{Contact, PerContact, Spring, Structure, zeros},
+    contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, guards_of, piece, set_contact, set_piece},
+    schedule::Schedule,
+};
+use crate::{
+    gear::contact::Law,
+    hybrid::{
+        Clock, GuardId, GuardSet, HybridSystem, Instant, JetField, Jump, Mode, ModelError, Rates, VectorField,
+        normalise,
+    },
+};
+
+/// Rounding of a deflection relative to the sum of its terms.
+const ON_FLANK: f64 = 4.0 * f64::EPSILON;
+
+/// Why a run cannot start where it was told to.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StartError {
+    /// A rigid flank is penetrated.
+    #[error("{contact} starts {depth:e} m inside its rigid flank; start at or outside it")]
+    InsideRigid {
+        /// Which contact.
+        contact: String,
+        /// How deep, m.
+        depth: f64,
+    },
+    /// The initial state has the wrong length or is not finite.
+    #[error("the initial state needs {expected} finite displacements and {expected} finite velocities")]
+    State {
+        /// Number of freedoms.
+        expected: usize,
+    },
+}
+
+/// Where a run starts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Start {
+    /// State `(q, q̇, latched speeds)`.
+    pub x: Vec<f64>,
+    /// Mode and exact zeros.
+    pub jump: Jump,
+}
+
+impl Structure {
+    /// The state and mode of a run that starts with displacements `q` and velocities `v`.
+    ///
+    /// The mode follows the geometry. A contact exactly on a flank starts outside it, with the guard pinned to zero;
+    /// the first non-zero derivative then decides, by the same rule as after any jump.
+    ///
+    /// # Errors
+    /// [`StartError`] for a penetrated rigid flank or an unusable state.
+    pub fn start(&self, at: Instant, q: &[f64], v: &[f64]) -> Result<Start, StartError> {
+        if q.len() != self.n || v.len() != self.n || q.iter().chain(v).any(|y| !y.is_finite()) {
+            return Err(StartError::State { expected: self.n });
+        }
+        let mut x = Vec::with_capacity(self.dim);
+        x.extend_from_slice(q);
+        x.extend_from_slice(v);
+        x.extend(self.contacts.iter().filter(|c| c.latch.is_some()).map(|c| match c.spec.law {
+            Law::Power(l) => l.initial_speed,
+            _ => 0.0,
+        }));
+        let mut jump = Jump { mode: self.switched(&Mode::default(), at), ..Jump::default() };
+        for (j, c) in self.contacts.iter().enumerate() {
+            let (d, rate) = self.deflection(j, at, &x);
+            let back = c.has_back();
+            let depth = (d - c.gap()).max(if back { -d - c.gap() } else { f64::NEG_INFINITY });
+            // A start within rounding of a flank is meant to be on it.
+            let depth = if depth.abs() <= ON_FLANK * self.deflection_size(c, &x) { 0.0 } else { depth };
+            let rigid = matches!(c.spec.law, Law::Rigid(_));
+            if matches!(c.spec.law, Law::Bilateral(_)) {
+                self.enter(&mut jump.mode, j, ContactMode::Drive, at);
+            } else if depth > 0.0 && rigid {
+                return Err(StartError::InsideRigid { contact: c.spec.name.clone(), depth });
+            } else if depth > 0.0 {
+                self.enter(&mut jump.mode, j, Self::resting(d), at);
+            } else if depth == 0.0 {
+                let id = guard_id(j, if d > 0.0 || !back { Watch::DriveFlank } else { Watch::BackFlank });
+                jump.pinned.insert(id);
+                if rate == 0.0 {
+                    jump.still.insert(id);
+                }
+            }
+        }
+        Ok(Start { x, jump })
+    }
+
+    /// The state and mode of a run that takes up the motion of another one, of this train or of one that differs from it
+    /// in a few numbers: `x` is its state `(q, q̇, latched speeds)`, `contacts` the states of its contacts.
+    ///
+    /// Where the flanks have moved the geometry decides, as at any [`start`](Self::start); a contact that was detached
+    /// inside the zone of a flank and still lies there stays so, and latched speeds are kept.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start); [`StartError::State`] for a state of another length.
+    pub fn resume(&self, at: Instant, x: &[f64], contacts: &[ContactMode]) -> Result<Start, StartError> {
+        if x.len() != self.dim || contacts.len() != self.contacts.len() {
+            return Err(StartError::State { expected: self.n });
+        }
+        let mut start = self.start(at, &x[..self.n], &x[self.n..2 * self.n])?;
+        start.x[2 * self.n..].copy_from_slice(&x[2 * self.n..]);
+        for (j, &was) in contacts.iter().enumerate() {
+            let is = contact_mode(&start.jump.mode, j);
+            if is.is_closed() && !was.is_closed() && was.side() == is.side() {
+                self.enter(&mut start.jump.mode, j, was, at);
+            }
+        }
+        Ok(start)
+    }
+
+    /// Follows one fired guard of a compliant contact. `is_zero`: it fell through zero, and is not outside already.
+    fn follow(
+        &self,
+        jump: &mut Jump,
+        (j, watch): (usize, Watch),
+        is_zero: bool,
+        at: Instant,
+        x: &mut [f64],
+    ) -> Result<(), ModelError> {
+        use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
+        let c = &self.contacts[j];
+        let state = contact_mode(&jump.mode, j);
+        let next = match (state, watch) {
+            (Separated, Watch::DriveFlank) => Drive,
+            (Separated, Watch::BackFlank) => Back,
+            (Drive | DriveDetached, Watch::DriveFlank) | (Back | BackDetached, Watch::BackFlank) => Separated,
+            (Drive, Watch::Force) => DriveDetached,
+            (Back, Watch::Force) => BackDetached,
+            (DriveDetached, Watch::Force) => Drive,
+            (BackDetached, Watch::Force) => Back,
+            // Left through the flank in the same batch: nothing remains to release.
+            (Separated, Watch::Force) => return Ok(()),
+            _ => {
+                return Err(ModelError::NoEdge {
+                    guard: match watch {
+                        Watch::DriveFlank => "drive flank",
+                        Watch::BackFlank => "back flank",
+                        Watch::Force => "force",
+                    },
+                    element: self.name_of(j).to_owned(),
+                    mode: state.name().to_owned(),
+                });
+            }
+        };
+        self.enter(&mut jump.mode, j, next, at);
+        // A force that a stiffness step or an impact elsewhere took past zero is not zero.
+        if watch != Watch::Force || is_zero {
+            jump.pinned.insert(guard_id(j, watch));
+        }
+        if let (Law::Power(l), Some(i), Separated) = (c.spec.law, c.latch, state) {
+            let approach = next.side() * self.deflection(j, at, x).1;
+            x[i] = approach.max(l.speed_floor);
+        }
+        Ok(())
+    }
+}
+
+impl Structure {
+    /// The classes whose displacements and velocities are equal, and their values.
+    pub(crate) fn equal(&self, x: &[f64]) -> [Equal; 2] {
+        if self.symmetry.is_empty() {
+            return [Equal::new(), Equal::new()];
+        }
+        let [mut q, mut v] = [self.symmetry.equal(&x[..self.n]), self.symmetry.equal(&x[self.n..2 * self.n])];
+        let both = |class: usize, others: &Equal| others.iter().any(|(other, _)| *other == class);
+        q.retain(|(class, _)| both(*class, &v));
+        v.retain(|(class, _)| both(*class, &q));
+        [q, v]
+    }
+
+    /// Whether all that is equal by the numbers of the train is so in its state and mode.
+    pub(crate) fn is_symmetric(&self, mode: &Mode, x: &[f64]) -> bool {
+        let (q, v) = x[..2 * self.n].split_at(self.n);
+        let latched = |j: usize| self.contacts[j].latch.map(|latch| x[latch]);
+        self.symmetry.are_all_equal(q)
+            && self.symmetry.are_all_equal(v)
+            && self.symmetry.agree(|j| (contact_mode(mode, j), latched(j)))
+    }
+
+    /// What was equal before a jump is equal after it.
+    pub(crate) fn restore_equal(&self, [displacements, velocities]: &[Equal; 2], x: &mut [f64], low: &mut [f64]) {
+        self.symmetry.restore(displacements, &mut x[..self.n]);
+        self.symmetry.restore(velocities, &mut x[self.n..2 * self.n]);
+        if !low.is_empty() {
+            self.symmetry.share(displacements, &x[..self.n], &mut low[..self.n]);
+            self.symmetry.share(velocities, &x[self.n..2 * self.n], &mut low[self.n..2 * self.n]);
+        }
+    }
+
+    /// The schedule that the force of contact `j` follows in `mode`. A switch of any other changes nothing.
+    fn followed(&self, mode: &Mode, j: usize) -> Option<&Schedule> {
+        match &self.contacts[j].spring {
+            Spring::Scheduled(schedule) if self.acting(mode, j).is_some_and(|a| !a.is_held()) => Some(schedule),
+            _ => None,
+        }
+    }
+
+    /// Puts contact `j` into `state` at `at`. One that follows no schedule has no piece, so that equal motions have equal modes.
+    fn enter(&self, mode: &mut Mode, j: usize, state: ContactMode, at: Instant) {
+        let followed = self.followed(mode, j).is_some();
+        set_contact(mode, j, state);
+        match self.followed(mode, j) {
+            Some(_) if followed => {}
+            Some(schedule) => set_piece(mode, j, schedule.piece(&self.clock, at).0),
+            None => set_piece(mode, j, 0),
+        }
+    }
+
+    /// What still stands of `from` at the same instant: the zeros of the contacts that do not fire again.
+    fn standing(from: &Jump, fired: &GuardSet) -> Jump {
+        let mut again = GuardSet::default();
+        fired.iter().for_each(|id| again |= &guards_of(guard_of(id).0));
+        let (pinned, still) = (&from.pinned - &again, &from.still - &again);
+        Jump { mode: from.mode.clone(), pinned, still, ..Jump::default() }
+    }
+}
+
+impl HybridSystem for Structure {
+    fn dim(&self) -> usize {
+        self.dim
+    }
+
+    fn clock(&self) -> &Clock {
+        &self.clock
+    }
+
+    fn motion<'a>(&'a self, mode: &Mode) -> Option<Box<dyn JetField + 'a>> {
+        Some(self.compile(mode))
+    }
+
+    fn field(&self) -> &dyn VectorField {
+        self
+    }
+
+    fn guards(&self, mode: &Mode, out: &mut Vec<GuardId>) {
+        out.clear();
+        for j in 0..self.contacts.len() {
+            for (watch, _) in self.watched(mode, j) {
+                out.push(guard_id(j, *watch));
+            }
+        }
+    }
+
+    fn guard(&self, mode: &Mode, id: GuardId, at: Instant, x: &[f64]) -> f64 {
+        let (j, watch) = guard_of(id);
+        let c = &self.contacts[j];
+        let sign = self.watched(mode, j).iter().find(|(w, _)| *w == watch).map_or(0.0, |(_, s)| *s);
+        let (d, r) = self.deflection(j, at, x);
+        sign * match (watch, self.acting(mode, j)) {
+            (Watch::DriveFlank, _) => c.gap() - d,
+            (Watch::BackFlank, _) => d + c.gap(),
+            (Watch::Force, None) => 0.0,
+            (Watch::Force, Some(a)) => match a.force {
+                Force::Power { .. } => self.factor(&a, r, x),
+                Force::Linear { .. } => a.side * self.law_force(&a, at, x),
+                Force::Held => {
+                    let (mut forces, mut accelerations) = (zeros(self.contacts.len()), vec![0.0; self.n]);
+                    self.dynamics(mode, at, x, &mut forces, &mut accelerations);
+                    a.side * forces[j]
+                }
+            },
+        }
+    }
+
+    fn jump(
+        &self,
+        from: &Jump,
+        fired: &GuardSet,
+        at: Instant,
+        x: &mut [f64],
+        low: &mut [f64],
+    ) -> Result<Jump, ModelError> {
+        let low = if self.is_conservative { low } else { &mut [] };
+        let mut jump = Self::standing(from, fired);
+        let equal = self.equal(x);
+        let mut rigid = false;
+        let flanks: PerContact<(usize, f64)> =
+            fired.iter().map(|id| (guard_of(id).0, guard_of(id).1.side())).filter(|(_, side)| *side != 0.0).collect();
+        jump.projected = self.project(flanks.iter().copied(), at, x, low);
+        for id in fired.iter() {
+            let (j, watch) = guard_of(id);
+            match self.contacts[j].spec.law {
+                Law::Rigid(_) => rigid = true,
+                _ => self.follow(&mut jump, (j, watch), from.pinned.contains(id), at, x)?,
+            }
+        }
+        if rigid {
+            self.resolve(&mut jump, (from, fired), false, at, (x, low))?;
+        }
+        normalise(x, low);
+        self.restore_equal(&equal, x, low);
+        Ok(jump)
+    }
+
+    fn meet(&self, mode: &Mode, id: GuardId, at: Instant, most: f64, x: &mut [f64], low: &mut [f64]) -> f64 {
+        self.meet_guard(mode, id, at, most, x, low)
+    }
+
+    fn next_switch(&self, mode: &Mode, at: Instant) -> Option<Instant> {
+        let ends = (0..self.contacts.len()).filter_map(|j| {
+            let schedule = self.followed(mode, j)?;
+            schedule.end(&self.clock, at, piece(mode, j))
+        });
+        ends.min_by(|a, b| {
+            let [a, b] = [a, b].map(|at| (at.cycle, at.phase.hi, at.phase.lo));
+            a.partial_cmp(&b).unwrap_or(std::cmp::Ordering::Equal)
+        })
+    }
+
+    fn switched(&self, mode: &Mode, at: Instant) -> Mode {
+        let mut mode = mode.clone();
+        for j in 0..self.contacts.len() {
+            if let Some(schedule) = self.followed(&mode, j) {
+                set_piece(&mut mode, j, schedule.piece(&self.clock, at).0);
+            }
+        }
+        mode
+    }
+
+    fn mode_in_words(&self, mode: &Mode) -> String {
+        let words = |(j, c): (usize, &Contact)| format!("{} {}", c.spec.name, contact_mode(mode, j).name());
+        self.contacts.iter().enumerate().map(words).collect::<Vec<_>>().join(", ")
+    }
+
+    fn guard_in_words(&self, id: GuardId) -> String {
+        let (j, watch) = guard_of(id);
+        let what = match watch {
+            Watch::DriveFlank => "the drive flank",
+            Watch::BackFlank => "the back flank",
+            Watch::Force => "the force",
+        };
+        format!("{what} of {}", self.name_of(j))
+    }
+
+    fn is_continuous(&self, id: GuardId) -> bool {
+        guard_of(id).1 != Watch::Force
+    }
+
+    fn sizes(&self, mode: &Mode, at: Instant, x: &[f64], sizes: &mut [f64]) -> Option<f64> {
+        self.pressed_sizes(mode, at, x, sizes)
+    }
+
+    fn rates(&self, mode: &Mode) -> Option<Rates> {
+        Some(self.own_rates(mode))
+    }
+
+    fn restitution(&self, id: GuardId) -> Option<f64> {
+        match (guard_of(id), &self.contacts.get(usize::from(id.0 / 3))?.spec.law) {
+            ((_, Watch::DriveFlank | Watch::BackFlank), Law::Rigid(l)) => Some(l.restitution),
+            _ => None,
+        }
+    }
+
+    fn settle(&self, from: &Jump, fired: &GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
+        let mut jump = Self::standing(from, fired);
+        let equal = self.equal(x);
+        self.resolve(&mut jump, (from, fired), true, at, (x, &mut []))?;
+        self.restore_equal(&equal, x, &mut []);
+        Ok(jump)
+    }
+}

@@ -1,0 +1,136 @@
+//! What makes a [`Spec`] one that can be assembled.
+
+use super::{ContactSpec, Flanks, Spec, contact_mode::MAX_PIECES};
+use crate::gear::{
+    Harmonic, Stiffness,
+    contact::{Law, Ratio},
+};
+
+/// Why a [`Spec`] cannot be assembled.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum AssembleError {
+    /// A vector or matrix has the wrong shape.
+    #[error("{what} has {found} entries, and {expected} are needed (one for each freedom)")]
+    Shape {
+        /// Which array.
+        what: String,
+        /// Its length.
+        found: usize,
+        /// The length needed.
+        expected: usize,
+    },
+    /// The mass matrix is not symmetric positive definite.
+    #[error("the mass matrix is not symmetric positive definite")]
+    Mass,
+    /// A number is not finite.
+    #[error("{what} is not a finite number")]
+    NotFinite {
+        /// Which quantity.
+        what: String,
+    },
+    /// A contact that cannot be: a value out of its range, or parts that do not go together.
+    #[error("{contact}: {problem}")]
+    Contact {
+        /// Which contact.
+        contact: String,
+        /// What is wrong.
+        problem: &'static str,
+    },
+}
+
+fn finite<'a>(what: &str, values: impl IntoIterator<Item = &'a f64>) -> Result<(), AssembleError> {
+    if values.into_iter().all(|v| v.is_finite()) {
+        Ok(())
+    } else {
+        Err(AssembleError::NotFinite { what: what.to_owned() })
+    }
+}
+
+fn of_waves(waves: &[Harmonic]) -> impl Iterator<Item = &f64> {
+    waves.iter().flat_map(|h| [&h.amplitude, &h.omega, &h.phase])
+}
+
+impl Spec {
+    /// Whether a [`Structure`](super::Structure) can be made of it.
+    ///
+    /// # Errors
+    /// [`AssembleError`] if shapes do not fit, the mass matrix is not symmetric, a number is not finite or out of its range,
+    /// or a contact's parts do not go together. That the mass matrix is positive definite is
+    /// seen only when it is factored.
+    pub fn check(&self) -> Result<(), AssembleError> {
+        let n = self.freedoms.len();
+        let shape = |what: &str, found: usize, expected: usize| {
+            if found == expected { Ok(()) } else { Err(AssembleError::Shape { what: what.into(), found, expected }) }
+        };
+        let matrices =
+            [("mass matrix", &self.mass), ("damping matrix", &self.damping), ("stiffness matrix", &self.stiffness)];
+        for (what, m) in matrices {
+            shape(what, m.len(), n * n)?;
+            shape(what, m.nrows(), n)?;
+            finite(what, m.iter())?;
+        }
+        shape("constant load", self.load.len(), n)?;
+        finite("constant load", &self.load)?;
+        finite("base frequency", &self.omega)?;
+        for l in &self.load_harmonics {
+            shape("harmonic load", l.vector.len(), n)?;
+            finite("harmonic load", l.vector.iter().chain([&l.omega, &l.phase]))?;
+        }
+        let m = &self.mass;
+        let differ = |i, j| (m[(i, j)] - m[(j, i)]).abs() > 1e-12 * (m[(i, i)] * m[(j, j)]).abs().sqrt();
+        if (0..n).any(|i| (0..i).any(|j| differ(i, j))) {
+            return Err(AssembleError::Mass);
+        }
+        for c in &self.contacts {
+            shape(&format!("direction of {}", c.name), c.direction.len(), n)?;
+            self.check_contact(c)?;
+        }
+        Ok(())
+    }
+
+    fn check_contact(&self, c: &ContactSpec) -> Result<(), AssembleError> {
+        let require = |ok: bool, problem| {
+            if ok { Ok(()) } else { Err(AssembleError::Contact { contact: c.name.clone(), problem }) }
+        };
+        finite(&format!("direction of {}", c.name), &c.direction)?;
+        finite(&format!("gap of {}", c.name), [&c.half_backlash, &c.error_offset])?;
+        finite(&format!("error of {}", c.name), of_waves(&c.error))?;
+        require(c.direction.iter().any(|g| *g != 0.0), "its direction is zero: no freedom moves it")?;
+        let stiffness = format!("stiffness of {}", c.name);
+        match &c.stiffness {
+            Stiffness::Constant(k) => finite(&stiffness, [k])?,
+            Stiffness::Harmonic { mean, harmonics } => {
+                finite(&stiffness, [mean].into_iter().chain(of_waves(harmonics)))?
+            }
+            Stiffness::Periodic { period, origin, pieces } => {
+                let numbers = pieces.iter().flat_map(|p| [&p.start, &p.value, &p.slope]);
+                finite(&stiffness, [period, origin].into_iter().chain(numbers))?;
+                require(*period > 0.0, "its stiffness needs a period > 0")?;
+                require((1..=MAX_PIECES).contains(&pieces.len()), "its stiffness needs 1 to 32 pieces")?;
+            }
+            Stiffness::Switched { times, levels } => finite(&stiffness, times.iter().flatten().chain(levels))?,
+        }
+        // A comparison with NaN is false: a value that is none is out of its range.
+        match c.law {
+            Law::Bilateral(l) | Law::KelvinVoigt(l, _) => {
+                require((0.0..f64::INFINITY).contains(&l.damping), "its damping must be finite and >= 0")?;
+            }
+            Law::Rigid(l) => require((0.0..=1.0).contains(&l.restitution), "its restitution must lie in [0, 1]")?,
+            Law::Power(l) => {
+                let n = l.exponent;
+                require(
+                    n.q > 0 && n.q <= Ratio::MAX_DENOMINATOR && n.p >= n.q && n.p <= 5 * n.q,
+                    "a power law needs an exponent p/q from 1 to 5 with q from 1 to 16",
+                )?;
+                require(matches!(c.stiffness, Stiffness::Constant(_)), "a power law needs a constant stiffness")?;
+                require((0.0..f64::INFINITY).contains(&l.hysteresis), "its hysteresis must be finite and >= 0")?;
+                require(l.speed_floor > 0.0 && l.initial_speed > 0.0, "its latched speeds must be > 0")?;
+            }
+        }
+        require(
+            c.flanks == Flanks::Drive || c.half_backlash > 0.0 || matches!(c.law, Law::Bilateral(_)),
+            "a two-flank contact needs a positive half backlash; without backlash use a bilateral law",
+        )
+    }
+}

@@ -1,0 +1,63 @@
+//! How a [`Mode`] is packed: one number for each contact, three bits for its state and five for its stiffness piece.
+
+use crate::hybrid::{GuardId, GuardSet, Mode};
+
+pub use crate::hybrid::{ContactMode, Watch};
+
+use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
+
+/// Bits of a contact's state.
+const STATE: u8 = 3;
+/// Their mask.
+const MASK: u8 = (1 << STATE) - 1;
+/// Pieces of a periodic stiffness a mode has room for.
+pub(crate) const MAX_PIECES: usize = 1 << (u8::BITS - STATE as u32);
+
+/// The state of contact `j` in `mode`.
+#[must_use]
+pub fn contact_mode(mode: &Mode, j: usize) -> ContactMode {
+    match mode.get(j) & MASK {
+        1 => Drive,
+        2 => Back,
+        3 => DriveDetached,
+        4 => BackDetached,
+        _ => Separated,
+    }
+}
+
+/// Puts contact `j` into `state`.
+pub fn set_contact(mode: &mut Mode, j: usize, state: ContactMode) {
+    mode.set(j, mode.get(j) & !MASK | state as u8);
+}
+
+/// The stiffness piece of contact `j` in `mode`.
+#[must_use]
+pub fn piece(mode: &Mode, j: usize) -> u32 {
+    u32::from(mode.get(j) >> STATE)
+}
+
+pub(crate) fn set_piece(mode: &mut Mode, j: usize, piece: u32) {
+    mode.set(j, mode.get(j) & MASK | (piece as u8) << STATE);
+}
+
+/// The guard of contact `j` that watches `watch`.
+#[must_use]
+pub fn guard_id(j: usize, watch: Watch) -> GuardId {
+    GuardId(3 * j as u16 + watch as u16)
+}
+
+/// The guards of contact `j`.
+pub(crate) fn guards_of(j: usize) -> GuardSet {
+    [Watch::DriveFlank, Watch::BackFlank, Watch::Force].map(|watch| guard_id(j, watch)).into_iter().collect()
+}
+
+/// Which contact a guard belongs to, and what it watches.
+#[must_use]
+pub fn guard_of(id: GuardId) -> (usize, Watch) {
+    let watch = match id.0 % 3 {
+        0 => Watch::DriveFlank,
+        1 => Watch::BackFlank,
+        _ => Watch::Force,
+    };
+    (usize::from(id.0 / 3), watch)
+}

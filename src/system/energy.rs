@@ -1,0 +1,184 @@
+//! Energy of a structure with contacts, and the powers that change it.
+//!
+//! With `E = ½ q̇ᵀM q̇ + ½ qᵀK q + Σ V_j` and the springs' `V = ½ k p²` (linear) or `K pⁿ⁺¹/(n+1)` (power law),
+//!
+//! ```text
+//! Ė = f·q̇  −  Σ F ė  +  Σ ½ k̇ p²  −  q̇ᵀC q̇  −  Σ (F − V′) ṗ
+//!     load    error     parametric    damping     contact
+//! ```
+//!
+//! `(F − V′) ṗ` is `c ṗ²` for a linear damper and `K pⁿ χ ṗ²` for hysteresis. A contact that carries no force
+//! stores nothing: what its spring holds when it lets go is dropped, and booked in the jump. K is taken to be symmetric.
+
+use nalgebra::DMatrix;
+
+use super::{
+    assemble::{PerContact, Structure, dot, zeros},
+    contact_mode::contact_mode,
+    sticking::Sticking,
+};
+use crate::{
+    gear::contact::Law,
+    hybrid::{ContactView, EnergyJump, HybridSystem, Instant, Mode, PowerBalance, Powers, Transition},
+};
+
+/// `aᵀ S b`.
+fn form(s: &DMatrix<f64>, a: &[f64], b: &[f64]) -> f64 {
+    b.iter().zip(s.column_iter()).fold(0.0, |sum, (b, column)| {
+        if *b == 0.0 {
+            return sum;
+        }
+        sum + b * a.iter().zip(column.iter()).fold(0.0, |s, (a, c)| s + a * c)
+    })
+}
+
+impl Structure {
+    /// The force contact `j` carries, N.
+    pub(crate) fn carried_by(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
+        match self.acting(mode, j).filter(|a| a.is_carried) {
+            None => 0.0,
+            Some(a) if a.is_held() => {
+                let mut forces = zeros(self.contacts.len());
+                self.carried(mode, at, x, &mut forces);
+                forces[j]
+            }
+            Some(a) => self.law_force(&a, at, x),
+        }
+    }
+
+    /// All contact forces, N, into `forces` `[contacts]`: as [`dynamics`](Self::dynamics), without its scratch.
+    fn carried(&self, mode: &Mode, at: Instant, x: &[f64], forces: &mut [f64]) {
+        forces[..self.contacts.len()].fill(0.0);
+        for acting in self.carrying(mode) {
+            forces[acting.contact] = self.law_force(&acting, at, x);
+        }
+        let Some(held) = Sticking::new(self, mode) else { return };
+        let mut pull = zeros(held.contacts().len());
+        for (pull, &j) in pull.iter_mut().zip(held.contacts()) {
+            let free: f64 =
+                self.contacts[j].direction.iter().map(|(i, g)| g * self.acceleration(*i as usize, at, x, forces)).sum();
+            *pull = free - self.error(j, at).2;
+        }
+        held.solve(&mut pull);
+        for (pull, &j) in pull.iter().zip(held.contacts()) {
+            forces[j] = *pull;
+        }
+    }
+
+    /// Acceleration of freedom `i` under `forces`, m/s².
+    fn acceleration(&self, i: usize, at: Instant, x: &[f64], forces: &[f64]) -> f64 {
+        let mut a =
+            self.rows[i].iter().fold(self.load[i], |a, (j, k, c)| a - k * x[*j as usize] - c * x[self.n + *j as usize]);
+        for w in &self.load_waves {
+            let o = self.oscillators[w.index];
+            let (sin, cos) = self.clock.angle(o.omega, o.order, at).sin_cos();
+            a += w.cosine[i] * cos + w.sine[i] * sin;
+        }
+        for (c, f) in self.contacts.iter().zip(forces).filter(|(_, f)| **f != 0.0) {
+            a -= c.push.iter().find(|(r, _)| *r as usize == i).map_or(0.0, |(_, p)| p * f);
+        }
+        a
+    }
+
+    /// `½ q̇ᵀM q̇`, J.
+    fn kinetic(&self, x: &[f64]) -> f64 {
+        let v = &x[self.n..2 * self.n];
+        0.5 * form(&self.spec.mass, v, v)
+    }
+
+    /// The impulses of a jump, N s along each direction, into `out` `[contacts]`: what changed the rates of the
+    /// rigid contacts that fired or rest, `G M⁻¹Gᵀ P = δ̇⁻ − δ̇⁺`.
+    pub(crate) fn impulses_of(&self, t: &Transition<'_>, out: &mut [f64]) {
+        out[..self.contacts.len()].fill(0.0);
+        let (mut set, mut rhs) = (PerContact::<usize>::new(), PerContact::<f64>::new());
+        for (j, c) in self.contacts.iter().enumerate() {
+            let struck = t.fired.iter().any(|id| {
+                let (k, watch) = self.watch(id);
+                k == j && watch.side() != 0.0
+            });
+            let involved = struck || contact_mode(t.from, j).is_closed() || contact_mode(t.to, j).is_closed();
+            if matches!(c.spec.law, Law::Rigid(_)) && involved {
+                set.push(j);
+                rhs.push(dot(&c.direction, &t.x_minus[self.n..]) - dot(&c.direction, &t.x_plus[self.n..]));
+            }
+        }
+        if rhs.iter().all(|r| *r == 0.0) {
+            return;
+        }
+        Sticking::of(self, set.iter().copied()).solve(&mut rhs);
+        for (p, j) in rhs.iter().zip(&set) {
+            out[*j] = *p;
+        }
+    }
+}
+
+impl Structure {
+    /// Energies whose rounding the ledger shows beside that of its `throughput` E, J: the work of the loads on free masses in one step of
+    /// `step` seconds, and `√(E k ℓ²)` of the contacts. A penetration is rounded by ε of the flank's distance ℓ, and a motion of
+    /// amplitude a, `E = k a²`, does the work `ε k ℓ a` on that.
+    #[must_use]
+    pub fn rounded_energy(&self, step: f64, throughput: f64) -> f64 {
+        let of_loads = (0..self.n).map(|i| {
+            let waves: f64 = self.spec.load_harmonics.iter().map(|load| load.vector[i].abs()).sum();
+            ((self.spec.load[i].abs() + waves) * step).powi(2) / self.spec.mass[(i, i)]
+        });
+        let of_flanks = self.contacts.iter().map(|c| {
+            let distance = c.gap().abs()
+                + c.spec.error_offset.abs()
+                + c.error.iter().map(|w| w.cosine.abs() + w.sine.abs()).sum::<f64>();
+            let power = if let Law::Power(l) = c.spec.law { l.exponent.value() + 1.0 } else { 2.0 };
+            c.stiffest * distance.powf(power)
+        });
+        of_loads.sum::<f64>() + (throughput * of_flanks.sum::<f64>()).sqrt()
+    }
+}
+
+impl PowerBalance for Structure {
+    fn energy(&self, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
+        let q = &x[..self.n];
+        let contacts: f64 = self.carrying(mode).map(|acting| self.stored_in(Some(acting), at, x)).sum();
+        self.kinetic(x) + 0.5 * form(&self.spec.stiffness, q, q) + contacts
+    }
+
+    fn powers(&self, mode: &Mode, at: Instant, x: &[f64]) -> Powers {
+        let v = &x[self.n..2 * self.n];
+        let along = |f: &[f64]| f.iter().zip(v).fold(0.0, |s, (f, v)| s + f * v);
+        let mut powers =
+            Powers { load: along(&self.spec.load), damping: form(&self.spec.damping, v, v), ..Powers::default() };
+        for (load, wave) in self.spec.load_harmonics.iter().zip(&self.load_waves) {
+            let o = self.oscillators[wave.index];
+            powers.load += (self.clock.angle(o.omega, o.order, at) + load.phase).cos() * along(&load.vector);
+        }
+        let mut forces = zeros(self.contacts.len());
+        self.carried(mode, at, x, &mut forces);
+        for (j, c) in self.contacts.iter().enumerate() {
+            let (lost, parametric) = self.contact_powers(self.acting(mode, j), at, x);
+            powers.contact += lost;
+            powers.parametric += parametric;
+            if forces[j] != 0.0 && !c.error.is_empty() {
+                powers.error -= forces[j] * self.error(j, at).1;
+            }
+        }
+        powers
+    }
+
+    fn energy_jump(&self, t: &Transition<'_>) -> EnergyJump {
+        let mut jump = EnergyJump::default();
+        let switched = self.switched(t.from, t.at);
+        for j in 0..self.contacts.len() {
+            let stored = |mode| self.stored_in(self.acting(mode, j), t.at, t.x_minus);
+            let (old, switched, new) = (stored(t.from), stored(&switched), stored(t.to));
+            jump.parametric += switched - old;
+            jump.release += switched - new;
+        }
+        let mut impulses = zeros(self.contacts.len());
+        self.impulses_of(t, &mut impulses);
+        for (j, p) in impulses.iter().enumerate().take(self.contacts.len()).filter(|(_, p)| **p != 0.0) {
+            jump.error -= p * self.error(j, t.at).1;
+        }
+        let kinetic = self.kinetic(t.x_plus) - self.kinetic(t.x_minus);
+        jump.impact = jump.error - kinetic;
+        jump.projection = self.energy(t.to, t.at, t.x_plus) - self.energy(t.to, t.at, t.x_minus) - kinetic;
+        jump
+    }
+}

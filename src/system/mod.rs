@@ -1,0 +1,29 @@
+//! A linear structure with contacts as a hybrid automaton: what acts in a mode, jumps, impacts, energy.
+//!
+//! Every train assembles into the same [`Spec`]; a [`Structure`] made from it is all the engine sees. Its smooth motion is the
+//! kernel's.
+
+mod acting;
+mod assemble;
+mod automaton;
+mod check;
+mod contact_mode;
+mod energy;
+mod forces;
+mod schedule;
+mod spec;
+mod sticking;
+mod symmetry;
+mod twofold;
+mod unilateral;
+mod view;
+
+pub(crate) use acting::{Acting, Elasticity, Force};
+pub use assemble::{Contact, Structure};
+pub(crate) use assemble::{Oscillator, PerContact, Spring, Wave, dot, zeros};
+pub use automaton::{Start, StartError};
+pub use check::AssembleError;
+pub use contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, piece, set_contact};
+pub use spec::{ContactSpec, Flanks, LoadHarmonic, Spec};
+pub(crate) use sticking::Sticking;
+pub use view::damped_restitution;

@@ -1,0 +1,156 @@
+//! Degrees of freedom and contacts that are equal, and stay so bit for bit.
+//!
+//! The classes are an equitable partition of the train: members of a class have the same numbers and meet the same number of
+//! members of every other class with the same couplings. States that are equal within each class then stay equal under the flow and
+//! under every jump that treats equal contacts equally. Arithmetic keeps that along a step, where equal rows are summed in the same
+//! order; where a system of equations is solved it does not, and [`Symmetry::restore`] puts it back.
+
+use std::collections::BTreeMap;
+
+use super::{Spec, assemble::PerContact};
+
+/// Differences below this fraction of a value are rounding of a solved system.
+const ROUNDING: f64 = 256.0 * f64::EPSILON;
+
+/// Numbers of classes, and the value that their members share.
+pub(crate) type Equal = PerContact<(usize, f64)>;
+
+/// The classes with more than one member.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Symmetry {
+    freedoms: Vec<Vec<usize>>,
+    contacts: Vec<Vec<usize>>,
+}
+
+/// Numbers the distinct signatures in the order of their first member.
+fn number(signatures: Vec<Vec<u64>>) -> Vec<u64> {
+    let mut known = BTreeMap::new();
+    let mut colours = Vec::with_capacity(signatures.len());
+    for signature in signatures {
+        let next = known.len() as u64;
+        colours.push(*known.entry(signature).or_insert(next));
+    }
+    colours
+}
+
+fn classes(colours: &[u64]) -> Vec<Vec<usize>> {
+    let mut members: BTreeMap<u64, Vec<usize>> = BTreeMap::new();
+    colours.iter().enumerate().for_each(|(i, colour)| members.entry(*colour).or_default().push(i));
+    members.into_values().filter(|class| class.len() > 1).collect()
+}
+
+impl Symmetry {
+    /// The coarsest equitable partition, by refinement of colours.
+    pub fn new(spec: &Spec) -> Self {
+        let n = spec.freedoms.len();
+        let matrices = [&spec.mass, &spec.damping, &spec.stiffness];
+        let mut freedoms = number(
+            (0..n)
+                .map(|i| {
+                    let own = matrices.iter().map(|m| m[(i, i)].to_bits()).chain([spec.load[i].to_bits()]);
+                    own.chain(spec.load_harmonics.iter().map(|l| l.vector[i].to_bits())).collect()
+                })
+                .collect(),
+        );
+        // All that a contact is, its name and direction apart.
+        let text = |c: &super::ContactSpec| {
+            let own = format!("{:?}", (c.law, &c.error, c.error_offset, c.half_backlash, c.flanks, &c.stiffness));
+            own.into_bytes().into_iter().map(u64::from).collect()
+        };
+        let mut contacts = number(spec.contacts.iter().map(text).collect());
+        loop {
+            let count = |colours: &[u64]| colours.iter().max().map_or(0, |most| *most);
+            let before = (count(&freedoms), count(&contacts));
+            let sorted = |own: u64, mut met: Vec<Vec<u64>>| {
+                met.sort();
+                [vec![own], met.concat()].concat()
+            };
+            let freedom = |i: usize| {
+                let others =
+                    (0..n).filter(|j| *j != i && matrices.iter().any(|m| m[(i, *j)] != 0.0 || m[(*j, i)] != 0.0));
+                let coupled = others.map(|j| {
+                    let entries = matrices.iter().flat_map(|m| [m[(i, j)].to_bits(), m[(j, i)].to_bits()]);
+                    entries.chain([freedoms[j]]).collect()
+                });
+                let met = (0..contacts.len()).filter(|c| spec.contacts[*c].direction[i] != 0.0);
+                let met = met.map(|c| vec![spec.contacts[c].direction[i].to_bits(), contacts[c]]);
+                sorted(freedoms[i], coupled.chain(met).collect())
+            };
+            let contact = |c: usize| {
+                let direction = &spec.contacts[c].direction;
+                let met = (0..n).filter(|i| direction[*i] != 0.0).map(|i| vec![direction[i].to_bits(), freedoms[i]]);
+                sorted(contacts[c], met.collect())
+            };
+            let refined = number((0..n).map(freedom).collect());
+            let met = number((0..contacts.len()).map(contact).collect());
+            (freedoms, contacts) = (refined, met);
+            if before == (count(&freedoms), count(&contacts)) {
+                return Self { freedoms: classes(&freedoms), contacts: classes(&contacts) };
+            }
+        }
+    }
+
+    /// Whether no two degrees of freedom are equal.
+    pub fn is_empty(&self) -> bool {
+        self.freedoms.is_empty()
+    }
+
+    /// The classes of degrees of freedom whose members are equal in `values`, and their values.
+    pub fn equal(&self, values: &[f64]) -> Equal {
+        let is_equal = |class: &Vec<usize>| class.iter().all(|i| values[*i] == values[class[0]]);
+        let numbered = self.freedoms.iter().enumerate();
+        numbered.filter(|(_, class)| is_equal(class)).map(|(c, class)| (c, values[class[0]])).collect()
+    }
+
+    /// Makes the members of the classes in `equal` equal again, where they differ by rounding only.
+    pub fn restore(&self, equal: &Equal, values: &mut [f64]) {
+        for (class, before) in equal {
+            restore(&self.freedoms[*class], before.abs(), values);
+        }
+    }
+
+    /// Whether contacts `i` and `j` are equal by the numbers of the train.
+    pub fn are_equal(&self, i: usize, j: usize) -> bool {
+        self.contacts.iter().any(|class| class.contains(&i) && class.contains(&j))
+    }
+
+    /// Whether all contacts of each class are in the same state, as `state` gives it.
+    pub fn agree<T: PartialEq>(&self, state: impl Fn(usize) -> T) -> bool {
+        self.contacts.iter().all(|class| class.iter().all(|j| state(*j) == state(class[0])))
+    }
+
+    /// Gives the members of the classes in `equal` that are equal in `values` the low part of the first.
+    pub fn share(&self, equal: &Equal, values: &[f64], low: &mut [f64]) {
+        for (class, _) in equal {
+            let class = &self.freedoms[*class];
+            if class.iter().any(|i| values[*i] != values[class[0]]) {
+                continue;
+            }
+            class.iter().for_each(|i| low[*i] = low[class[0]]);
+        }
+    }
+
+    /// Whether all members of all classes are equal in `values`.
+    pub fn are_all_equal(&self, values: &[f64]) -> bool {
+        self.freedoms.iter().all(|class| class.iter().all(|i| values[*i] == values[class[0]]))
+    }
+
+    /// Makes the forces of the contacts of each class equal, where all of it is in `held` and they differ by rounding only.
+    pub fn restore_forces(&self, held: &[usize], forces: &mut [f64]) {
+        let size = forces[..held.len()].iter().fold(0.0, |m: f64, f| m.max(f.abs()));
+        for class in &self.contacts {
+            let places: PerContact<usize> = class.iter().filter_map(|j| held.iter().position(|k| k == j)).collect();
+            if places.len() == class.len() {
+                restore(&places, size, forces);
+            }
+        }
+    }
+}
+
+/// Makes `values` at the places of a class equal; `size` is that of the terms they were summed from.
+fn restore(class: &[usize], size: f64, values: &mut [f64]) {
+    let first = values[class[0]];
+    if class.iter().all(|i| (values[*i] - first).abs() <= ROUNDING * (size + first.abs())) {
+        class.iter().for_each(|i| values[*i] = first);
+    }
+}
