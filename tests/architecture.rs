@@ -42,6 +42,7 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
             ("engine", All),
             ("event", All),
             ("hybrid", All),
+            ("poly", All),
             ("linalg", All),
             ("integrate", Only(&["DenseStep"])),
         ],

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 
 use super::{
     episode::{Episode, Moment, Separation, Spell, flank},
-    extreme::peak,
-    quadrature::{Rule, theta_at},
+    extent::Extent,
+    piece::{Piece, Row, measured_parts},
     report::ContactReport,
     sum::Sum,
     track::Track,
@@ -13,12 +13,9 @@ use super::{
 use crate::{
     engine::Observer,
     event::EventRecord,
-    hybrid::{Clock, ContactMode, ContactView, HybridSystem, Instant, Mode},
+    hybrid::{Clock, ContactMode, ContactView, HybridSystem, Instant, Mode, Shown},
     integrate::DenseStep,
 };
-
-/// Intervals between the nodes on a step: enough to see every extreme, and to integrate the force to rounding.
-const INTERVALS: usize = 16;
 
 /// Measures every contact. Durations are sums of arc lengths, so short ones keep their relative accuracy.
 #[derive(Clone, Debug)]
@@ -27,47 +24,25 @@ pub struct Contacts<'s, S: ?Sized> {
     clock: Clock,
     from: Option<Instant>,
     keep: usize,
-    rule: Rule,
-    nodes: Nodes,
-    x: Vec<f64>,
+    piece: Piece,
+    rows: [Row; 3],
     impulses: Vec<f64>,
     time: Sum,
     tracks: Vec<Track>,
-}
-
-/// Values on the nodes of one step; contact `j` has row `j` of `deflections` and `forces`.
-#[derive(Clone, Debug, Default)]
-struct Nodes {
-    theta: Vec<f64>,
-    /// Weights times `dt/dθ`, s.
-    weight: Vec<f64>,
-    deflections: Vec<f64>,
-    forces: Vec<f64>,
-    losses: Vec<f64>,
-    signed: Vec<f64>,
 }
 
 impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
     /// Measures from `from` on (from the start, if none), so that a transient is left out.
     #[must_use]
     pub fn new(system: &'s S, from: Option<Instant>) -> Self {
-        let (m, n) = (system.contact_count(), INTERVALS + 1);
-        let nodes = Nodes {
-            theta: vec![0.0; n],
-            weight: vec![0.0; n],
-            deflections: vec![0.0; m * n],
-            forces: vec![0.0; m * n],
-            losses: vec![0.0; m * n],
-            signed: vec![0.0; n],
-        };
+        let m = system.contact_count();
         Self {
             system,
             clock: *system.clock(),
             from,
             keep: usize::MAX,
-            rule: Rule::clenshaw_curtis(INTERVALS),
-            nodes,
-            x: vec![0.0; system.dim()],
+            piece: Piece::new(*system.clock(), system.dim()),
+            rows: Default::default(),
             impulses: vec![0.0; m],
             time: Sum::default(),
             tracks: vec![Track::new(); m],
@@ -119,72 +94,56 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
 
     /// The piece `[a, b]` of a step.
     fn piece(&mut self, mode: &Mode, step: &dyn DenseStep, a: f64, b: f64, measured: bool) {
-        let Self { system, clock, rule, nodes, x, tracks, .. } = self;
-        let count = rule.nodes.len();
-        let at_theta = |theta: f64, x: &mut [f64]| {
-            step.state(theta, x);
-            clock.advance(step.start(), step.time(theta))
-        };
-        for (i, (node, weight)) in rule.nodes.iter().zip(&rule.weights).enumerate() {
-            let theta = a + (b - a) * node;
-            nodes.theta[i] = theta;
-            nodes.weight[i] = (b - a) * weight * step.rate(theta);
-            let at = at_theta(theta, x);
-            for j in 0..tracks.len() {
-                nodes.deflections[j * count + i] = system.deflection(j, at, x).0;
-                if system.contact_mode(j, mode).is_closed() {
-                    nodes.forces[j * count + i] = system.force(j, mode, at, x);
-                    nodes.losses[j * count + i] = system.dissipation(j, mode, at, x);
-                }
-            }
-        }
-        let length = if a == 0.0 { step.time(b) } else { step.time(b) - step.time(a) };
+        let Self { system, piece, rows: [deflection, force, loss], tracks, .. } = self;
+        piece.cut(step, a, b);
+        let length = piece.length;
         if measured {
             self.time.add(length);
         }
-        let Nodes { theta, weight, deflections, forces, losses, signed } = nodes;
         for (j, track) in tracks.iter_mut().enumerate() {
             let state = system.contact_mode(j, mode);
-            let row = j * count..(j + 1) * count;
-            let mut highest = |values: &[f64], sign: f64, best: f64, force: bool| {
-                signed.iter_mut().zip(values).for_each(|(s, v)| *s = sign * v);
-                peak(theta, signed, best, |theta| {
-                    let at = at_theta(theta, x);
-                    sign * if force { system.force(j, mode, at, x) } else { system.deflection(j, at, x).0 }
-                })
-            };
-            let (d, f) = (&deflections[row.clone()], &forces[row.clone()]);
-            let integral = |values: &[f64]| weight.iter().zip(values).map(|(w, v)| w * v).sum::<f64>();
+            let is_closed = state.is_closed();
             if measured {
-                track.deflection[0] = highest(d, 1.0, track.deflection[0], false);
-                track.deflection[1] = -highest(d, -1.0, -track.deflection[1], false);
                 if state == ContactMode::Separated {
                     track.apart.add(length);
                 }
-                if !state.is_closed() {
+                if !is_closed {
                     track.no_force.add(length);
-                    track.force = [track.force[0].max(0.0), track.force[1].min(0.0)];
+                    track.force.take([0.0; 2]);
                 }
             }
-            let Some(spell) = track.spell.as_mut() else { continue };
-            spell.duration.add(length);
-            if state == ContactMode::Separated {
-                spell.apart.add(length);
-            }
-            if !state.is_closed() {
+            let in_spell = track.spell.as_mut().map(|spell| {
+                spell.duration.add(length);
+                if state == ContactMode::Separated {
+                    spell.apart.add(length);
+                }
+                is_closed
+            });
+            let presses = in_spell.unwrap_or(false);
+            if !measured && !presses {
                 continue;
             }
-            let (impulse, lost) = (integral(f), integral(&losses[row]));
+            let [of_deflection, of_force, of_loss] = [Shown::Deflection(j), Shown::Force(j), Shown::Loss(j)];
+            if !presses {
+                piece.rows(step, [of_deflection], [deflection], |at, x, _| [system.deflection(j, at, x).0]);
+                Extent::extend([&mut track.deflection], deflection);
+                continue;
+            }
+            piece.rows(step, [of_deflection, of_force, of_loss], [deflection, force, loss], |at, x, _| {
+                [system.deflection(j, at, x).0, system.force(j, mode, at, x), system.dissipation(j, mode, at, x)]
+            });
+            let (impulse, lost) = (piece.integral(force), piece.integral(loss));
+            let Some(spell) = track.spell.as_mut() else { continue };
             spell.impulse.add(impulse);
             spell.lost.add(lost);
-            spell.peak_force = highest(f, spell.side, spell.peak_force, true);
-            let gap = system.half_backlash(j);
-            spell.peak_penetration = highest(d, spell.side, spell.peak_penetration + gap, false) - gap;
             if measured {
-                track.force[0] = highest(f, 1.0, track.force[0], true);
-                track.force[1] = -highest(f, -1.0, -track.force[1], true);
+                Extent::extend([&mut track.deflection, &mut spell.deflection], deflection);
+                Extent::extend([&mut track.force, &mut spell.force], force);
                 track.impulse.add(impulse);
                 track.lost.add(lost);
+            } else {
+                Extent::extend([&mut spell.deflection], deflection);
+                Extent::extend([&mut spell.force], force);
             }
         }
     }
@@ -241,7 +200,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
                 let track = &mut self.tracks[j];
                 if let Some(mut spell) = track.spell.take() {
                     spell.lost.add(dropped);
-                    let episode = spell.episode(&self.clock, release);
+                    let episode = spell.episode(&self.clock, system.half_backlash(j), release);
                     if measured {
                         track.lost.add(dropped);
                     }
@@ -316,15 +275,8 @@ impl<S: HybridSystem + ContactView + ?Sized> Observer for Contacts<'_, S> {
                 self.begin(j, self.system.contact_mode(j, mode), step.start());
             }
         }
-        let wait = self.from.map_or(0.0, |from| self.clock.between(step.start(), from));
-        if wait <= 0.0 {
-            self.piece(mode, step, 0.0, until, true);
-        } else if wait >= step.time(until) {
-            self.piece(mode, step, 0.0, until, false);
-        } else {
-            let theta = theta_at(step, wait, until);
-            self.piece(mode, step, 0.0, theta, false);
-            self.piece(mode, step, theta, until, true);
+        for (low, high, is_measured) in measured_parts(&self.clock, self.from, step, until) {
+            self.piece(mode, step, low, high, is_measured);
         }
         ControlFlow::Continue(())
     }

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::sum::Sum;
+use super::{extent::Extent, sum::Sum};
 use crate::hybrid::{Clock, ContactMode, Instant};
 
 /// A moment, for output.
@@ -79,8 +79,8 @@ pub(super) struct Spell {
     pub apart: Sum,
     pub impulse: Sum,
     pub lost: Sum,
-    pub peak_force: f64,
-    pub peak_penetration: f64,
+    pub deflection: Extent,
+    pub force: Extent,
 }
 
 pub(super) fn flank(side: f64) -> &'static str {
@@ -100,20 +100,20 @@ impl Spell {
             apart: Sum::default(),
             impulse: Sum::default(),
             lost: Sum::default(),
-            peak_force: 0.0,
-            peak_penetration: f64::NEG_INFINITY,
+            deflection: Extent::default(),
+            force: Extent::default(),
         }
     }
 
-    /// The contact episode, ended with opening speed `release`.
-    pub fn episode(&self, clock: &Clock, release: f64) -> Episode {
+    /// The contact episode on a flank at `gap`, ended with opening speed `release`.
+    pub fn episode(&self, clock: &Clock, gap: f64, release: f64) -> Episode {
         Episode {
             start: Moment::new(clock, self.began),
             flank: flank(self.side),
             by_force: self.by_force,
             duration: self.duration.value(),
-            peak_force: Some(self.peak_force),
-            peak_penetration: self.peak_penetration.max(0.0),
+            peak_force: Some(self.force.peak(self.side).max(0.0)),
+            peak_penetration: (self.deflection.peak(self.side) - gap).max(0.0),
             approach: self.approach,
             release,
             restitution: (self.approach > 0.0 && !self.by_force).then(|| release / self.approach),

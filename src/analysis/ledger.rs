@@ -4,17 +4,19 @@ use std::ops::ControlFlow;
 
 use serde::Serialize;
 
-use super::{quadrature::Rule, sum::Sum};
+use super::{
+    piece::{Piece, Row},
+    sum::Sum,
+};
 use crate::{
     engine::Observer,
     event::EventRecord,
-    hybrid::{Clock, HybridSystem, Mode, PowerBalance},
+    hybrid::{Clock, HybridSystem, Mode, PowerBalance, Shown},
     integrate::DenseStep,
 };
 
-/// Gauss nodes on a step. The series of a step fall like `10^(−2k/3)`; the square of such a series
-/// is integrated to rounding from degree 28 on, and 16 nodes reach 31.
-const NODES: usize = 16;
+/// The powers integrated, in the order of their columns.
+const POWERS: [Shown; 5] = [Shown::Load, Shown::Error, Shown::Parametric, Shown::Damping, Shown::Contacts];
 
 /// Integrates the powers along the flow, adds the jumps at events, and compares with the energy.
 ///
@@ -25,7 +27,8 @@ const NODES: usize = 16;
 pub struct Ledger<'s, S: ?Sized> {
     system: &'s S,
     clock: Clock,
-    rule: Rule,
+    piece: Piece,
+    rows: [Row; 5],
     x: Vec<f64>,
     start: Option<f64>,
     end: f64,
@@ -109,7 +112,8 @@ impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {
         Self {
             system,
             clock: *system.clock(),
-            rule: Rule::gauss(NODES),
+            piece: Piece::new(*system.clock(), system.dim()),
+            rows: Default::default(),
             x: vec![0.0; system.dim()],
             start: None,
             end: 0.0,
@@ -171,17 +175,12 @@ impl<S: HybridSystem + PowerBalance + ?Sized> Observer for Ledger<'_, S> {
             self.start = Some(energy);
             self.largest = energy.abs();
         }
-        let mut work = [0.0; 5];
-        for (node, weight) in self.rule.nodes.iter().zip(&self.rule.weights) {
-            let theta = until * node;
-            step.state(theta, &mut self.x);
-            let at = self.clock.advance(step.start(), step.time(theta));
-            let p = self.system.powers(mode, at, &self.x);
-            let dt = until * weight * step.rate(theta);
-            for (w, p) in work.iter_mut().zip([p.load, p.error, p.parametric, p.damping, p.contact]) {
-                *w += dt * p;
-            }
-        }
+        self.piece.cut(step, 0.0, until);
+        self.piece.rows(step, POWERS, self.rows.each_mut(), |at, x, _| {
+            let p = self.system.powers(mode, at, x);
+            [p.load, p.error, p.parametric, p.damping, p.contact]
+        });
+        let work = self.rows.each_ref().map(|row| self.piece.integral(row));
         let t = &mut self.totals;
         let columns = [&mut t.load, &mut t.error, &mut t.parametric, &mut t.damping, &mut t.contact];
         for (column, w) in columns.into_iter().zip(work) {

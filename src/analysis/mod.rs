@@ -6,8 +6,9 @@
 mod contacts;
 mod episode;
 mod events;
-mod extreme;
+mod extent;
 mod ledger;
+mod piece;
 mod quadrature;
 mod report;
 mod settle;
@@ -15,6 +16,7 @@ mod spectrum;
 mod sum;
 mod track;
 mod trajectory;
+mod transmission;
 
 pub use contacts::Contacts;
 pub use episode::{Episode, Moment, Separation};
@@ -25,3 +27,4 @@ pub use settle::{Sections, Settled, Settling, cycles_later, settle};
 pub use spectrum::{Spectrum, Window};
 pub use sum::Sum;
 pub use trajectory::{Grid, Sample, Trajectory};
+pub use transmission::{TransmissionError, TransmissionHarmonic, TransmissionReport};

@@ -31,26 +31,6 @@ impl Rule {
         }
         Self { nodes, weights }
     }
-
-    /// Clenshaw–Curtis on `n + 1` nodes, `n` even; both ends are nodes.
-    pub fn clenshaw_curtis(n: usize) -> Self {
-        let angle = |i: usize| std::f64::consts::PI * i as f64 / n as f64;
-        // (1 − cos)/2 = sin² of half the angle: no cancellation at the start.
-        let nodes = (0..=n).map(|i| (0.5 * angle(i)).sin().powi(2)).collect();
-        let weights = (0..=n)
-            .map(|i| {
-                let ends = if i == 0 || i == n { 1.0 } else { 2.0 };
-                let sum: f64 = (1..=n / 2)
-                    .map(|k| {
-                        let b = if 2 * k == n { 1.0 } else { 2.0 };
-                        b / (4.0 * (k * k) as f64 - 1.0) * (2.0 * k as f64 * angle(i)).cos()
-                    })
-                    .sum();
-                0.5 * ends / n as f64 * (1.0 - sum)
-            })
-            .collect();
-        Self { nodes, weights }
-    }
 }
 
 /// The `θ` in `[0, until]` at which `elapsed` seconds of the step have passed; the nearer end outside.
@@ -88,12 +68,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_rules_integrate_powers() {
-        for (rule, degree) in [(Rule::gauss(16), 31), (Rule::clenshaw_curtis(20), 20)] {
-            for d in 0..=degree {
-                let sum: f64 = rule.nodes.iter().zip(&rule.weights).map(|(x, w)| w * x.powi(d)).sum();
-                assert!((sum * f64::from(d + 1) - 1.0).abs() < 1e-14, "{d}: {sum}");
-            }
+    fn gauss_integrates_powers() {
+        let rule = Rule::gauss(16);
+        for d in 0..=31 {
+            let sum: f64 = rule.nodes.iter().zip(&rule.weights).map(|(x, w)| w * x.powi(d)).sum();
+            assert!((sum * f64::from(d + 1) - 1.0).abs() < 1e-14, "{d}: {sum}");
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{
     episode::{Episode, Separation, Spell},
+    extent::Extent,
     report::{ContactReport, Statistics},
     sum::Sum,
 };
@@ -19,10 +20,9 @@ pub(super) struct Track {
     pub no_force: Sum,
     pub impulse: Sum,
     pub lost: Sum,
-    /// Largest and smallest deflection.
-    pub deflection: [f64; 2],
-    /// Largest and smallest force along the direction.
-    pub force: [f64; 2],
+    pub deflection: Extent,
+    /// Along the direction.
+    pub force: Extent,
     whole: u64,
     durations: Sum,
     shortest: f64,
@@ -37,12 +37,9 @@ pub(super) struct Counts {
     pub sticks: u64,
 }
 
-/// Largest and smallest of nothing.
-const EMPTY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
-
 impl Track {
     pub fn new() -> Self {
-        Self { shortest: f64::INFINITY, deflection: EMPTY, force: EMPTY, ..Self::default() }
+        Self { shortest: f64::INFINITY, ..Self::default() }
     }
 
     /// A whole separation ended.
@@ -79,11 +76,11 @@ impl Track {
                 max: any.then_some(self.longest),
                 mean: any.then(|| self.durations.value() / self.whole as f64),
             },
-            deflection_max: Some(self.deflection[0]).filter(|d| d.is_finite()),
-            deflection_min: Some(self.deflection[1]).filter(|d| d.is_finite()),
-            force_max: Some(self.force[0]).filter(|f| f.is_finite()),
-            force_min: Some(self.force[1]).filter(|f| f.is_finite()),
-            force_abs_max: if self.force[0] < self.force[1] { 0.0 } else { self.force[0].max(-self.force[1]) },
+            deflection_max: Some(self.deflection.largest).filter(|d| d.is_finite()),
+            deflection_min: Some(self.deflection.smallest).filter(|d| d.is_finite()),
+            force_max: Some(self.force.largest).filter(|f| f.is_finite()),
+            force_min: Some(self.force.smallest).filter(|f| f.is_finite()),
+            force_abs_max: self.force.largest.max(-self.force.smallest).max(0.0),
             force_mean: share(&self.impulse),
             energy_lost: self.lost.value(),
         }

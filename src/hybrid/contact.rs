@@ -96,6 +96,8 @@ pub trait ContactView {
     fn free_restitution(&self, j: usize) -> Option<f64>;
     /// Deflection δ, m, and its rate, m/s, of contact `j`.
     fn deflection(&self, j: usize, at: Instant, x: &[f64]) -> (f64, f64);
+    /// `gᵀq = δ + e` of contact `j`, m: of a mesh the dynamic transmission error.
+    fn transmission(&self, j: usize, x: &[f64]) -> f64;
     /// Force F of contact `j`, N; zero where it carries none.
     fn force(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64;
     /// Energy stored in the spring of contact `j`, J.

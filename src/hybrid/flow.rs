@@ -42,6 +42,38 @@ pub trait JetField {
     fn carry(&self, step: &Jet, theta: f64, carried: &mut Vec<f64>) {
         carried.clear();
     }
+
+    /// A quantity on `step` as a series in the step's own variable `s`, into `series`, empty for zero. `false` where the field does
+    /// not know it.
+    fn show(&self, step: &Jet, what: Shown, series: &mut Vec<f64>) -> bool {
+        false
+    }
+}
+
+/// A quantity that measures ask of a step as a polynomial. Contacts by their number; units and signs as in
+/// [`ContactView`](super::ContactView) and [`Powers`](super::Powers).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    /// Elapsed time since the step's start, s.
+    Time,
+    /// Deflection δ, m.
+    Deflection(usize),
+    /// `gᵀq = δ + e`, m: of a mesh the dynamic transmission error.
+    Transmission(usize),
+    /// The force carried, N.
+    Force(usize),
+    /// The power lost in one contact, W.
+    Loss(usize),
+    /// The power of the loads, W.
+    Load,
+    /// The power of the transmission errors, W.
+    Error,
+    /// The power of stiffnesses that vary, W.
+    Parametric,
+    /// The power lost in the structure's dampers, W.
+    Damping,
+    /// The power lost in all contacts, W.
+    Contacts,
 }
 
 /// Makes each `x` the double nearest to `x + low`.

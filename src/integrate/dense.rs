@@ -7,10 +7,9 @@
 use crate::{
     hybrid::{GuardId, HybridSystem, Instant, Mode},
     integrate::{Arc, DenseStep},
+    poly::{CHEBYSHEV, Chebyshev, DEGREE},
 };
 
-/// Highest degree of a guard's polynomial; a guard that needs more is cut into pieces.
-const DEGREE: usize = 16;
 /// Degree tried first.
 const FIRST: usize = 8;
 /// Room for one guard's polynomial.
@@ -24,58 +23,6 @@ const HALVINGS: i32 = 6;
 const SHARE: f64 = 1e-2;
 /// Where the interpolation is checked: between the Chebyshev points.
 const CHECKS: [f64; 2] = [0.381_966, 0.888_889];
-
-/// Chebyshev points and the way from values there to coefficients of powers.
-#[derive(Debug)]
-struct Chebyshev {
-    /// `T_k(2θ − 1)` in powers of θ.
-    powers: [[f64; ROW]; ROW],
-    /// `cos(π i/DEGREE)`.
-    cosine: [f64; 2 * DEGREE],
-}
-
-impl Default for Chebyshev {
-    fn default() -> Self {
-        let mut powers = [[0.0; ROW]; ROW];
-        powers[0][0] = 1.0;
-        powers[1][0] = -1.0;
-        powers[1][1] = 2.0;
-        for k in 2..ROW {
-            for m in 0..=k {
-                let shifted = if m > 0 { 4.0 * powers[k - 1][m - 1] } else { 0.0 };
-                powers[k][m] = shifted - 2.0 * powers[k - 1][m] - powers[k - 2][m];
-            }
-        }
-        let cosine = std::array::from_fn(|i| (std::f64::consts::PI * i as f64 / DEGREE as f64).cos());
-        Self { powers, cosine }
-    }
-}
-
-impl Chebyshev {
-    /// The `i`-th of `n + 1` points, rising from 0 to 1.
-    fn point(i: usize, n: usize) -> f64 {
-        if i == n {
-            return 1.0;
-        }
-        (std::f64::consts::FRAC_PI_2 * i as f64 / n as f64).sin().powi(2)
-    }
-
-    /// Chebyshev coefficients from the `n + 1` values at the points, `n` a divisor of [`DEGREE`].
-    fn coefficients(&self, values: &[f64], out: &mut [f64]) {
-        let n = values.len() - 1;
-        let stride = DEGREE / n;
-        for (k, c) in out[..=n].iter_mut().enumerate() {
-            let mut sum = 0.5 * (values[0] + if k % 2 == 0 { values[n] } else { -values[n] });
-            for (i, f) in values.iter().enumerate().take(n).skip(1) {
-                sum += f * self.cosine[stride * i * k % (2 * DEGREE)];
-            }
-            let sign = if k % 2 == 0 { 2.0 } else { -2.0 };
-            *c = sign * sum / n as f64;
-        }
-        out[0] *= 0.5;
-        out[n] *= 0.5;
-    }
-}
 
 /// The points at which an interpolant of the given degree is to be sampled, ends included.
 #[cfg(feature = "diffsol")]
@@ -112,7 +59,6 @@ pub(super) fn to_powers(samples: &mut [f64], dim: usize) {
 /// A piece of a solver's step, as handed to the visitor.
 #[derive(Debug, Default)]
 pub(super) struct Pieces {
-    chebyshev: Chebyshev,
     dim: usize,
     /// The state on the whole step, row `k` the coefficients of `θᵏ`.
     pub step: Vec<f64>,
@@ -198,11 +144,6 @@ pub(super) struct Place<'a> {
 }
 
 impl Pieces {
-    /// Row k: `T_k(2θ − 1)` in powers of θ.
-    pub fn powers(&self) -> [[f64; ROW]; ROW] {
-        self.chebyshev.powers
-    }
-
     /// What the uncertainties `unsure` of the state do to each guard.
     pub fn blurs(
         &self,
@@ -316,7 +257,7 @@ impl Pieces {
             if pinned {
                 values[0] = 0.0;
             }
-            self.chebyshev.coefficients(&values[..=n], &mut c);
+            CHEBYSHEV.coefficients(&values[..=n], &mut c);
             let range: f64 = c[1..=n].iter().map(|c| c.abs()).sum();
             // At an exact zero the leading coefficients decide, however small they are: nothing is given away.
             let share = if pinned { 0.0 } else { SHARE * place.rtol };
@@ -329,7 +270,7 @@ impl Pieces {
                 c[top] = 0.0;
                 top -= 1;
             }
-            self.write_series(i, &c[..=top]);
+            CHEBYSHEV.to_powers(&c[..=top], &mut self.series[i * ROW..(i + 1) * ROW]);
             for (j, theta) in CHECKS.into_iter().enumerate() {
                 let gap = crate::poly::eval(self.guard(i), theta) - self.value(place, i, theta, ROW + j);
                 tail = tail.max(2.0 * gap.abs());
@@ -359,14 +300,6 @@ impl Pieces {
         let at = place.system.clock().advance(self.start, theta * self.span);
         let x = &self.samples[sample * self.dim..(sample + 1) * self.dim];
         place.system.guard(place.arc.mode, self.guards[i], at, x)
-    }
-
-    fn write_series(&mut self, i: usize, c: &[f64]) {
-        let series = &mut self.series[i * ROW..(i + 1) * ROW];
-        series.fill(0.0);
-        for (c, powers) in c.iter().zip(&self.chebyshev.powers).rev() {
-            series.iter_mut().zip(powers).for_each(|(s, p)| *s += c * p);
-        }
     }
 
     /// Writes what is exactly zero at the arc's start as exactly zero.

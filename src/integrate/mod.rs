@@ -12,7 +12,7 @@ mod taylor;
 
 use std::ops::ControlFlow;
 
-use crate::hybrid::{GuardId, GuardSet, HybridSystem, Instant, JetField, Mode, Wide};
+use crate::hybrid::{GuardId, GuardSet, HybridSystem, Instant, JetField, Mode, Shown, Wide};
 
 #[cfg(feature = "diffsol")]
 pub use self::diffsol::{Diffsol, Method};
@@ -61,6 +61,11 @@ pub trait DenseStep {
     /// Keeps what the state at `theta` alone holds with less precision, for the next [`Arc`]; nothing unless the step knows it.
     fn carry(&self, theta: f64, carried: &mut Vec<f64>) {
         carried.clear();
+    }
+    /// A quantity as a polynomial in θ, coefficients in rising powers, into `row`, empty for zero; `false` where the step does not
+    /// know it, and it has to be interpolated.
+    fn show(&self, what: Shown, row: &mut Vec<f64>) -> bool {
+        false
     }
     /// `Some(h)` if the clock is plain time, `t = h θ`.
     fn plain_span(&self) -> Option<f64>;

@@ -7,7 +7,10 @@ use super::{
     dense::{Pieces, Place},
     radau::{From, HIDDEN, RESOLVED, Radau},
 };
-use crate::hybrid::{GuardSet, HybridSystem, Instant, Mode};
+use crate::{
+    hybrid::{GuardSet, HybridSystem, Instant, Mode},
+    poly::CHEBYSHEV,
+};
 
 /// Taylor steps of an arc before the first trial; twice as many after each refusal.
 const FIRST_TRIAL: u64 = 64;
@@ -164,8 +167,7 @@ impl Integrator for Relay {
                 let to = (step.h < left).then_some(step.h);
                 let place = Place { system, arc: &leg, rtol: RTOL, from: 0.0, to, unsure };
                 pieces.begin(&place);
-                let powers = pieces.powers();
-                radau.write(x, |k, l| powers[k][l], &mut pieces.step);
+                radau.write(x, |k, l| CHEBYSHEV.powers[k][l], &mut pieces.step);
                 if !pieces.visit(&place, |step| visit(step).is_continue()) {
                     return Ok(());
                 }

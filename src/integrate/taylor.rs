@@ -3,7 +3,10 @@
 use std::ops::ControlFlow;
 
 use super::{Arc, DenseStep, IntegrateError, Integrator, in_plain_time};
-use crate::hybrid::{GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Wide};
+use crate::{
+    hybrid::{GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Shown, Wide},
+    poly,
+};
 
 /// Taylor steps of a [`JetField`](crate::hybrid::JetField).
 ///
@@ -163,6 +166,11 @@ impl DenseStep for Step<'_> {
     }
     fn is_estimate(&self) -> bool {
         self.jet.is_estimate
+    }
+    fn show(&self, what: Shown, row: &mut Vec<f64>) -> bool {
+        let is_known = self.field.show(self.jet, what, row);
+        poly::shift(row, 0.0, self.jet.reach);
+        is_known
     }
     fn plain_span(&self) -> Option<f64> {
         self.jet.time.is_empty().then_some(self.jet.span * self.jet.reach)

@@ -19,11 +19,12 @@ mod low;
 mod motion;
 mod plain;
 mod rooted;
+mod rows;
 
 use bound::Tail;
 use motion::Motion;
 
-use crate::hybrid::{GuardId, Instant, Jet, JetField, JetRequest};
+use crate::hybrid::{GuardId, Instant, Jet, JetField, JetRequest, Shown};
 use crate::system::{ContactMode, Elasticity, Force, Structure, Watch, Wave, dot, guard_id};
 
 /// Highest power of a step.
@@ -166,6 +167,12 @@ impl JetField for Motion<'_> {
 
     fn term_sizes(&self, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
         self.guard_sizes(id, step, x)
+    }
+
+    fn show(&self, step: &Jet, what: Shown, series: &mut Vec<f64>) -> bool {
+        series.clear();
+        self.shown(step, what, series);
+        true
     }
 
     fn restore(&self, at: Instant, x: &mut [f64]) {

@@ -4,8 +4,12 @@
 //! Bernstein coefficients positive proves "no root"; one sign change among them proves "exactly one".
 
 mod bernstein;
+mod chebyshev;
+mod extremes;
 mod first_root;
 
+pub(crate) use chebyshev::{CHEBYSHEV, Chebyshev, DEGREE};
+pub use extremes::extremes;
 pub use first_root::{FirstRoot, Isolation, first_root};
 
 /// `p(x)` by Horner's rule.
@@ -27,3 +31,43 @@ pub fn eval_with_slope(p: &[f64], x: f64) -> (f64, f64) {
 
 /// Highest degree these routines accept.
 pub const MAX_DEGREE: usize = 40;
+
+/// `p(low + width θ)` in place of `p(θ)`.
+pub fn shift(p: &mut [f64], low: f64, width: f64) {
+    if low != 0.0 {
+        for level in 1..p.len() {
+            for k in (level..p.len()).rev() {
+                p[k - 1] += low * p[k];
+            }
+        }
+    }
+    if width != 1.0 {
+        let mut power = 1.0;
+        for c in p {
+            *c *= power;
+            power *= width;
+        }
+    }
+}
+
+/// `1/(k + 1)`: the integral of the power `k` over `[0, 1]`.
+static INTEGRALS: [f64; 2 * MAX_DEGREE + 1] = {
+    let mut table = [1.0; 2 * MAX_DEGREE + 1];
+    let mut k = 1;
+    while k < table.len() {
+        table[k] = 1.0 / (k + 1) as f64;
+        k += 1;
+    }
+    table
+};
+
+/// `∫₀¹ p q dx`.
+///
+/// # Panics
+/// If a degree is above [`MAX_DEGREE`].
+#[must_use]
+pub fn integral(p: &[f64], q: &[f64]) -> f64 {
+    p.iter().enumerate().fold(0.0, |sum, (i, c)| {
+        sum + c * q.iter().zip(&INTEGRALS[i..]).fold(0.0, |sum, (d, integral)| sum + d * integral)
+    })
+}

@@ -10,7 +10,7 @@ use super::{
     samples::{SampleFile, sample_grid},
 };
 use crate::{
-    analysis::{Balance, Contacts, EventLog, EventRow, Grid, Ledger, Trajectory},
+    analysis::{Balance, Contacts, EventLog, EventRow, Grid, Ledger, Trajectory, TransmissionError},
     engine::{Observer, Outcome},
     event::EventRecord,
     hybrid::{Clock, Instant, Mode},
@@ -25,6 +25,8 @@ const SUMMARY: &str = "summary.json";
 
 /// Steps between two reports of progress.
 const EVERY: u32 = 64;
+/// Harmonics of the transmission errors.
+const HARMONICS: usize = 8;
 
 /// One run of a [`Simulation`], and what it does besides. Its fields start as the settings of the simulation have them.
 #[must_use = "a job does nothing until it runs or writes"]
@@ -123,6 +125,8 @@ impl<'a> Job<'a> {
         let measures = Contacts::new(structure, Some(measured)).keep(0);
         let mut log = EventLog::new(structure, measures, |row| rows.take(row));
         let mut ledger = Ledger::new(structure);
+        let contacts = 0..structure.contacts().len();
+        let mut transmission = TransmissionError::new(structure, contacts, HARMONICS, Some(measured));
         // A grid that is never due stands for no trajectory.
         let grid = if sampled { sample_grid(simulation) } else { Grid::Interval { interval: 0.0 } };
         let mut trajectory = Trajectory::new(structure, grid, from, |sample| match &mut samples {
@@ -131,7 +135,7 @@ impl<'a> Job<'a> {
         });
         let clock = structure.clock();
         let mut watch = Watchman { task, clock, from, span: clock.between(from, end), steps: 0 };
-        let measures = ((&mut log, &mut check), &mut ledger);
+        let measures = ((&mut log, &mut check), (&mut ledger, &mut transmission));
         let result = engine.run(end, &mut ((measures, (&mut trajectory, &mut watch)), &mut observer));
         let state = engine.state();
         if let Ok(Outcome::ReachedEnd) = result {
@@ -158,6 +162,7 @@ impl<'a> Job<'a> {
             outcome: RunEnd::new(simulation, &result, task.is_cancelled(), state),
             measured_time: log.contacts().time(),
             contacts: (0..structure.contacts().len()).map(|j| log.contacts().report(j)).collect(),
+            transmission: transmission.reports(),
             energy: ledger.balance(),
             work: engine.counters(),
             verification: check.as_ref().map(crate::verify::Verifier::verification),

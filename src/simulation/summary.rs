@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::Simulation;
 use crate::{
-    analysis::{Balance, ContactReport},
+    analysis::{Balance, ContactReport, TransmissionReport},
     engine::{Counters, EngineError, Outcome, State},
     verify::Verification,
 };
@@ -26,6 +26,8 @@ pub struct Summary {
     pub measured_time: f64,
     /// Measures of each contact.
     pub contacts: Vec<ContactReport>,
+    /// The dynamic transmission error of each contact, with eight harmonics of the forcing.
+    pub transmission: Vec<TransmissionReport>,
     /// The energy ledger.
     pub energy: Balance,
     /// Work done.

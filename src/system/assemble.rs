@@ -49,6 +49,13 @@ pub(crate) struct Wave {
     pub sine: f64,
 }
 
+impl Wave {
+    /// Its rate in time.
+    pub fn rate(&self, omega: f64) -> Self {
+        Self { index: self.index, cosine: omega * self.sine, sine: -omega * self.cosine }
+    }
+}
+
 /// A harmonic load over M, `cosine cos ωt + sine sin ωt`, as accelerations, m/s².
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LoadWave {
@@ -202,6 +209,8 @@ pub struct Structure {
     /// `M⁻¹ f₀`.
     pub(crate) load: Vec<f64>,
     pub(crate) load_waves: Vec<LoadWave>,
+    /// Columns of M, of the symmetric part of C (the other does no work), and of K.
+    pub(crate) forms: [Vec<Sparse>; 3],
     /// Rows of `M⁻¹ K` and `M⁻¹ C` together: column, stiffness, damping.
     pub(crate) rows: Vec<Vec<(u32, f64, f64)>>,
     pub(crate) columns: Columns,
@@ -262,13 +271,7 @@ impl Structure {
                 }
                 scheduled => Spring::Scheduled(Schedule::new(scheduled, &clock)),
             };
-            let error_rate: Vec<Wave> = error
-                .iter()
-                .map(|w| {
-                    let omega = oscillators[w.index].omega;
-                    Wave { index: w.index, cosine: omega * w.sine, sine: -omega * w.cosine }
-                })
-                .collect();
+            let error_rate: Vec<Wave> = error.iter().map(|w| w.rate(oscillators[w.index].omega)).collect();
             let size = |w: &Wave| w.cosine.abs() + w.sine.abs();
             contacts.push(Contact {
                 error_sizes: [
@@ -312,6 +315,8 @@ impl Structure {
             clock,
             oscillators,
             load_waves,
+            forms: [spec.mass.clone(), (&spec.damping + spec.damping.transpose()) * 0.5, spec.stiffness.clone()]
+                .map(|m| m.column_iter().map(|column| sparse(column.as_slice())).collect()),
             contacts,
             weights,
             symmetry: Symmetry::new(&spec),

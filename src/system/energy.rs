@@ -10,10 +10,8 @@
 //! `(F − V′) ṗ` is `c ṗ²` for a linear damper and `K pⁿ χ ṗ²` for hysteresis. A contact that carries no force
 //! stores nothing: what its spring holds when it lets go is dropped, and booked in the jump. K is taken to be symmetric.
 
-use nalgebra::DMatrix;
-
 use super::{
-    assemble::{PerContact, Structure, dot, zeros},
+    assemble::{PerContact, Sparse, Structure, dot, zeros},
     contact_mode::contact_mode,
     sticking::Sticking,
 };
@@ -22,14 +20,9 @@ use crate::{
     hybrid::{ContactView, EnergyJump, HybridSystem, Instant, Mode, PowerBalance, Powers, Transition},
 };
 
-/// `aᵀ S b`.
-fn form(s: &DMatrix<f64>, a: &[f64], b: &[f64]) -> f64 {
-    b.iter().zip(s.column_iter()).fold(0.0, |sum, (b, column)| {
-        if *b == 0.0 {
-            return sum;
-        }
-        sum + b * a.iter().zip(column.iter()).fold(0.0, |s, (a, c)| s + a * c)
-    })
+/// `aᵀ S b` by the columns of S.
+fn form(columns: &[Sparse], a: &[f64], b: &[f64]) -> f64 {
+    b.iter().zip(columns).fold(0.0, |sum, (b, column)| if *b == 0.0 { sum } else { sum + b * dot(column, a) })
 }
 
 impl Structure {
@@ -83,7 +76,14 @@ impl Structure {
     /// `½ q̇ᵀM q̇`, J.
     fn kinetic(&self, x: &[f64]) -> f64 {
         let v = &x[self.n..2 * self.n];
-        0.5 * form(&self.spec.mass, v, v)
+        0.5 * form(&self.forms[0], v, v)
+    }
+
+    /// `½ qᵀK q` and the energy of the springs, J.
+    fn potential(&self, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
+        let q = &x[..self.n];
+        let contacts: f64 = self.carrying(mode).map(|acting| self.stored_in(Some(acting), at, x)).sum();
+        0.5 * form(&self.forms[2], q, q) + contacts
     }
 
     /// The impulses of a jump, N s along each direction, into `out` `[contacts]`: what changed the rates of the
@@ -135,16 +135,14 @@ impl Structure {
 
 impl PowerBalance for Structure {
     fn energy(&self, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
-        let q = &x[..self.n];
-        let contacts: f64 = self.carrying(mode).map(|acting| self.stored_in(Some(acting), at, x)).sum();
-        self.kinetic(x) + 0.5 * form(&self.spec.stiffness, q, q) + contacts
+        self.kinetic(x) + self.potential(mode, at, x)
     }
 
     fn powers(&self, mode: &Mode, at: Instant, x: &[f64]) -> Powers {
         let v = &x[self.n..2 * self.n];
         let along = |f: &[f64]| f.iter().zip(v).fold(0.0, |s, (f, v)| s + f * v);
         let mut powers =
-            Powers { load: along(&self.spec.load), damping: form(&self.spec.damping, v, v), ..Powers::default() };
+            Powers { load: along(&self.spec.load), damping: form(&self.forms[1], v, v), ..Powers::default() };
         for (load, wave) in self.spec.load_harmonics.iter().zip(&self.load_waves) {
             let o = self.oscillators[wave.index];
             powers.load += (self.clock.angle(o.omega, o.order, at) + load.phase).cos() * along(&load.vector);
@@ -176,9 +174,12 @@ impl PowerBalance for Structure {
         for (j, p) in impulses.iter().enumerate().take(self.contacts.len()).filter(|(_, p)| **p != 0.0) {
             jump.error -= p * self.error(j, t.at).1;
         }
-        let kinetic = self.kinetic(t.x_plus) - self.kinetic(t.x_minus);
-        jump.impact = jump.error - kinetic;
-        jump.projection = self.energy(t.to, t.at, t.x_plus) - self.energy(t.to, t.at, t.x_minus) - kinetic;
+        if t.x_plus[..self.n] != t.x_minus[..self.n] {
+            jump.projection = self.potential(t.to, t.at, t.x_plus) - self.potential(t.to, t.at, t.x_minus);
+        }
+        if t.x_plus[self.n..] != t.x_minus[self.n..] {
+            jump.impact = jump.error + self.kinetic(t.x_minus) - self.kinetic(t.x_plus);
+        }
         jump
     }
 }

@@ -1,7 +1,7 @@
 //! A structure seen through its contacts.
 
 use super::{
-    assemble::Structure,
+    assemble::{Structure, dot},
     contact_mode::{contact_mode, guard_of},
 };
 use crate::{
@@ -65,6 +65,10 @@ impl ContactView for Structure {
 
     fn deflection(&self, j: usize, at: Instant, x: &[f64]) -> (f64, f64) {
         self.deflection(j, at, x)
+    }
+
+    fn transmission(&self, j: usize, x: &[f64]) -> f64 {
+        dot(&self.contacts[j].direction, x)
     }
 
     fn force(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64 {

@@ -2,9 +2,11 @@
 #![allow(clippy::unwrap_used)] // helpers of tests are not recognised as tests
 
 mod contacts;
+mod extremes;
 mod ledger;
 mod rows;
 mod scaled;
 mod settle;
 mod spectrum;
 mod trains;
+mod transmission;

@@ -1,0 +1,89 @@
+//! What measures cost beside the integration, on scenes of `examples/scenes`.
+//!
+//! ```text
+//! cargo bench --bench observers                              # the table
+//! cargo bench --bench observers -- W4 contacts               # one run with one measure, for a count of instructions
+//! ```
+//!
+//! Every scene is run once a round with each measure, one after the other, so that a slow spell of the machine falls on all of
+//! them. The table holds the median time of a step without measures, and the medians of the others divided by it.
+
+use std::{
+    error::Error,
+    io::{self, Write},
+    time::Instant as Stopwatch,
+};
+
+use flank::{
+    Simulation,
+    analysis::{Contacts, Ledger, TransmissionError},
+    scene::Scene,
+};
+
+/// Scenes, and the cycles over which they are timed.
+const SCENES: [(&str, u64); 6] =
+    [("W1a-ss", 1000), ("W1c-ds", 1000), ("W3", 100), ("W4", 100), ("W5b-p", 1000), ("reference-light", 50)];
+
+const MEASURES: [&str; 5] = ["none", "contacts", "energy", "transmission", "all"];
+
+/// Rounds whose median is taken; the first one warms up and does not count.
+const ROUNDS: usize = 9;
+
+type Outcome<T> = Result<T, Box<dyn Error>>;
+
+fn main() -> Outcome<()> {
+    // Cargo adds `--bench`.
+    let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    let mut out = io::stdout().lock();
+    if let [name, measure] = words.as_slice() {
+        let cycles = SCENES.iter().find(|(scene, _)| scene == name).map_or(100, |(_, cycles)| *cycles);
+        let (seconds, steps) = run(&scene(name, cycles)?, measure)?;
+        return Ok(writeln!(out, "{name} {measure}: {steps} steps, {seconds} s")?);
+    }
+    writeln!(out, "{:<16} {:>8} {:>8}  {}", "scene", "steps", "ns/step", MEASURES[1..].join("  "))?;
+    for (name, cycles) in SCENES {
+        let scene = scene(name, cycles)?;
+        let mut times = [const { Vec::new() }; MEASURES.len()];
+        let mut count = 0;
+        for round in 0..=ROUNDS {
+            for (measure, times) in MEASURES.iter().zip(&mut times) {
+                let (seconds, steps) = run(&scene, measure)?;
+                count = steps;
+                if round > 0 {
+                    times.push(seconds);
+                }
+            }
+        }
+        let medians = times.map(|mut times| {
+            times.sort_by(f64::total_cmp);
+            times[ROUNDS / 2]
+        });
+        let ratios: Vec<String> = (1..MEASURES.len())
+            .map(|i| format!("{:>width$.2}", medians[i] / medians[0], width = MEASURES[i].len()))
+            .collect();
+        let step = medians[0] * 1e9 / count as f64;
+        writeln!(out, "{name:<16} {count:>8} {step:>8.0}  {}", ratios.join("  "))?;
+    }
+    Ok(())
+}
+
+fn scene(name: &str, cycles: u64) -> Outcome<Simulation> {
+    let scene = Scene::from_file(format!("{}/examples/scenes/{name}.json", env!("CARGO_MANIFEST_DIR")))?;
+    let scene = scene.with("/run/transient_cycles", 0.into())?.with("/run/cycles", cycles.into())?;
+    Ok(Simulation::from_scene(scene)?)
+}
+
+/// Seconds of a run, and its steps.
+fn run(simulation: &Simulation, measure: &str) -> Outcome<(f64, u64)> {
+    let structure = &simulation.structure;
+    let [_, from, end] = simulation.instants();
+    let has = |name: &str| measure == name || measure == "all";
+    let contacts = has("contacts").then(|| Contacts::new(structure, Some(from)).keep(0));
+    let energy = has("energy").then(|| Ledger::new(structure));
+    // Eight harmonics of one mesh.
+    let transmission = has("transmission").then(|| TransmissionError::new(structure, [0], 8, Some(from)));
+    let mut engine = simulation.engine(simulation.start()?)?;
+    let watch = Stopwatch::now();
+    engine.run(end, &mut ((contacts, energy), transmission))?;
+    Ok((watch.elapsed().as_secs_f64(), engine.counters().steps))
+}

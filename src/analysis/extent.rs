@@ -1,0 +1,43 @@
+//! The range of values that a quantity has taken.
+
+use crate::poly;
+
+/// Largest and smallest value so far.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Extent {
+    pub largest: f64,
+    pub smallest: f64,
+}
+
+impl Default for Extent {
+    fn default() -> Self {
+        Self { largest: f64::NEG_INFINITY, smallest: f64::INFINITY }
+    }
+}
+
+impl Extent {
+    /// Takes `[largest, smallest]` values.
+    pub fn take(&mut self, [largest, smallest]: [f64; 2]) {
+        (self.largest, self.smallest) = (self.largest.max(largest), self.smallest.min(smallest));
+    }
+
+    fn holds(&self, [largest, smallest]: [f64; 2]) -> bool {
+        largest <= self.largest && smallest >= self.smallest
+    }
+
+    /// Takes the values of a polynomial on `[0, 1]` into each of `extents`; an empty one is zero.
+    pub fn extend<const N: usize>(extents: [&mut Self; N], p: &[f64]) {
+        let start = p.first().copied().unwrap_or(0.0);
+        // It stays this near to its first value.
+        let reach = p.iter().skip(1).fold(0.0, |sum, c| sum + c.abs());
+        if !extents.iter().all(|extent| extent.holds([start + reach, start - reach])) {
+            let values = poly::extremes(p);
+            extents.into_iter().for_each(|extent| extent.take(values));
+        }
+    }
+
+    /// The largest value on the side of the sign of `side`, of `side` times the quantity.
+    pub fn peak(&self, side: f64) -> f64 {
+        if side < 0.0 { -self.smallest } else { self.largest }
+    }
+}

@@ -1,0 +1,115 @@
+//! A piece of a step, and what it shows as polynomials on it.
+
+use super::quadrature::theta_at;
+use crate::{
+    hybrid::{Clock, Instant, Shown},
+    integrate::DenseStep,
+    poly::{self, CHEBYSHEV, Chebyshev, DEGREE},
+};
+
+/// A polynomial on `[0, 1]`, the piece; empty for zero.
+pub(super) type Row = Vec<f64>;
+
+/// The piece `[low, low + width]` of a step.
+#[derive(Clone, Debug)]
+pub(super) struct Piece {
+    clock: Clock,
+    low: f64,
+    width: f64,
+    /// Its length, s.
+    pub length: f64,
+    /// `dt/dθ` on the piece, s.
+    rate: Row,
+    x: Vec<f64>,
+}
+
+impl Piece {
+    pub fn new(clock: Clock, dim: usize) -> Self {
+        Self { clock, low: 0.0, width: 1.0, length: 0.0, rate: Row::new(), x: vec![0.0; dim] }
+    }
+
+    /// Becomes the piece from `low` to `high` of `step`.
+    pub fn cut(&mut self, step: &dyn DenseStep, low: f64, high: f64) {
+        (self.low, self.width) = (low, high - low);
+        self.length = if low == 0.0 { step.time(high) } else { step.time(high) - step.time(low) };
+        self.rate.clear();
+        match step.plain_span() {
+            Some(_) => self.rate.push(self.length),
+            None => {
+                let mut rate = std::mem::take(&mut self.rate);
+                self.rows(step, [Shown::Time], [&mut rate], |_, _, theta| [step.time(theta)]);
+                derive(&mut rate);
+                self.rate = rate;
+            }
+        }
+    }
+
+    /// Writes what the step shows as rows on the piece. Where it does not know them, `value` is interpolated: it takes the instant, the
+    /// state there, and θ in the step.
+    pub fn rows<const M: usize>(
+        &mut self,
+        step: &dyn DenseStep,
+        shown: [Shown; M],
+        rows: [&mut Row; M],
+        mut value: impl FnMut(Instant, &[f64], f64) -> [f64; M],
+    ) {
+        let mut rows = rows;
+        if shown.iter().zip(&mut rows).all(|(what, row)| step.show(*what, row)) {
+            rows.into_iter().for_each(|row| poly::shift(row, self.low, self.width));
+            return;
+        }
+        let mut values = [[0.0; DEGREE + 1]; M];
+        for i in 0..=DEGREE {
+            let theta = self.low + self.width * Chebyshev::point(i, DEGREE);
+            step.state(theta, &mut self.x);
+            let at = self.clock.advance(step.start(), step.time(theta));
+            for (values, value) in values.iter_mut().zip(value(at, &self.x, theta)) {
+                values[i] = value;
+            }
+        }
+        for (row, values) in rows.into_iter().zip(&values) {
+            let mut coefficients = [0.0; DEGREE + 1];
+            CHEBYSHEV.coefficients(values, &mut coefficients);
+            row.resize(DEGREE + 1, 0.0);
+            CHEBYSHEV.to_powers(&coefficients, row);
+        }
+    }
+
+    /// `dt/dθ` on the piece, s.
+    pub fn rate(&self) -> &[f64] {
+        &self.rate
+    }
+
+    /// Values of a row at `nodes` of the piece.
+    pub fn values<const N: usize>(&self, nodes: &[f64], row: &[f64], values: &mut [f64; N]) {
+        values.fill(0.0);
+        for c in row.iter().rev() {
+            values.iter_mut().zip(nodes).for_each(|(value, node)| *value = *value * node + c);
+        }
+    }
+
+    /// `∫ row dt` over the piece.
+    pub fn integral(&self, row: &[f64]) -> f64 {
+        poly::integral(&self.rate, row)
+    }
+}
+
+/// A step up to `until`, cut where the measured time begins: parts with low end, high end, and whether they are measured.
+pub(super) fn measured_parts(
+    clock: &Clock,
+    from: Option<Instant>,
+    step: &dyn DenseStep,
+    until: f64,
+) -> impl Iterator<Item = (f64, f64, bool)> + use<> {
+    let wait = from.map_or(0.0, |from| clock.between(step.start(), from));
+    let cut = theta_at(step, wait, until);
+    [(0.0, cut, false), (cut, until, true)].into_iter().filter(|(low, high, _)| low < high)
+}
+
+/// The derivative of a row, in its place.
+fn derive(row: &mut Row) {
+    if !row.is_empty() {
+        row.remove(0);
+    }
+    row.iter_mut().enumerate().for_each(|(k, c)| *c *= (k + 1) as f64);
+}

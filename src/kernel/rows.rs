@@ -1,0 +1,244 @@
+//! What a step shows besides its state and guards: deflections, forces and powers as series in the variable of the step.
+//!
+//! They are products of series that the recurrence has formed; a series without terms is None.
+
+use super::{
+    CARRIED, FACTOR, FORCE, LANES, Layout, Motion, PENETRATION, POWER, RATE, ROW, STIFFNESS, motion::Part, waves,
+};
+use crate::{
+    hybrid::{Jet, Shown},
+    system::{Elasticity, Force, Spring, Wave},
+};
+
+type Series = [f64; ROW];
+
+/// Room for the product of two series. It is kept whole: where a step holds to rounding, its square needs more orders than it.
+const TWICE: usize = 2 * ROW - 1;
+
+type Product = [f64; TWICE];
+
+fn gather(orders: impl Iterator<Item = f64>) -> Series {
+    let mut series = [0.0; ROW];
+    series.iter_mut().zip(orders).for_each(|(s, c)| *s = c);
+    series
+}
+
+/// One value of each order, `stride` apart.
+fn every(stride: usize, values: &[f64]) -> Series {
+    let (mut series, mut at) = ([0.0; ROW], 0);
+    for c in &mut series {
+        *c = values[at];
+        at += stride;
+    }
+    series
+}
+
+/// `a b`; of a product that is longer than a series, up to the highest power kept.
+fn times(a: &Series, b: &[f64]) -> Product {
+    let mut product = [0.0; TWICE];
+    for (i, a) in a.iter().enumerate() {
+        product[i..].iter_mut().zip(b).for_each(|(p, b)| *p += a * b);
+    }
+    product
+}
+
+fn square(a: &Series) -> Product {
+    let mut square = [0.0; TWICE];
+    for (i, c) in a.iter().enumerate() {
+        square[2 * i] += c * c;
+        let twice = 2.0 * c;
+        square[2 * i + 1..].iter_mut().zip(&a[i + 1..]).for_each(|(s, b)| *s += twice * b);
+    }
+    square
+}
+
+fn scaled<const N: usize>(factor: f64, mut series: [f64; N]) -> [f64; N] {
+    series.iter_mut().for_each(|c| *c *= factor);
+    series
+}
+
+fn sum<const N: usize>(mut series: impl Iterator<Item = [f64; N]>) -> Option<[f64; N]> {
+    let mut sum = series.next()?;
+    for series in series {
+        sum.iter_mut().zip(&series).for_each(|(s, c)| *s += c);
+    }
+    Some(sum)
+}
+
+impl Motion<'_> {
+    /// Adds the terms of a quantity to `out`.
+    pub(super) fn shown(&self, step: &Jet, what: Shown, out: &mut Vec<f64>) {
+        let rows = Rows { motion: self, step, is_rooted: !step.time.is_empty() };
+        let contacts = 0..self.parts.len();
+        let product = match what {
+            Shown::Time if rows.is_rooted => return out.extend_from_slice(&step.time),
+            Shown::Time => return out.extend([0.0, step.span]),
+            Shown::Deflection(j) => return out.extend_from_slice(&rows.deflection(j)),
+            Shown::Transmission(j) => return out.extend_from_slice(&rows.transmission(j)),
+            Shown::Force(j) => return rows.force(j).iter().for_each(|force| out.extend_from_slice(force)),
+            Shown::Loss(j) => rows.loss(j),
+            Shown::Load => Some(rows.load()),
+            Shown::Error => sum(contacts.filter_map(|j| rows.error(j))),
+            Shown::Parametric => sum(contacts.filter_map(|j| rows.parametric(j))),
+            Shown::Damping => rows.damping(),
+            Shown::Contacts => sum(contacts.filter_map(|j| rows.loss(j))),
+        };
+        product.iter().for_each(|product| out.extend_from_slice(product));
+    }
+}
+
+struct Rows<'a> {
+    motion: &'a Motion<'a>,
+    step: &'a Jet,
+    is_rooted: bool,
+}
+
+impl Rows<'_> {
+    fn part(&self, j: usize) -> Option<(&Part, Force)> {
+        let part = &self.motion.parts[j];
+        part.acting.filter(|a| a.is_carried).map(|a| (part, a.force))
+    }
+
+    fn work(&self, j: usize, which: usize) -> Series {
+        let start = self.motion.layout.of(j, which);
+        self.step.work[start..].first_chunk().copied().unwrap_or([0.0; ROW])
+    }
+
+    fn deflection(&self, j: usize) -> Series {
+        every(LANES, &self.step.work[self.motion.layout.deflection(j, 0)..])
+    }
+
+    fn transmission(&self, j: usize) -> Series {
+        let terms = self.motion.structure.contacts[j].direction.iter();
+        let displacement = |i: u32| every(self.step.dim, &self.step.state[i as usize..]);
+        sum(terms.map(|(i, g)| scaled(*g, displacement(*i)))).unwrap_or([0.0; ROW])
+    }
+
+    /// `δ − σ b`.
+    fn stretch(&self, j: usize) -> Series {
+        let mut stretch = self.deflection(j);
+        stretch[0] = self.step.work[self.motion.layout.stretches + j];
+        stretch
+    }
+
+    /// `δ̇`. The linear recurrence does without it.
+    fn rate(&self, j: usize) -> Series {
+        if self.is_rooted || !self.motion.is_linear {
+            return self.work(j, RATE);
+        }
+        let deflection = self.deflection(j);
+        gather(deflection[1..].iter().enumerate().map(|(k, d)| (k + 1) as f64 * d / self.step.span))
+    }
+
+    fn force(&self, j: usize) -> Option<Series> {
+        let (_, force) = self.part(j)?;
+        match force {
+            Force::Linear { stiffness, damping } if self.motion.is_linear => {
+                let mut series = match stiffness {
+                    Elasticity::Constant(k) => scaled(k, self.stretch(j)),
+                    _ => gather(times(&self.work(j, STIFFNESS), &self.work(j, PENETRATION)).into_iter()),
+                };
+                if damping != 0.0 {
+                    series.iter_mut().zip(self.rate(j)).for_each(|(f, r)| *f += damping * r);
+                }
+                Some(series)
+            }
+            Force::Held => Some(self.work(j, FORCE)),
+            _ if self.is_rooted => Some(self.work(j, CARRIED)),
+            Force::Linear { .. } => Some(self.work(j, FORCE)),
+            // In plain time only what is leaving at this very instant.
+            Force::Power { .. } => None,
+        }
+    }
+
+    /// `c δ̇²`, or `K pⁿ χ ṗ²`.
+    fn loss(&self, j: usize) -> Option<Product> {
+        let (part, force) = self.part(j)?;
+        match force {
+            Force::Linear { damping, .. } if damping != 0.0 => Some(scaled(damping, square(&self.rate(j)))),
+            Force::Power { stiffness, .. } if self.is_rooted && force.chi(&self.step.state) != 0.0 => {
+                // `1 + χ ṗ` less one.
+                let mut hysteresis = self.work(j, FACTOR);
+                hysteresis[0] -= 1.0;
+                let power = times(&hysteresis, &self.work(j, RATE));
+                Some(scaled(part.side * stiffness, times(&self.work(j, POWER), &power)))
+            }
+            _ => None,
+        }
+    }
+
+    /// `−F ė`.
+    fn error(&self, j: usize) -> Option<Product> {
+        let contact = &self.motion.structure.contacts[j];
+        let rate = self.follow(&contact.error_rate)?;
+        Some(scaled(-1.0, times(&self.force(j)?, &rate)))
+    }
+
+    /// `½ k̇ (δ − σ b)²`.
+    fn parametric(&self, j: usize) -> Option<Product> {
+        let s = self.motion.structure;
+        let Some((_, Force::Linear { stiffness, .. })) = self.part(j) else { return None };
+        let rate = match (stiffness, &s.contacts[j].spring) {
+            (Elasticity::Ramp { slope, .. }, _) => std::array::from_fn(|k| if k == 0 { slope } else { 0.0 }),
+            (Elasticity::Waves, Spring::Waves(_, waves)) => {
+                let rates: Vec<Wave> = waves.iter().map(|w| w.rate(s.oscillators[w.index].omega)).collect();
+                self.follow(&rates)?
+            }
+            _ => return None,
+        };
+        let stretch = self.stretch(j);
+        Some(scaled(0.5, times(&rate, &square(&stretch))))
+    }
+
+    fn velocity(&self, i: usize) -> Series {
+        every(self.step.dim, &self.step.state[self.motion.structure.n + i..])
+    }
+
+    /// Velocities along a vector `[n]`.
+    fn along(&self, vector: &[f64]) -> Series {
+        let terms = vector.iter().enumerate().filter(|(_, c)| **c != 0.0);
+        sum(terms.map(|(i, c)| scaled(*c, self.velocity(i)))).unwrap_or([0.0; ROW])
+    }
+
+    fn load(&self) -> Product {
+        let s = self.motion.structure;
+        let mut power = [0.0; TWICE];
+        power[..ROW].copy_from_slice(&self.along(&s.spec.load));
+        for (load, wave) in s.spec.load_harmonics.iter().zip(&s.load_waves) {
+            let (sin, cos) = load.phase.sin_cos();
+            if let Some(force) = self.follow(&[Wave { index: wave.index, cosine: cos, sine: -sin }]) {
+                let work = times(&force, &self.along(&load.vector));
+                power.iter_mut().zip(&work).for_each(|(p, w)| *p += w);
+            }
+        }
+        power
+    }
+
+    /// `q̇ᵀ C q̇`, each pair of degrees of freedom once.
+    fn damping(&self) -> Option<Product> {
+        let columns = self.motion.structure.forms[1].iter().enumerate();
+        let entries = columns.flat_map(|(i, column)| column.iter().map(move |(j, c)| (i, *j as usize, *c)));
+        sum(entries.filter(|(i, j, _)| j <= i).map(|(i, j, c)| match i == j {
+            true => scaled(c, square(&self.velocity(i))),
+            false => scaled(2.0 * c, times(&self.velocity(i), &self.velocity(j))),
+        }))
+    }
+
+    /// A sum of oscillators. The linear recurrence does not keep them: in plain time each order follows from the one before.
+    fn follow(&self, list: &[Wave]) -> Option<Series> {
+        let omega = |w: &Wave| self.motion.structure.oscillators[w.index].omega;
+        if self.is_rooted {
+            return (!list.is_empty()).then(|| std::array::from_fn(|k| waves(0.0, list, k, &self.step.work)));
+        }
+        sum(list.iter().map(|w| {
+            let o = Layout::oscillator(w.index);
+            let (mut cos, mut sin) = (self.step.work[o], self.step.work[o + ROW]);
+            std::array::from_fn(|k| {
+                let value = w.cosine * cos + w.sine * sin;
+                let f = self.step.span * omega(w) / (k + 1) as f64;
+                (cos, sin) = (-f * sin, f * cos);
+                value
+            })
+        }))
+    }
+}
