@@ -1,4 +1,4 @@
-use std::ops::{BitAnd, BitOr, BitOrAssign, Sub, SubAssign};
+use std::ops::{BitAnd, BitOr, BitOrAssign, Sub};
 
 /// Names a guard of a hybrid system: a scalar function of time and state, watched in one mode.
 ///
@@ -43,8 +43,13 @@ impl GuardSet {
     }
 
     /// Removes a guard.
+    #[inline]
     pub fn remove(&mut self, id: GuardId) {
-        *self -= &Self::from_iter([id]);
+        if id.0 < BITS {
+            self.first &= !(1 << id.0);
+        } else {
+            *self = &*self - &Self::from_iter([id]);
+        }
     }
 
     /// Whether the guard is in the set.
@@ -139,11 +144,5 @@ impl Sub for &GuardSet {
 impl BitOrAssign<&GuardSet> for GuardSet {
     fn bitor_assign(&mut self, other: &GuardSet) {
         *self = &*self | other;
-    }
-}
-
-impl SubAssign<&GuardSet> for GuardSet {
-    fn sub_assign(&mut self, other: &GuardSet) {
-        *self = &*self - other;
     }
 }

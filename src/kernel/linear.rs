@@ -5,8 +5,6 @@
 //! fixed-size columns that the compiler turns into vector instructions.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use smallvec::SmallVec;
-
 use super::{Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STIFFNESS, motion::Part, product, waves};
 use crate::{
     hybrid::Jet,
@@ -31,7 +29,7 @@ pub(super) struct Four {
 
 impl Four {
     /// The contacts of a mode whose stiffness is constant, four at a time.
-    pub fn all(parts: &[Part]) -> SmallVec<[Self; 4]> {
+    pub fn all(parts: &[Part]) -> Box<[Self]> {
         let four = |parts: &[Part]| {
             let mut four = Self::default();
             for (l, part) in parts.iter().enumerate() {

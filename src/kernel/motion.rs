@@ -1,7 +1,5 @@
 //! A mode, compiled: what every contact does, what is watched, and how fast it can move. An arc reads this and no law.
 
-use smallvec::SmallVec;
-
 use super::{
     Layout,
     bound::{Forcing, Growth},
@@ -9,7 +7,7 @@ use super::{
 };
 use crate::{
     hybrid::{GuardId, JetField, Mode},
-    system::{Acting, ContactMode, Elasticity, Force, PerContact, Sticking, Structure, Watch, contact_mode, guard_id},
+    system::{Acting, ContactMode, Elasticity, Force, Sticking, Structure, Watch, contact_mode, guard_id},
 };
 
 /// One contact in a mode.
@@ -62,8 +60,8 @@ pub(super) struct Motion<'s> {
     pub(super) mode: Mode,
     pub(super) layout: Layout,
     /// Each contact.
-    pub(super) parts: PerContact<Part>,
-    pub(super) guards: SmallVec<[Watched; 32]>,
+    pub(super) parts: Box<[Part]>,
+    pub(super) guards: Box<[Watched]>,
     /// The rigid contacts at rest.
     pub(super) held: Option<Sticking>,
     pub(super) forcing: Forcing,
@@ -73,7 +71,7 @@ pub(super) struct Motion<'s> {
     /// Some stiffness is a series.
     pub(super) is_varying: bool,
     /// The contacts four at a time.
-    pub(super) fours: SmallVec<[Four; 4]>,
+    pub(super) fours: Box<[Four]>,
 }
 
 impl<'s> Motion<'s> {
@@ -82,7 +80,7 @@ impl<'s> Motion<'s> {
             let (state, acting) = (contact_mode(mode, j), structure.acting(mode, j));
             Part { state, side: acting.map_or(state.side(), |a| a.side), acting }
         };
-        let parts: PerContact<Part> = (0..structure.contacts.len()).map(part).collect();
+        let parts: Box<[Part]> = (0..structure.contacts.len()).map(part).collect();
         let guards = (0..parts.len()).flat_map(|contact| {
             let watched = structure.watched(mode, contact).iter();
             watched.map(move |&(watch, sign)| Watched { id: guard_id(contact, watch), contact, watch, sign })

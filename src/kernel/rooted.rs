@@ -100,10 +100,10 @@ impl Expansion<'_> {
                 }
             }
             self.accelerations(k, q, v, work);
-            let a = |k: usize| layout.accelerations + k * n..layout.accelerations + (k + 1) * n;
             for (j, c) in s.contacts.iter().enumerate() {
                 let force = work[layout.of(j, CARRIED) + k];
-                c.push.iter().for_each(|(i, p)| work[layout.accelerations + k * n + *i as usize] -= p * force);
+                let a = &mut work[layout.accelerations + k * n..];
+                c.push.iter().for_each(|(i, p)| a[*i as usize] -= p * force);
             }
             if let Some(held) = &self.motion.held {
                 self.hold(held, k, work);
@@ -115,11 +115,12 @@ impl Expansion<'_> {
             let (q1, v1) = high[..2 * n].split_at_mut(n);
             q1.fill(0.0);
             v1.fill(0.0);
-            for i in 0..=k {
-                let w = step * work[layout.clock + i];
-                let v = &low[(k - i) * dim + n..(k - i) * dim + 2 * n];
-                q1.iter_mut().zip(v).for_each(|(q, v)| *q += w * v);
-                v1.iter_mut().zip(&work[a(k - i)]).for_each(|(v, a)| *v += w * a);
+            let rates = work[layout.clock..=layout.clock + k].iter();
+            let accelerations = work[layout.accelerations..layout.accelerations + (k + 1) * n].chunks_exact(n);
+            for ((w, state), a) in rates.zip(low.chunks_exact(dim).rev()).zip(accelerations.rev()) {
+                let w = step * w;
+                q1.iter_mut().zip(&state[n..2 * n]).for_each(|(q, v)| *q += w * v);
+                v1.iter_mut().zip(a).for_each(|(v, a)| *v += w * a);
             }
             time[k + 1] = step * work[layout.clock + k];
             for (i, o) in s.oscillators.iter().enumerate() {

@@ -13,8 +13,8 @@ use crate::{
     hybrid::{Clock, Instant},
 };
 
-/// One value for each contact, or for some of them. Up to 24 need no allocation.
-pub(crate) type PerContact<T> = SmallVec<[T; 24]>;
+/// One value for each contact, or for some of them. Up to 16 need no allocation.
+pub(crate) type PerContact<T> = SmallVec<[T; 16]>;
 
 /// A zero for each of `count` contacts.
 pub(crate) fn zeros(count: usize) -> PerContact<f64> {

@@ -215,10 +215,15 @@ impl Structure {
 
     /// What still stands of `from` at the same instant: the zeros of the contacts that do not fire again.
     fn standing(from: &Jump, fired: &GuardSet) -> Jump {
-        let mut again = GuardSet::default();
-        fired.iter().for_each(|id| again |= &guards_of(guard_of(id).0));
-        let (pinned, still) = (&from.pinned - &again, &from.still - &again);
-        Jump { mode: from.mode.clone(), pinned, still, ..Jump::default() }
+        let Jump { mode, pinned, still, .. } = from.clone();
+        let mut jump = Jump { mode, pinned, still, ..Jump::default() };
+        for id in fired.iter() {
+            for guard in guards_of(guard_of(id).0) {
+                jump.pinned.remove(guard);
+                jump.still.remove(guard);
+            }
+        }
+        jump
     }
 }
 

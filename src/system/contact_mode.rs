@@ -1,6 +1,6 @@
 //! How a [`Mode`] is packed: one number for each contact, three bits for its state and five for its stiffness piece.
 
-use crate::hybrid::{GuardId, GuardSet, Mode};
+use crate::hybrid::{GuardId, Mode};
 
 pub use crate::hybrid::{ContactMode, Watch};
 
@@ -47,8 +47,8 @@ pub fn guard_id(j: usize, watch: Watch) -> GuardId {
 }
 
 /// The guards of contact `j`.
-pub(crate) fn guards_of(j: usize) -> GuardSet {
-    [Watch::DriveFlank, Watch::BackFlank, Watch::Force].map(|watch| guard_id(j, watch)).into_iter().collect()
+pub(crate) fn guards_of(j: usize) -> [GuardId; 3] {
+    [Watch::DriveFlank, Watch::BackFlank, Watch::Force].map(|watch| guard_id(j, watch))
 }
 
 /// Which contact a guard belongs to, and what it watches.

@@ -75,9 +75,9 @@ struct Solution {
 }
 
 /// Solves the complementarity problem; `noise` is the rounding of each d. `None` if no z satisfies it.
-fn complement(w: &[Row], d: &Row, noise: &Row) -> Option<Solution> {
+fn complement(w: &[Row], d: &Row, noise: Row) -> Option<Solution> {
     let n = w.len();
-    let mut s = Solution { z: zeros(n), rest: d.clone(), slack: noise.clone() };
+    let mut s = Solution { z: zeros(n), rest: d.clone(), slack: noise };
     if n == 1 {
         s.slack[0] += rounding(1) * d[0].abs();
         if d[0] > s.slack[0] {
@@ -85,6 +85,7 @@ fn complement(w: &[Row], d: &Row, noise: &Row) -> Option<Solution> {
         }
         return Some(s);
     }
+    let noise = s.slack.clone();
     let mut active: PerContact<usize> = PerContact::new();
     // Each contact enters at most once for each of those that may leave.
     for _ in 0..4 * n * n + 4 {
@@ -190,14 +191,13 @@ impl Structure {
 
     /// `W` of the contacts in `set`.
     fn mobility(&self, set: &Set) -> Matrix {
-        let row = |a: &Touching| {
-            let mut row = zeros(set.len());
-            for (w, b) in row.iter_mut().zip(set) {
-                *w = a.side * b.side * self.coupling(a.contact, b.contact);
-            }
-            row
-        };
-        set.iter().map(row).collect()
+        let mut matrix = Matrix::new();
+        for a in set {
+            let mut row = Row::new();
+            set.iter().for_each(|b| row.push(a.side * b.side * self.coupling(a.contact, b.contact)));
+            matrix.push(row);
+        }
+        matrix
     }
 
     /// The rigid contacts on their flanks that take part.
@@ -263,7 +263,7 @@ impl Structure {
             d[i] = (1.0 + if t.speed > 0.0 { t.restitution } else { 0.0 }) * t.speed;
             noise[i] = t.error;
         }
-        let solution = complement(w, &d, &noise).ok_or_else(|| self.unsolvable(set))?;
+        let solution = complement(w, &d, noise).ok_or_else(|| self.unsolvable(set))?;
         let shares = self.shares(set, w, &d, &solution);
         for ((t, z), share) in set.iter().zip(&solution.z).zip(&shares) {
             if *z > 0.0 || *share > 0.0 {
@@ -280,7 +280,7 @@ impl Structure {
         // Rates and multipliers of all that the impulses reach are no longer zero.
         for j in 0..self.contacts.len() {
             if set.iter().zip(&solution.z).any(|(t, z)| *z > 0.0 && self.coupling(j, t.contact) != 0.0) {
-                jump.still -= &guards_of(j);
+                guards_of(j).into_iter().for_each(|id| jump.still.remove(id));
                 jump.pinned.remove(guard_id(j, Watch::Force));
             }
         }
@@ -342,7 +342,7 @@ impl Structure {
                 rounding(self.contacts.len()) * self.acceleration_size(t.contact, &jump.mode, x, |k| forces[k.contact]);
         }
         let w = self.mobility(&pressed);
-        let solution = complement(&w, &d, &noise).ok_or_else(|| self.unsolvable(&pressed))?;
+        let solution = complement(&w, &d, noise).ok_or_else(|| self.unsolvable(&pressed))?;
         let held = self.sharing(&pressed, &w, &d, &solution);
         for j in held.contacts() {
             let side = pressed.iter().find(|t| t.contact == *j).map_or(0.0, |t| t.side);
