@@ -13,7 +13,6 @@
 
 use super::{Elasticity, Expansion, Force, LANES, ORDER, ROW, defect::Defect, motion::Part};
 use crate::{
-    gear::contact::Law,
     hybrid::Jet,
     system::{Contact, Oscillator, Sticking, Structure},
 };
@@ -105,7 +104,7 @@ impl Forcing {
                     sum.add(size * o.omega.powi(power as i32), o, fastest);
                 }
             }
-            for w in c.error.iter().filter(|_| !matches!(c.spec.law, Law::Bilateral(_))) {
+            for w in c.error.iter().filter(|_| !c.spec.law.is_bilateral()) {
                 let share = sums[0].sum / w.cosine.hypot(w.sine);
                 span = span.min(share.powf(1.0 / ROW as f64) / oscillators[w.index].omega);
             }

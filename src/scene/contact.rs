@@ -20,7 +20,7 @@ pub(super) fn read_gap(node: &Node, flanks: Flanks, law: Law) -> (Law, f64) {
     if let Some(total) = total.written() {
         return close(&total, 0.5 * total.number(), flanks, law);
     }
-    if !matches!(law, Law::Bilateral(_)) {
+    if !law.is_bilateral() {
         half.refuse(
             format!("exactly one of \"{half_key}\" or \"{total_key}\""),
             format!("add \"{half_key}\", half the gap, or \"{total_key}\", the whole gap"),
@@ -32,7 +32,7 @@ pub(super) fn read_gap(node: &Node, flanks: Flanks, law: Law) -> (Law, f64) {
 /// Law and half gap `b`, written at `node`: a gap for every law that has flanks, none for a bilateral one, and
 /// a bilateral mesh where there are two flanks and no gap between them.
 pub(super) fn close(node: &Node, b: f64, flanks: Flanks, law: Law) -> (Law, f64) {
-    if let Law::Bilateral(_) = law {
+    if law.is_bilateral() {
         if b != 0.0 {
             node.refuse(
                 "no gap under a bilateral law",

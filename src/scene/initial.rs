@@ -2,7 +2,6 @@
 
 use super::node::Node;
 use crate::{
-    gear::contact::Law,
     system::{Flanks, Spec},
     train::equilibrium,
 };
@@ -42,14 +41,13 @@ fn vector(node: &Node, spec: &Spec) -> Vec<f64> {
 
 fn at_equilibrium(node: &Node, spec: &Spec) -> Vec<f64> {
     let zero = vec![0.0; spec.freedoms.len()];
-    if spec.contacts.iter().any(|c| matches!(c.law, Law::Rigid(_))) {
+    if spec.contacts.iter().any(|c| c.law.is_rigid()) {
         node.refuse("\"static\" for compliant contact laws only", "start from \"rest\" or from coordinates q");
         return zero;
     }
     match equilibrium(spec) {
         Ok(found) => {
-            let pulls =
-                |(force, c): (&f64, &crate::system::ContactSpec)| *force < 0.0 && !matches!(c.law, Law::Bilateral(_));
+            let pulls = |(force, c): (&f64, &crate::system::ContactSpec)| *force < 0.0 && !c.law.is_bilateral();
             if found.forces.iter().zip(&spec.contacts).any(pulls) {
                 node.warn("not every contact is pressed in the static state: the run starts from where all are closed");
             }
@@ -68,7 +66,7 @@ fn at_equilibrium(node: &Node, spec: &Spec) -> Vec<f64> {
 
 /// A rigid flank cannot be penetrated, not even at the start.
 fn outside_walls(node: &Node, spec: &Spec, q: &[f64]) {
-    for contact in spec.contacts.iter().filter(|c| matches!(c.law, Law::Rigid(_))) {
+    for contact in spec.contacts.iter().filter(|c| c.law.is_rigid()) {
         // Whole cycles do not change the phase, so the start cycle does not enter.
         let error = contact.error_offset + contact.error.iter().map(|h| h.amplitude * h.phase.cos()).sum::<f64>();
         let deflection = contact.direction.iter().zip(q).map(|(g, x)| g * x).sum::<f64>() - error;

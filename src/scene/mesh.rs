@@ -84,8 +84,8 @@ fn from_teeth(node: &Node, law: &Law, engaged: Option<&Engaged>) -> f64 {
         kind.refuse("a stiffness in numbers, as no rack is given", "add the rack, or write the stiffness");
         return 1.0;
     };
-    let hertzian = matches!(law, Law::Power(power) if power.exponent.value() == 1.5);
-    let belongs = if kind.text() == "hertz" { hertzian } else { !matches!(law, Law::Power(_)) };
+    let hertzian = law.power().is_some_and(|power| power.exponent.value() == 1.5);
+    let belongs = if kind.text() == "hertz" { hertzian } else { law.power().is_none() };
     if !belongs {
         kind.refuse(
             "\"hertz\" under a power law of exponent 1.5, \"iso-6336\" under a linear law",

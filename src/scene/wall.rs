@@ -2,7 +2,6 @@
 
 use super::{build, contact, harmonics, law, matrices, node::Node};
 use crate::{
-    gear::contact::Law,
     system::{Flanks, Spec},
     train::{Walled, Walls},
 };
@@ -10,7 +9,7 @@ use crate::{
 pub(super) fn read(node: &Node) -> Option<Spec> {
     let number = |key: &str| node.at(key).number();
     let law = law::read(&node.at("law"));
-    if let Law::Bilateral(_) = law {
+    if law.is_bilateral() {
         node.at("law").at("kind").refuse("a law that lets go", "choose \"kelvin-voigt\", \"power\" or \"rigid\"");
     }
     let wall = node.at("wall");

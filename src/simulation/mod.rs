@@ -20,7 +20,7 @@ pub use summary::{Ended, IntegratorUsed, Provenance, RunEnd, Summary, TrainUsed}
 
 use crate::{
     engine::{Engine, Observer, Options, State},
-    gear::{MeshGeometry, contact::Law},
+    gear::MeshGeometry,
     hybrid::{Clock, Instant, Wide},
     integrate::build,
     scene::{Built, Run, Scene, Warning, hash},
@@ -230,7 +230,7 @@ impl Simulation {
     fn time_unit(&self) -> Option<f64> {
         let natural = || {
             let mut spec = self.structure.spec().clone();
-            spec.contacts.retain(|c| matches!(c.law, Law::Bilateral(_) | Law::KelvinVoigt(..)));
+            spec.contacts.retain(|c| c.law.is_linear());
             let highest = bonded_modes(&spec).ok()?.omega.last().copied().filter(|omega| *omega > 0.0)?;
             Some(std::f64::consts::TAU / highest)
         };

@@ -130,7 +130,7 @@ impl Contact {
 
     /// Where the spring is unstretched on its flank's side: the gap, but a bilateral mesh has none.
     pub(crate) fn offset(&self) -> f64 {
-        if matches!(self.spec.law, Law::Bilateral(_)) { 0.0 } else { self.gap() }
+        if self.spec.law.is_bilateral() { 0.0 } else { self.gap() }
     }
 
     pub(crate) fn has_back(&self) -> bool {

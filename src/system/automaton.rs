@@ -74,8 +74,8 @@ impl Structure {
             let depth = (d - c.gap()).max(if back { -d - c.gap() } else { f64::NEG_INFINITY });
             // A start within rounding of a flank is meant to be on it.
             let depth = if depth.abs() <= ON_FLANK * self.deflection_size(c, &x) { 0.0 } else { depth };
-            let rigid = matches!(c.spec.law, Law::Rigid(_));
-            if matches!(c.spec.law, Law::Bilateral(_)) {
+            let rigid = c.spec.law.is_rigid();
+            if c.spec.law.is_bilateral() {
                 self.enter(&mut jump.mode, j, ContactMode::Drive, at);
             } else if depth > 0.0 && rigid {
                 return Err(StartError::InsideRigid { contact: c.spec.name.clone(), depth });

@@ -129,7 +129,7 @@ impl Spec {
             }
         }
         require(
-            c.flanks == Flanks::Drive || c.half_backlash > 0.0 || matches!(c.law, Law::Bilateral(_)),
+            c.flanks == Flanks::Drive || c.half_backlash > 0.0 || c.law.is_bilateral(),
             "a two-flank contact needs a positive half backlash; without backlash use a bilateral law",
         )
     }

@@ -15,10 +15,7 @@ use super::{
     contact_mode::contact_mode,
     sticking::Sticking,
 };
-use crate::{
-    gear::contact::Law,
-    hybrid::{ContactView, EnergyJump, HybridSystem, Instant, Mode, PowerBalance, Powers, Transition},
-};
+use crate::hybrid::{ContactView, EnergyJump, HybridSystem, Instant, Mode, PowerBalance, Powers, Transition};
 
 /// `aᵀ S b` by the columns of S.
 fn form(columns: &[Sparse], a: &[f64], b: &[f64]) -> f64 {
@@ -97,7 +94,7 @@ impl Structure {
                 k == j && watch.side() != 0.0
             });
             let involved = struck || contact_mode(t.from, j).is_closed() || contact_mode(t.to, j).is_closed();
-            if matches!(c.spec.law, Law::Rigid(_)) && involved {
+            if c.spec.law.is_rigid() && involved {
                 set.push(j);
                 rhs.push(dot(&c.direction, &t.x_minus[self.n..]) - dot(&c.direction, &t.x_plus[self.n..]));
             }
@@ -126,7 +123,7 @@ impl Structure {
             let distance = c.gap().abs()
                 + c.spec.error_offset.abs()
                 + c.error.iter().map(|w| w.cosine.abs() + w.sine.abs()).sum::<f64>();
-            let power = if let Law::Power(l) = c.spec.law { l.exponent.value() + 1.0 } else { 2.0 };
+            let power = if let Some(l) = c.spec.law.power() { l.exponent.value() + 1.0 } else { 2.0 };
             c.stiffest * distance.powf(power)
         });
         of_loads.sum::<f64>() + (throughput * of_flanks.sum::<f64>()).sqrt()

@@ -6,7 +6,7 @@ use super::{
     assemble::{PerContact, Structure, zeros},
     contact_mode::contact_mode,
 };
-use crate::{gear::contact::Law, hybrid::Mode};
+use crate::hybrid::Mode;
 
 /// The resting contacts of a mode, and the factors of their mobility matrix `W = G M⁻¹ Gᵀ`.
 ///
@@ -29,8 +29,7 @@ const REDUNDANT: f64 = 1e-12;
 impl Sticking {
     /// The resting contacts of `mode`; `None` if there are none.
     pub fn new(s: &Structure, mode: &Mode) -> Option<Self> {
-        let resting =
-            |j: &usize| matches!(s.contacts[*j].spec.law, Law::Rigid(_)) && contact_mode(mode, *j).is_closed();
+        let resting = |j: &usize| s.contacts[*j].spec.law.is_rigid() && contact_mode(mode, *j).is_closed();
         let mut resting = (0..s.contacts.len()).filter(resting).peekable();
         resting.peek()?;
         Some(Self::of(s, resting))

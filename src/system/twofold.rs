@@ -86,7 +86,7 @@ impl Structure {
     ) -> f64 {
         let (j, watch) = guard_of(id);
         let c = &self.contacts[j];
-        let is_multiplier = watch == Watch::Force && matches!(c.spec.law, Law::Rigid(_));
+        let is_multiplier = watch == Watch::Force && c.spec.law.is_rigid();
         if !self.is_conservative || is_multiplier {
             return 0.0;
         }

@@ -431,7 +431,7 @@ impl Structure {
     /// Puts the contacts at rest in `mode` onto their flanks, without speed.
     pub(crate) fn rest(&self, mode: &Mode, at: Instant, x: &mut [f64]) {
         let resting = (0..self.contacts.len())
-            .filter(|j| matches!(self.contacts[*j].spec.law, Law::Rigid(_)))
+            .filter(|j| self.contacts[*j].spec.law.is_rigid())
             .map(|j| (j, contact_mode(mode, j)))
             .filter(|(_, state)| state.is_closed())
             .map(|(j, state)| (j, state.side()));

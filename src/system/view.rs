@@ -43,7 +43,7 @@ impl ContactView for Structure {
     }
 
     fn is_rigid(&self, j: usize) -> bool {
-        matches!(self.contacts[j].spec.law, Law::Rigid(_))
+        self.contacts[j].spec.law.is_rigid()
     }
 
     fn half_backlash(&self, j: usize) -> f64 {

@@ -51,7 +51,7 @@ impl Mesh {
     /// The contact element at mesh frequency f_m, Hz (0: standing), with its direction in the train's freedoms.
     pub(super) fn contact(&self, name: String, direction: Vec<f64>, frequency: f64) -> Result<ContactSpec, TrainError> {
         check(&format!("{name}: half backlash"), self.half_backlash, self.half_backlash >= 0.0, ">= 0")?;
-        if matches!(self.law, Law::Bilateral(_)) {
+        if self.law.is_bilateral() {
             let name = format!("{name}: half backlash of a bilateral mesh");
             check(&name, self.half_backlash, self.half_backlash == 0.0, "0: it never lets go")?;
         }
@@ -64,7 +64,7 @@ impl Mesh {
         }
         check_stiffness(&name, &self.stiffness)?;
         let mean = self.stiffness.mean();
-        check(&format!("{name}: mean stiffness"), mean, mean > 0.0 || matches!(self.law, Law::Rigid(_)), "> 0")?;
+        check(&format!("{name}: mean stiffness"), mean, mean > 0.0 || self.law.is_rigid(), "> 0")?;
         let standing = frequency <= 0.0;
         if standing && (self.stiffness.varies() || self.error.iter().any(|h| h.amplitude != 0.0)) {
             return Err(TrainError::Standing { what: name });

@@ -62,7 +62,7 @@ impl Spec {
     #[must_use]
     pub fn has(&self, quantity: Quantity) -> bool {
         self.contacts.iter().any(|contact: &ContactSpec| match quantity {
-            Quantity::Stiffness => !matches!(contact.law, Law::Rigid(_)) && contact.stiffness.maximum() > 0.0,
+            Quantity::Stiffness => !contact.law.is_rigid() && contact.stiffness.maximum() > 0.0,
             Quantity::Damping => damping(&mut contact.law.clone()).is_some_and(|damping| *damping > 0.0),
             Quantity::Backlash => contact.half_backlash != 0.0,
         })

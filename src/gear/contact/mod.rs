@@ -25,3 +25,29 @@ pub enum Law {
     /// No penetration: Newton restitution, sustained contact held by a multiplier.
     Rigid(Rigid),
 }
+
+impl Law {
+    /// No penetration.
+    #[must_use]
+    pub fn is_rigid(&self) -> bool {
+        matches!(self, Self::Rigid(_))
+    }
+
+    /// It never lets go.
+    #[must_use]
+    pub fn is_bilateral(&self) -> bool {
+        matches!(self, Self::Bilateral(_))
+    }
+
+    /// A linear spring and damper, while it carries force.
+    #[must_use]
+    pub fn is_linear(&self) -> bool {
+        matches!(self, Self::Bilateral(_) | Self::KelvinVoigt(..))
+    }
+
+    /// The power law, if it is one.
+    #[must_use]
+    pub fn power(&self) -> Option<PowerLaw> {
+        if let Self::Power(law) = self { Some(*law) } else { None }
+    }
+}
