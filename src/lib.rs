@@ -36,14 +36,10 @@
 //! | [`event`] | where the first guard falls on a step, and the record of it |
 //! | [`engine`] | flow, first event, jump, again; observers, outcomes, accumulating impacts |
 //! | [`analysis`] | measures taken during a run: contacts, energy, event rows, trajectories |
-//! | [`accuracy`] | the engine and the baselines on one problem: errors against a truth that states its own, charts |
-//! | [`baseline`] | fixed-step penalty codes, which know no events: what the engine is measured against |
+//! | [`accuracy`] | the engine and fixed-step penalty codes on one problem: errors against a truth that states its own, charts |
 //! | [`verify`] | a run checked arc by arc, by two other ways to the next event |
 //! | [`sweep`] | the same work at every point of a grid, kept row by row |
 //! | [`study`] | steady motions, their change with the numbers of a scene, identification of such numbers |
-//! | [`plot`] | figures as data, and their pictures |
-//! | [`output`] | folders that commands write into, their manifests, fields of tables |
-//! | [`poly`], [`linalg`] | first roots of polynomials; natural modes |
 //!
 //! The features are `cli` (the `flank` program), `diffsol` (integrators for stiff modes and users' own fields) and `plot`
 //! (pictures; part of `cli`), all on by default; the library without them is pure series.
@@ -57,17 +53,12 @@
 
 pub mod accuracy;
 pub mod analysis;
-pub mod baseline;
 pub mod engine;
 pub mod event;
 pub mod gear;
 pub mod hybrid;
 pub mod integrate;
 mod kernel;
-pub mod linalg;
-pub mod output;
-pub mod plot;
-pub mod poly;
 pub mod scene;
 pub mod simulation;
 pub mod study;
@@ -76,6 +67,18 @@ pub mod system;
 mod task;
 pub mod train;
 pub mod verify;
+
+// Public for the program and the tests, without a promise.
+#[doc(hidden)]
+pub mod baseline;
+#[doc(hidden)]
+pub mod linalg;
+#[doc(hidden)]
+pub mod output;
+#[doc(hidden)]
+pub mod plot;
+#[doc(hidden)]
+pub mod poly;
 
 pub use simulation::Simulation;
 pub use task::{Progress, Task};

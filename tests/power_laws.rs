@@ -11,12 +11,9 @@ use flank::{
         Harmonic, Stiffness,
         contact::{Law, Linear, PowerLaw, Ratio, Release},
     },
-    hybrid::{GuardSet, HybridSystem, Instant, Jet, JetRequest, Mode},
+    hybrid::{ContactMode, GuardSet, HybridSystem, Instant, Jet, JetRequest, Mode, Watch},
     integrate::{Arc, Choice, Integrator, Tableau, Taylor, build},
-    system::{
-        ContactMode, ContactSpec, Flanks, LoadHarmonic, Spec, Structure, Watch, damped_restitution, guard_id,
-        set_contact,
-    },
+    system::{ContactSpec, Flanks, LoadHarmonic, Spec, Structure, damped_restitution, guard_id, set_contact},
     train::equilibrium,
 };
 use nalgebra::DMatrix;

@@ -5,12 +5,12 @@ use std::{fmt::Write, path::PathBuf};
 use flank::{
     Simulation,
     gear::contact::{Law, Release},
-    hybrid::{HybridSystem, Mode},
+    hybrid::{ContactMode, HybridSystem, Mode},
     integrate::PerMode,
     linalg::multiplicities,
     output::{Table, five_digits as number},
     scene::Duration,
-    system::{ContactMode, ContactSpec, Flanks, contact_mode, set_contact},
+    system::{ContactSpec, Flanks, contact_mode, set_contact},
     train::bonded_modes,
 };
 

@@ -12,7 +12,8 @@ mod power;
 mod system;
 
 pub use contact::{ContactMode, ContactView, Watch};
-pub use flow::{Jet, JetField, JetRequest, Shown, VectorField, normalise};
+pub(crate) use flow::normalise;
+pub use flow::{Jet, JetField, JetRequest, Shown, VectorField};
 pub use guard::{GuardId, GuardSet};
 pub use instant::{Clock, Instant, Wide};
 pub use mode::Mode;

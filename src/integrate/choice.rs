@@ -46,7 +46,7 @@ impl fmt::Display for Choice {
 /// Builds the integrator for `system`, and says in a sentence why it is this one.
 ///
 /// `rtol` is the relative tolerance of the methods other than Taylor, which always works to round-off.
-/// [`Choice::Auto`] takes Taylor, relieved by Radau where stiff power laws rest ([`Relay`]), for flows that know their
+/// [`Choice::Auto`] takes Taylor, relieved by Radau where stiff power laws rest, for flows that know their
 /// series and the explicit method for others, except in stiff modes, which it gives to backward differences: [`PerMode`].
 ///
 /// # Errors
@@ -99,7 +99,7 @@ fn auto(rtol: f64, series: bool) -> Result<(Box<dyn Integrator>, String), Integr
 /// A Taylor step of order 24 covers about two decay times, an explicit step about 3.3; backward differences need
 /// some hundreds of steps a period at ordinary tolerances whatever the decay, each about as dear as a Taylor
 /// step of a small train, and 20 to 45 more after each event.
-pub const STIFF_STEPS: f64 = 5000.0;
+const STIFF_STEPS: f64 = 5000.0;
 /// Decay times a step of such a method covers.
 const PER_STEP: f64 = 2.0;
 /// Oscillations must be this much slower than the decay: those at its pace have to be resolved anyway, and
@@ -109,7 +109,7 @@ const SLOWER: f64 = 0.05;
 /// Two integrators, and for each mode the one that suits it.
 ///
 /// A mode is stiff if the fastest strongly damped element the system names
-/// ([`rates`](HybridSystem::rates)) would cost the usual method more than [`STIFF_STEPS`] steps in a forcing period
+/// ([`rates`](HybridSystem::rates)) would cost the usual method more than 5000 steps in a forcing period
 /// (in the arc at hand, where there is no period), and everything lightly damped is at least twenty times slower. A
 /// mode keeps the integrator it got first.
 pub struct PerMode {

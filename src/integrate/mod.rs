@@ -16,9 +16,10 @@ use crate::hybrid::{GuardId, GuardSet, HybridSystem, Instant, JetField, Mode, Sh
 
 #[cfg(feature = "diffsol")]
 pub use self::diffsol::{Diffsol, Method};
-pub use choice::{Choice, PerMode, STIFF_STEPS, build};
+pub use choice::{Choice, PerMode, build};
+#[doc(hidden)]
 pub use radau::Tableau;
-pub use relay::Relay;
+use relay::Relay;
 pub use taylor::Taylor;
 
 /// One accepted step with its dense output, in the step's own clock `θ ∈ [0, 1]`.
