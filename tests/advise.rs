@@ -27,7 +27,7 @@ use flank::{
         figures::Context,
         steady::{Rule, Seed},
     },
-    train::equilibrium,
+    system::equilibrium,
 };
 use nalgebra::DMatrix;
 use serde_json::{Value, json};

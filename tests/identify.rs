@@ -9,10 +9,8 @@ use flank::{
     gear::contact::Ratio,
     scene::Scene,
     study::identify::{Identification, IdentifyError, Parameter, Quantity, Side, Target, identify},
-    train::{
-        bonded_stiffness,
-        planetary::{Family, families},
-    },
+    system::bonded_stiffness,
+    train::planetary::{Family, families},
 };
 
 const BEARING: &str = "/train/planet/translation/stiffness_n_per_m";
@@ -139,7 +137,7 @@ fn read(scene: &Scene, quantity: &Quantity) -> f64 {
         Quantity::Family(family, number) => hertz(scene, *family)[number - 1],
         Quantity::Force(name) => {
             let j = spec.contacts.iter().position(|contact| contact.name == *name).unwrap();
-            flank::train::equilibrium(&spec).unwrap().forces[j]
+            flank::system::equilibrium(&spec).unwrap().forces[j]
         }
         _ => unreachable!("not asked for"),
     }

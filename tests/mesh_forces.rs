@@ -7,8 +7,8 @@ use std::f64::consts::TAU;
 use approx::assert_relative_eq;
 use flank::gear::MeshHarmonic;
 use flank::gear::contact::Law;
-use flank::system::{ContactSpec, Spec};
-use flank::train::{Freedoms, Phasing, Planetary, Support, Teeth, TrainError, bonded_stiffness, equilibrium};
+use flank::system::{ContactSpec, EquilibriumError, Spec, bonded_stiffness, equilibrium};
+use flank::train::{Freedoms, Phasing, Planetary, Support, Teeth};
 use nalgebra::{Complex, DMatrix, DVector};
 use presets::{lin_parker, reference_heavy, reference_light};
 
@@ -154,7 +154,7 @@ fn a_load_on_a_free_motion_has_no_equilibrium() {
     stage.load.output_torque = 100.0;
     stage.load.planet_drag = 1.0;
     let spec = stage.assemble(&Freedoms::Full).unwrap();
-    assert!(matches!(equilibrium(&spec), Err(TrainError::Unbalanced { .. })));
+    assert!(matches!(equilibrium(&spec), Err(EquilibriumError::Unbalanced { .. })));
 }
 
 /// Hertz contacts in the in-phase reduction, without springs to ground: `F = T_in/(3 r_b)` whatever their stiffness.

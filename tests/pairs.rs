@@ -6,9 +6,8 @@ use approx::assert_relative_eq;
 use flank::gear::contact::{Law, Rigid};
 use flank::gear::{Harmonic, MeshStiffness, Stiffness};
 use flank::system::{Flanks, Spec};
-use flank::train::{
-    Body, GearPair, KahramanSingh, Mesh, Support, TrainError, Walled, Walls, bonded_modes, equilibrium, frame,
-};
+use flank::system::{bonded_modes, equilibrium};
+use flank::train::{Body, GearPair, KahramanSingh, Mesh, Support, TrainError, Walled, Walls, frame};
 
 #[test]
 fn kahraman_singh() {

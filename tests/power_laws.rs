@@ -13,8 +13,9 @@ use flank::{
     },
     hybrid::{ContactMode, GuardSet, HybridSystem, Instant, Jet, JetRequest, Mode, Watch},
     integrate::{Arc, Choice, Integrator, Tableau, Taylor, build},
-    system::{ContactSpec, Flanks, LoadHarmonic, Spec, Structure, damped_restitution, guard_id, set_contact},
-    train::equilibrium,
+    system::{
+        ContactSpec, Flanks, LoadHarmonic, Spec, Structure, damped_restitution, equilibrium, guard_id, set_contact,
+    },
 };
 use nalgebra::DMatrix;
 

@@ -9,8 +9,9 @@ use flank::gear::contact::Law;
 use flank::gear::{MeshStiffness, PathOfContact, Waveform};
 use flank::linalg::multiplicities;
 use flank::system::Flanks;
+use flank::system::{bonded_modes, bonded_stiffness};
 use flank::train::planetary::{Family, FamilyError, FamilyModes, families};
-use flank::train::{Freedoms, Phasing, Planetary, Support, TrainError, Warning, bonded_modes, bonded_stiffness};
+use flank::train::{Freedoms, Phasing, Planetary, Support, TrainError, Warning};
 use presets::{
     ReferenceDamping, ReferenceStiffness, lin_parker, reference, reference_float, reference_heavy, reference_hertz,
     reference_light,

@@ -1,9 +1,6 @@
 //! Natural frequencies of the planetary stage of Lin and Parker, with the family of each.
 
-use flank::{
-    scene::Scene,
-    train::{bonded_stiffness, planetary::families},
-};
+use flank::{scene::Scene, system::bonded_stiffness, train::planetary::families};
 use serde_json::{Value, json};
 
 use super::Outcome;

@@ -10,8 +10,7 @@ use flank::{
     linalg::multiplicities,
     output::{Table, five_digits as number},
     scene::Duration,
-    system::{ContactSpec, Flanks, contact_mode, set_contact},
-    train::bonded_modes,
+    system::{ContactSpec, Flanks, bonded_modes, contact_mode, set_contact},
 };
 
 use super::{CliError, geometry, open, print};

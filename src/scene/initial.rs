@@ -1,10 +1,7 @@
 //! The state a run starts from.
 
 use super::node::Node;
-use crate::{
-    system::{Flanks, Spec},
-    train::equilibrium,
-};
+use crate::system::{Flanks, Spec, equilibrium};
 
 /// Coordinates and velocities, `[n]` each.
 pub(super) fn read(node: &Node, spec: &Spec) -> (Vec<f64>, Vec<f64>) {

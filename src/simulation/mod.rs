@@ -24,8 +24,7 @@ use crate::{
     hybrid::{Clock, Instant, Wide},
     integrate::build,
     scene::{Built, Run, Scene, Warning, hash},
-    system::{Spec, Structure},
-    train::bonded_modes,
+    system::{Spec, Structure, bonded_modes},
     verify::Verifier,
 };
 

@@ -16,7 +16,7 @@ use super::{
     published::table,
     threshold::{Search, locate},
 };
-use crate::{scene::Scene, train::equilibrium};
+use crate::{scene::Scene, system::equilibrium, train::TrainError};
 
 /// One number, twice.
 pub(super) struct Checked {
@@ -98,7 +98,7 @@ impl Measure {
         let one = |name: &str, value: Value| Map::from_iter([(name.to_owned(), value)]);
         let (load, speed) = (load_pointer(scene).unwrap_or_default(), speed_pointer(scene).unwrap_or_default());
         Ok(match self {
-            Self::Rest => one("forces", json!(equilibrium(&scene.built().spec)?.forces)),
+            Self::Rest => one("forces", json!(equilibrium(&scene.built().spec).map_err(TrainError::from)?.forces)),
             Self::Steady => {
                 let steady = context.steady(scene, None)?;
                 by_name(figures::families(&steady).iter().map(|(j, family)| (family.as_str(), &steady.contacts[*j])))

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use super::planetary::Warning;
-use crate::gear::GeometryError;
+use crate::{gear::GeometryError, system::EquilibriumError};
 
 /// Why a train cannot be assembled.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -51,12 +51,9 @@ pub enum TrainError {
     /// Strict mode: the data contradict themselves.
     #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
     Implausible(Vec<Warning>),
-    /// The loads do not balance on a structure that can move freely.
-    #[error("no equilibrium: the loads leave {residual} N unbalanced on free motions")]
-    Unbalanced {
-        /// Largest unbalanced force, N.
-        residual: f64,
-    },
+    /// There is no state of rest.
+    #[error(transparent)]
+    Equilibrium(#[from] EquilibriumError),
     /// Gears that cannot mesh.
     #[error(transparent)]
     Geometry(#[from] GeometryError),

@@ -3,7 +3,6 @@
 mod body;
 mod error;
 pub mod frame;
-mod linear;
 mod mesh;
 mod pair;
 pub mod planetary;
@@ -12,7 +11,6 @@ mod wall;
 
 pub use body::{Body, Damping, Support};
 pub use error::TrainError;
-pub use linear::{Equilibrium, bonded_modes, bonded_stiffness, equilibrium, tangent_stiffness};
 pub use mesh::{Mesh, mesh_damping};
 pub use pair::{GearPair, KahramanSingh};
 pub use planetary::{Freedoms, Load, Phasing, Planet, Planetary, StageGeometry, Teeth, Warning};

@@ -5,7 +5,7 @@ use std::time::Duration;
 use flank::{
     analysis::EventRow,
     scene::{Built, Scene},
-    train::bonded_modes,
+    system::bonded_modes,
 };
 use serde_json::Value;
 

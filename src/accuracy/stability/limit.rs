@@ -1,7 +1,6 @@
 use crate::{
     gear::{Stiffness, contact::Law},
-    system::Spec,
-    train::bonded_modes,
+    system::{Spec, bonded_modes},
 };
 
 /// Highest natural frequency with every contact closed at its largest stiffness, rad/s; of a power law the tangent under the

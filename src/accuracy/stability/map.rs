@@ -5,9 +5,9 @@ use super::{Outcome, Own, Rule, limit::highest_frequency};
 use crate::{
     accuracy::{AccuracyError, Contender, Problem, Truth, Window},
     simulation::{Simulation, SimulationError},
-    system::Structure,
+    system::{Structure, equilibrium},
     task::Task,
-    train::{Quantity, equilibrium},
+    train::{Quantity, TrainError},
 };
 
 /// What is asked for.
@@ -175,7 +175,8 @@ fn fill(
     let mut changed = simulation.clone();
     let spec = simulation.structure.spec().scaled(plan.over, row.factor);
     if simulation.is_static {
-        (changed.q0, changed.v0) = (equilibrium(&spec)?.position, vec![0.0; spec.freedoms.len()]);
+        (changed.q0, changed.v0) =
+            (equilibrium(&spec).map_err(TrainError::from)?.position, vec![0.0; spec.freedoms.len()]);
     }
     changed.structure = Structure::new(spec)?;
     let problem = Problem::new(&changed, Some(rule.window.min(rule.cycles)))?;

@@ -8,8 +8,7 @@ use crate::{
     gear::contact::Law,
     linalg::natural_modes,
     study::figures,
-    system::Spec,
-    train::{bonded_stiffness, equilibrium, tangent_stiffness},
+    system::{Spec, bonded_stiffness, equilibrium, tangent_stiffness},
 };
 
 /// Freedoms that belong together: x and y of a body, the same freedom of all planets.

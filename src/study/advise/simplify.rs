@@ -10,8 +10,8 @@ use crate::{
         Piece, Stiffness,
         contact::{Law, Linear, Release, restitution},
     },
-    system::{ContactSpec, Spec, Structure, damped_restitution},
-    train::{TrainError, equilibrium, tangent_stiffness},
+    system::{ContactSpec, Spec, Structure, damped_restitution, equilibrium, tangent_stiffness},
+    train::TrainError,
 };
 
 /// A spring and a damper that stand for a power law.
@@ -29,7 +29,7 @@ pub struct LinearLaw {
 /// `c = 2 ζ √(k m)` with `m = 1/(gᵀ M⁻¹ g)` and ζ from the restitution of a free impact, released at zero force.
 ///
 /// # Errors
-/// [`TrainError::Unbalanced`] without a state of rest under the constant load; [`TrainError::Value`] for a contact that
+/// [`TrainError::Equilibrium`] without a state of rest under the constant load; [`TrainError::Value`] for a contact that
 /// nothing presses on there.
 pub fn linear_laws(structure: &Structure) -> Result<Vec<LinearLaw>, TrainError> {
     let rest = equilibrium(structure.spec())?;

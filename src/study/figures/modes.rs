@@ -5,11 +5,8 @@ use crate::{
     plot::{Axis, Figure, Panel, Series, Style},
     scene::Scene,
     study::StudyError,
-    system::Spec,
-    train::{
-        bonded_stiffness,
-        planetary::{Family, families},
-    },
+    system::{Spec, bonded_stiffness},
+    train::planetary::{Family, families},
 };
 
 /// A natural mode.

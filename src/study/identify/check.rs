@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     scene::{Fault, Scene},
-    train::TrainError,
+    system::EquilibriumError,
 };
 
 /// Where between its bounds a number is tried, beside the bounds: no round share, so that no range of whole numbers
@@ -128,7 +128,7 @@ fn unreadable(scene: &Scene, targets: &[Target]) -> Vec<Fault> {
 
 fn remedy(error: &ReadingError) -> &'static str {
     match error {
-        ReadingError::Static(TrainError::Value { .. }) => {
+        ReadingError::Static(EquilibriumError::Rigid { .. }) => {
             "rigid contacts have no stiffness: give them a linear law, or a power law under load"
         }
         ReadingError::Static(_) => "hold every free motion that is loaded, and load every power-law contact",

@@ -9,12 +9,8 @@ use super::{Quantity, Target};
 use crate::{
     gear::contact::Law,
     linalg::{EigenError, Modes, natural_modes},
-    system::{ContactSpec, Spec},
-    train::{
-        Equilibrium, TrainError, bonded_stiffness, equilibrium,
-        planetary::{FamilyError, FamilyModes, families},
-        tangent_stiffness,
-    },
+    system::{ContactSpec, Equilibrium, EquilibriumError, Spec, bonded_stiffness, equilibrium, tangent_stiffness},
+    train::planetary::{FamilyError, FamilyModes, families},
 };
 
 /// Why a train does not have a quantity.
@@ -22,7 +18,7 @@ use crate::{
 pub enum ReadingError {
     /// No static equilibrium.
     #[error(transparent)]
-    Static(#[from] TrainError),
+    Static(#[from] EquilibriumError),
     /// No natural modes.
     #[error(transparent)]
     Modes(#[from] EigenError),
@@ -62,7 +58,7 @@ pub(super) struct Reading {
 /// be read must not keep others from being read.
 pub(super) struct Train<'a> {
     spec: &'a Spec,
-    statics: OnceCell<Result<Equilibrium, TrainError>>,
+    statics: OnceCell<Result<Equilibrium, EquilibriumError>>,
     stiffness: OnceCell<Result<DMatrix<f64>, ReadingError>>,
     modes: OnceCell<Result<Modes, ReadingError>>,
     families: OnceCell<Result<Vec<FamilyModes>, ReadingError>>,
@@ -113,7 +109,7 @@ impl<'a> Train<'a> {
         Ok(Reading { value, matched: Some(name) })
     }
 
-    fn statics(&self) -> Result<&Equilibrium, TrainError> {
+    fn statics(&self) -> Result<&Equilibrium, EquilibriumError> {
         self.statics.get_or_init(|| equilibrium(self.spec)).as_ref().map_err(Clone::clone)
     }
 

@@ -86,7 +86,7 @@ const COUPLING: f64 = 1e-6;
 /// planets i; the planets' higher harmonics. Symmetry keeps the parts apart, so that frequencies may cross without any
 /// doubt about which family they belong to.
 ///
-/// `stiffness` is `K` with contacts closed, N/m, `[n × n]` ([`bonded_stiffness`](crate::train::bonded_stiffness)).
+/// `stiffness` is `K` with contacts closed, N/m, `[n × n]` ([`bonded_stiffness`](crate::system::bonded_stiffness)).
 /// Families without freedoms are left out.
 ///
 /// # Errors

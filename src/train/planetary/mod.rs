@@ -10,7 +10,7 @@
 //! ```
 //!
 //! ```
-//! use flank::{scene::Scene, train::bonded_modes};
+//! use flank::{scene::Scene, system::bonded_modes};
 //!
 //! let stage = r#"{ "flank": 1, "train": { "kind": "planetary", "preset": "lin-parker" }, "run": { "t_end_s": 1 } }"#;
 //! let hertz = bonded_modes(&Scene::from_json(stage, "lin-parker")?.build()?.spec)?.hertz();

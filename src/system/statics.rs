@@ -1,11 +1,12 @@
-//! The train with every contact closed: a linear structure.
+//! The structure with every contact closed, at rest or in small motions.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::error::TrainError;
-use crate::gear::contact::{Law, PowerLaw};
-use crate::linalg::{EigenError, Modes, natural_modes};
-use crate::system::{ContactSpec, Spec};
+use super::{ContactSpec, Spec};
+use crate::{
+    gear::contact::{Law, PowerLaw},
+    linalg::{EigenError, Modes, natural_modes},
+};
 
 /// `K + Σ k̄_j g_j g_jᵀ`, N/m, `[n × n]`: supports and every mesh at its mean stiffness, or at the stiffnesses
 /// given, one per contact (as from [`tangent_stiffness`]).
@@ -38,6 +39,23 @@ pub struct Equilibrium {
     pub forces: Vec<f64>,
 }
 
+/// Why there is no [`Equilibrium`].
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum EquilibriumError {
+    /// The loads do not balance on a structure that can move freely.
+    #[error("no equilibrium: the loads leave {residual} N unbalanced on free motions")]
+    Unbalanced {
+        /// Largest unbalanced force, N.
+        residual: f64,
+    },
+    /// The force of a rigid contact has no stiffness.
+    #[error("{contact}: contact stiffness is inf; it must be finite for an equilibrium")]
+    Rigid {
+        /// Which contact.
+        contact: String,
+    },
+}
+
 /// Solves `K q + Σ g F(gᵀq − e₀ − b) = f₀` for contacts on their drive flanks at mean stiffness: `F = k̄ p` for linear
 /// laws, `F = K |p|ⁿ sign p` for power laws (Newton's method). Every law is continued to p < 0 as if it could pull, so
 /// that "closed" means the same for all: what no load acts on lies on its flank.
@@ -45,19 +63,16 @@ pub struct Equilibrium {
 /// Free motions (eigenvalues below `16 n ε ‖·‖`) carry no load in an equilibrium.
 ///
 /// # Errors
-/// [`TrainError::Unbalanced`] if more than 1e-9 of the largest load (and rounding) is left over (a load on a free
-/// motion); [`TrainError::Value`] for a rigid contact, whose force has no stiffness.
-pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, TrainError> {
+/// [`EquilibriumError::Unbalanced`] if more than 1e-9 of the largest load (and rounding) is left over (a load on a free
+/// motion); [`EquilibriumError::Rigid`] for a rigid contact, whose force has no stiffness.
+pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, EquilibriumError> {
     let load = DVector::from_column_slice(&spec.load);
     let scale = load.amax();
     let mut penetrations = Vec::with_capacity(spec.contacts.len());
     for contact in &spec.contacts {
         // From above, Newton's method falls on a convex force without overshooting.
         penetrations.push(match contact.law {
-            Law::Rigid(_) => {
-                let name = format!("{}: contact stiffness", contact.name);
-                return Err(TrainError::Value { name, value: f64::INFINITY, wanted: "finite for an equilibrium" });
-            }
+            Law::Rigid(_) => return Err(EquilibriumError::Rigid { contact: contact.name.clone() }),
             Law::Power(law) => loaded(contact, law, scale),
             Law::Bilateral(_) | Law::KelvinVoigt(..) => 0.0,
         });
@@ -87,7 +102,7 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, TrainError> {
         match &best {
             Some((least, position)) if residual >= *least => {
                 if *least > allowed {
-                    return Err(TrainError::Unbalanced { residual: *least });
+                    return Err(EquilibriumError::Unbalanced { residual: *least });
                 }
                 let forces = spec
                     .contacts
@@ -97,7 +112,7 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, TrainError> {
                     .collect();
                 return Ok(Equilibrium { position: position.iter().copied().collect(), forces });
             }
-            _ if residual.is_nan() => return Err(TrainError::Unbalanced { residual }),
+            _ if residual.is_nan() => return Err(EquilibriumError::Unbalanced { residual }),
             _ => best = Some((residual, position)),
         }
     }
