@@ -6,7 +6,7 @@ use super::{
     Kind, StudyError,
     changes::{changes, effects},
     claims::{Claims, Comparison, Points},
-    figures::{self, Context, ModeRow, Way, by_name, fraction_title, load_pointer, speed_pointer},
+    figures::{self, Context, ModeRow, Way, fraction_title, load_pointer, speed_pointer},
     listing, published,
     threshold::{Search, Threshold, locate},
     values::values,
@@ -200,30 +200,26 @@ impl Plan {
                 Entry { comparisons, ..entry(None, &self.full()?, "all freedoms", Value::Null)? }
             }
             Kind::Forces => {
-                let (figure, found) = figures::forces(context, &self.heavy, self.highest[0])?;
-                entry(Some(figure), &self.heavy, "", by_name(found.iter().map(|f| (f.family.as_str(), f))).into())?
+                let (figure, facts) = figures::forces(context, &self.heavy, self.highest[0])?;
+                entry(Some(figure), &self.heavy, "", facts.into())?
             }
             Kind::Waterfall => {
                 let pointer = speed(&self.heavy)?;
                 let modes = figures::modes(&self.full()?, self.highest[1]);
                 let natural = modes.map_or_else(|_| Vec::new(), |(_, rows)| rows);
                 let speeds = self.waterfall_speeds();
-                let (figure, found) =
+                let (figure, facts) =
                     figures::waterfall(context, &self.heavy, (pointer, &speeds), &natural, self.highest[1])?;
-                let facts = by_name(found.iter().map(|line| (line.family.as_str(), line)));
                 entry(Some(figure), &self.heavy, "speed varied", facts.into())?
             }
             Kind::Harmonics => {
                 let pointer = speed(&self.heavy)?;
-                let speeds = &self.heavy_speeds;
-                let (figure, found) = figures::harmonics(context, &self.heavy, (pointer, speeds))?;
-                let mut facts = by_name(found.iter().map(|f| (f.family.as_str(), f)));
-                facts.insert("speeds".to_owned(), json!(speeds));
+                let (figure, facts) = figures::harmonics(context, &self.heavy, (pointer, &self.heavy_speeds))?;
                 entry(Some(figure), &self.heavy, "speed varied", facts.into())?
             }
             Kind::Cycles => {
                 let (figure, found) = figures::cycles(context, &self.light, &self.shown_loads)?;
-                entry(Some(figure), &self.light, "load varied", json!(found))?
+                entry(Some(figure), &self.light, "load varied", found.into())?
             }
             Kind::ApartVsLoad => self.by_load(context, load(&self.light)?, entry)?,
             Kind::ApartVsSpeed => {
@@ -231,16 +227,12 @@ impl Plan {
                 let x = Axis::new("speed", "rev/min");
                 let (mut figure, curves) = figures::apart(context, &self.light, kind.id(), x, (pointer, &self.speeds))?;
                 self.publish(&mut figure)?;
-                entry(Some(figure), &self.light, "speed varied", figures::facts(&curves))?
+                entry(Some(figure), &self.light, "speed varied", figures::facts(&curves, &self.speeds))?
             }
             Kind::ThresholdVsSpeed => {
-                let stem = self.last_family()?;
-                let search = self.search();
-                let speeds = &self.threshold_speeds;
-                let (figure, rows) = figures::threshold(context, &self.light, &stem, speeds, &search)?;
-                let (speeds, loads): (Vec<f64>, Vec<f64>) =
-                    rows.iter().filter_map(|row| Some((row.rpm, row.threshold.located()?))).unzip();
-                entry(Some(figure), &self.light, "speed and load varied", json!({ "speeds": speeds, "loads": loads }))?
+                let (stem, speeds) = (self.last_family()?, &self.threshold_speeds);
+                let (figure, facts) = figures::threshold(context, &self.light, &stem, speeds, &self.search())?;
+                entry(Some(figure), &self.light, "speed and load varied", facts)?
             }
             Kind::Changes => {
                 self.only_reference("a list of changes to try; see flank sweep")?;
@@ -257,7 +249,7 @@ impl Plan {
             Kind::Trajectories => {
                 let pointer = speed(&self.floating)?;
                 let (figure, found) = figures::trajectories(&hasty, &self.floating, (pointer, &self.path_speeds))?;
-                entry(Some(figure), &self.floating, "speed varied", json!(found))?
+                entry(Some(figure), &self.floating, "speed varied", found.into())?
             }
             Kind::History => {
                 let scene = match speed_pointer(&self.floating) {
@@ -265,9 +257,9 @@ impl Plan {
                     None => self.floating.clone(),
                 };
                 let first = scene.built().spec.freedoms.first().cloned().unwrap_or_default();
-                let (figure, found) = figures::history(&hasty, &scene, &first)?;
+                let (figure, facts) = figures::history(&hasty, &scene, &first)?;
                 let words = format!("{} rev/min", self.history_speed);
-                entry(Some(figure), &self.floating, &words, json!(found))?
+                entry(Some(figure), &self.floating, &words, facts)?
             }
         })
     }
@@ -299,7 +291,7 @@ impl Plan {
             panel.guides.push(Guide::Vertical { x, name: format!("separations end: {x:.2} N m") });
         }
         self.publish(&mut figure)?;
-        let mut facts = figures::facts(&curves);
+        let mut facts = figures::facts(&curves, &self.loads);
         facts["threshold"] = json!(threshold);
         entry(Some(figure), &self.light, "load varied", facts)
     }

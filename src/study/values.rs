@@ -101,14 +101,15 @@ impl Measure {
             Self::Rest => one("forces", json!(equilibrium(&scene.built().spec)?.forces)),
             Self::Steady => {
                 let steady = context.steady(scene, None)?;
-                by_name(figures::families(&steady).iter().map(|(j, family)| (family.as_str(), &steady.contacts[*j])))
+                let families = figures::families(&steady).into_iter();
+                by_name(families.map(|(j, family)| (family, json!(steady.contacts[j]))))
             }
             Self::Threshold => {
                 one("load", json!(locate(context, scene, load, "ring", &SEARCH)?.middle().unwrap_or(0.0)))
             }
             Self::Paths => {
                 let (_, paths) = figures::trajectories(context, scene, (speed, &[figures::number(scene, speed)]))?;
-                by_name(paths.iter().map(|path| (path.body, path)))
+                by_name(paths.into_iter().map(|path| (path["body"].as_str().unwrap_or_default().to_owned(), path)))
             }
         })
     }

@@ -1,17 +1,24 @@
 //! How little of a scene is enough: the same scene at falling fidelity, what each step changes and what it saves.
 //!
-//! [`Plan`] finds what can be made simpler ([`ladder`]) and which freedoms there are ([`participation`]); its
-//! [`Plan::advice`] measures the steady motion of every simpler [`model`] and compares it with the scene's own. Nothing here
-//! reads a clock: costs are counted in steps and events, and [`Rung::advance`] is there to be timed.
+//! [`Plan`] finds what can be made simpler and which freedoms there are; its [`Plan::advice`] measures the steady motion of
+//! every simpler model and compares it with the scene's own. Nothing here reads a clock: costs are counted in steps and
+//! events, and [`Rung::advance`] is there to be timed.
 
-pub mod figures;
-pub mod ladder;
-pub mod measure;
-pub mod model;
-pub mod page;
-pub mod participation;
-pub mod simplify;
-pub mod verdict;
+mod figures;
+mod ladder;
+mod measure;
+mod model;
+mod page;
+mod participation;
+mod simplify;
+#[cfg(test)]
+#[path = "../../../tests/unit/advise.rs"]
+mod tests;
+mod verdict;
+
+pub use measure::{Estimate, Mesh, Motion};
+pub use participation::Mode;
+pub use verdict::{Change, Verdict};
 
 use std::collections::BTreeMap;
 
@@ -19,10 +26,9 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use ladder::{Ladder, Left, Planned, Rungs};
-use measure::{Moments, Motion, measure};
+use measure::{Moments, measure};
 use model::{Model, Step};
-use participation::{Group, Mode, groups};
-use verdict::{Change, Verdict};
+use participation::{Group, groups};
 
 use super::{
     StudyError,

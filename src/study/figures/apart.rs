@@ -4,11 +4,14 @@ use super::{Context, by_name, families};
 use crate::{
     plot::{Axis, Figure, Panel, Series, Style},
     scene::Scene,
-    study::{StudyError, steady::Steady},
+    study::{
+        StudyError,
+        steady::{ContactSteady, Steady},
+    },
 };
 
 /// How the points of a curve were started.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, PartialEq)]
 pub enum Way {
     /// Each from the scene's own start.
     Cold,
@@ -26,27 +29,23 @@ const WAYS: [(Way, &str, Style); 3] = [
 ];
 
 /// Measures of one family of meshes along the values of a number.
-#[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
     /// How it was started.
     pub way: Way,
-    /// The values.
-    pub values: Vec<f64>,
     /// Steady motions.
     pub rows: Vec<Steady>,
 }
 
 impl Curve {
     /// A measure of the first contact whose name starts with `stem`, at each value.
-    #[must_use]
-    pub fn measure(&self, stem: &str, pick: impl Fn(&crate::study::steady::ContactSteady) -> f64) -> Vec<f64> {
+    pub fn measure(&self, stem: &str, pick: impl Fn(&ContactSteady) -> f64) -> Vec<f64> {
         self.rows.iter().filter_map(|row| row.contact(stem)).map(pick).collect()
     }
 }
 
 /// What was measured along the curves, by start and family.
-pub(in crate::study) fn facts(curves: &[Curve]) -> Value {
-    let mut facts = Map::new();
+pub(in crate::study) fn facts(curves: &[Curve], values: &[f64]) -> Value {
+    let mut facts = Map::from_iter([("values".to_owned(), json!(values))]);
     for (way, curve) in ["cold", "up", "down"].into_iter().zip(curves) {
         let measured = curve.rows.first().map(families).unwrap_or_default().into_iter().map(|(_, family)| {
             let measures = json!({
@@ -56,9 +55,7 @@ pub(in crate::study) fn facts(curves: &[Curve]) -> Value {
             });
             (family, measures)
         });
-        let measured: Vec<(String, Value)> = measured.collect();
-        facts.insert(way.to_owned(), by_name(measured.iter().map(|(family, m)| (family.as_str(), m))).into());
-        facts.insert("values".to_owned(), json!(curve.values));
+        facts.insert(way.to_owned(), by_name(measured).into());
     }
     facts.into()
 }
@@ -87,7 +84,7 @@ pub fn apart(
                 rows
             }
         };
-        Ok(Curve { way, values: values.to_vec(), rows })
+        Ok(Curve { way, rows })
     })?;
     let mut figure = Figure {
         id: id.to_owned(),

@@ -1,6 +1,6 @@
-use serde::Serialize;
+use serde_json::{Map, Value, json};
 
-use super::{Context, Units, representatives};
+use super::{Context, Units, by_name, representatives};
 use crate::{
     analysis::Spectrum,
     plot::{Axis, Figure, Guide, Panel, Series, Style},
@@ -9,30 +9,15 @@ use crate::{
     study::StudyError,
 };
 
-/// What the force of one mesh was found to be.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Forces {
-    pub family: String,
-    /// Mean, N.
-    pub mean: f64,
-    /// Largest force, N.
-    pub largest: f64,
-    /// Smallest force, N.
-    pub smallest: f64,
-    /// Amplitudes at 1, 2, … times the mesh frequency, N.
-    pub harmonics: Vec<f64>,
-    /// Hz.
-    pub mesh_frequency: f64,
-}
-
 /// Cycles shown.
 const SHOWN: usize = 4;
 /// Cycles of the spectrum: enough for subharmonics to show.
 const CYCLES: u64 = 16;
 const PER_CYCLE: u32 = 512;
 
-/// Forces of one mesh of each family over a few mesh periods, and their spectra up to `highest`, Hz.
-pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Figure, Vec<Forces>), StudyError> {
+/// Forces of one mesh of each family over a few mesh periods, and their spectra up to `highest`, Hz; the facts of each
+/// family.
+pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Figure, Map<String, Value>), StudyError> {
     let simulation = Simulation::from_scene(scene)?;
     let cycles = |period: Option<u32>| period.map_or(CYCLES, |period| CYCLES.next_multiple_of(period.into()));
     let (recording, settled) = context.recorded(&simulation, PER_CYCLE, cycles)?;
@@ -40,7 +25,7 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
     let window = settled.window();
     let units = Units::of(&simulation);
     let mut figure = Figure { id: "forces".to_owned(), columns: 2, ..Figure::default() };
-    let mut found = Vec::new();
+    let mut facts = Vec::new();
     for (colour, (j, family)) in representatives(&simulation).into_iter().enumerate() {
         let force = &recording.force[j];
         let spectrum = Spectrum::new(force, f64::from(PER_CYCLE) / period, window);
@@ -73,14 +58,11 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
             guides: orders.map(|(h, x)| Guide::Vertical { x, name: order(h) }).collect(),
             ..Panel::default()
         });
-        found.push(Forces {
-            family,
-            mean,
-            largest: high,
-            smallest: low,
-            harmonics: (1..=6).map(|h| spectrum.at(f64::from(h) / period)).collect(),
-            mesh_frequency: 1.0 / period,
+        let found = json!({
+            "mean": mean, "largest": high, "smallest": low, "mesh_frequency": 1.0 / period,
+            "harmonics": (1..=6).map(|h| spectrum.at(f64::from(h) / period)).collect::<Vec<_>>(),
         });
+        facts.push((family, found));
     }
     figure.title = "Mesh forces and their spectra".to_owned();
     figure.caption = match settled.period {
@@ -92,7 +74,7 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
             "Force of one mesh of each family, and its spectrum over {cycles} periods (Hann window; the motion has no short period)."
         ),
     };
-    Ok((figure, found))
+    Ok((figure, by_name(facts)))
 }
 
 /// A number to about four digits, for titles.

@@ -1,28 +1,19 @@
-use serde::Serialize;
+use serde_json::{Map, Value, json};
 
-use super::{Context, families};
+use super::{Context, by_name, families};
 use crate::{
     plot::{Axis, Figure, Guide, Panel, Series, Style},
     scene::Scene,
     study::StudyError,
 };
 
-/// Harmonics of one family of meshes over the speeds.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Harmonics {
-    pub family: String,
-    /// First harmonic of the force at each speed, N.
-    pub first: Vec<f64>,
-    /// Smallest force at each speed, N: a bilateral law is valid while it is positive.
-    pub smallest: Vec<f64>,
-}
-
-/// First harmonic, amplitude and smallest value of the mesh forces against speed.
+/// First harmonic and extremes of the mesh forces against speed. A bilateral law is valid while the smallest force is
+/// positive.
 pub fn harmonics(
     context: &Context<'_>,
     scene: &Scene,
     (pointer, speeds): (&str, &[f64]),
-) -> Result<(Figure, Vec<Harmonics>), StudyError> {
+) -> Result<(Figure, Map<String, Value>), StudyError> {
     let rows = context.cold(scene, pointer, speeds)?;
     let panel = |title: &str, label: &str| Panel {
         title: title.to_owned(),
@@ -34,7 +25,7 @@ pub fn harmonics(
         panel("First harmonic", "amplitude at the mesh frequency"),
         panel("Range of the force", "largest and smallest force"),
     ];
-    let mut found = Vec::new();
+    let mut facts = vec![("speeds".to_owned(), json!(speeds))];
     for (colour, (j, family)) in rows.first().map(families).unwrap_or_default().into_iter().enumerate() {
         let first: Vec<f64> = rows.iter().map(|row| row.contacts[j].force_harmonics[0]).collect();
         let extreme = |pick: fn(&crate::analysis::ContactReport) -> Option<f64>| -> Vec<f64> {
@@ -45,7 +36,7 @@ pub fn harmonics(
         panels[1].series.push(Series::line(format!("{family}, largest"), colour, speeds.to_vec(), largest));
         let low = Series::line(format!("{family}, smallest"), colour, speeds.to_vec(), smallest.clone());
         panels[1].series.push(low.styled(Style::Dashed));
-        found.push(Harmonics { family, first, smallest });
+        facts.push((family, json!({ "first": first, "smallest": smallest })));
     }
     panels[1].guides.push(Guide::Horizontal { y: 0.0, name: "below: the law pulls".to_owned() });
     let figure = Figure {
@@ -57,5 +48,5 @@ pub fn harmonics(
         columns: 2,
         panels: panels.into(),
     };
-    Ok((figure, found))
+    Ok((figure, by_name(facts)))
 }

@@ -1,4 +1,4 @@
-use serde::Serialize;
+use serde_json::{Value, json};
 
 use super::{Context, Units};
 use crate::{
@@ -9,17 +9,6 @@ use crate::{
     study::StudyError,
 };
 
-/// What the spectrum of a centre showed.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct History {
-    /// Period of the motion in mesh cycles, if it has one.
-    pub period: Option<u32>,
-    /// Amplitude at half the mesh frequency, m.
-    pub half: f64,
-    /// Middle amplitude of the bins between 0.4 and 0.6 of the mesh frequency, m: what a line there must rise above.
-    pub floor: f64,
-}
-
 const CYCLES: u64 = 384;
 const SHOWN: usize = 24;
 const PER_CYCLE: u32 = 32;
@@ -29,10 +18,7 @@ const REGION: [f64; 2] = [0.4, 0.6];
 const HIGHEST: f64 = 1.6;
 
 /// Displacement of one freedom over time and its spectrum around half the mesh frequency.
-///
-/// # Errors
-/// [`StudyError`] of the run; [`StudyError::Simulation`] without that freedom.
-pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(Figure, History), StudyError> {
+pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(Figure, Value), StudyError> {
     let simulation = Simulation::from_scene(scene)?;
     let row = simulation.freedom(freedom)?;
     let (recording, settled) = context.recorded(&simulation, PER_CYCLE, |_| CYCLES)?;
@@ -44,11 +30,11 @@ pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(F
     let in_region = |f: f64| (REGION[0]..=REGION[1]).contains(&(f / mesh_frequency));
     let mut around: Vec<f64> = bins.iter().filter(|(f, _)| in_region(*f)).map(|(_, a)| *a).collect();
     around.sort_by(f64::total_cmp);
-    let found = History {
-        period: settled.period,
-        half: spectrum.at(0.5 * mesh_frequency),
-        floor: around.get(around.len() / 2).copied().unwrap_or(0.0),
-    };
+    // The floor is what a line at half the mesh frequency must rise above.
+    let facts = json!({
+        "period": settled.period, "half": spectrum.at(0.5 * mesh_frequency),
+        "floor": around.get(around.len() / 2).copied().unwrap_or(0.0),
+    });
     let units = Units::of(&simulation);
     let shown = SHOWN * PER_CYCLE as usize + 1;
     let shown = recording.t.iter().zip(&recording.x[row]).take(shown);
@@ -86,5 +72,5 @@ pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(F
             },
         ],
     };
-    Ok((figure, found))
+    Ok((figure, facts))
 }

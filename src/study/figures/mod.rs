@@ -15,19 +15,17 @@ mod threshold;
 mod trajectories;
 mod waterfall;
 
-pub use apart::{Curve, Way, apart};
-pub(super) use apart::{facts, fraction_title};
-pub use cycles::{Cycle, cycles};
+pub(super) use apart::{Way, apart, facts, fraction_title};
+pub(super) use cycles::cycles;
 pub(super) use forces::forces;
 pub(super) use harmonics::harmonics;
 pub(super) use history::history;
-pub use modes::{ModeRow, modes};
+pub(super) use modes::{ModeRow, modes};
 pub(super) use threshold::threshold;
-pub use trajectories::{Trajectory, trajectories};
+pub(super) use trajectories::trajectories;
 pub(super) use waterfall::waterfall;
 
 use rayon::prelude::*;
-use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::{
@@ -48,10 +46,7 @@ pub struct Context<'a> {
 
 impl Context<'_> {
     /// Steady motion of `scene`.
-    ///
-    /// # Errors
-    /// As [`steady`].
-    pub fn steady(&self, scene: &Scene, seed: Option<&Seed>) -> Result<Steady, StudyError> {
+    pub(super) fn steady(&self, scene: &Scene, seed: Option<&Seed>) -> Result<Steady, StudyError> {
         let steady = steady(scene, seed, &self.rule, self.task);
         self.task.advance();
         steady
@@ -71,10 +66,7 @@ impl Context<'_> {
     }
 
     /// `work` for every item, on all cores, results in order; the first error in that order counts.
-    ///
-    /// # Errors
-    /// That of `work`; [`StudyError::Interrupted`].
-    pub fn each<T: Sync, R: Send>(
+    pub(super) fn each<T: Sync, R: Send>(
         &self,
         items: &[T],
         work: impl Fn(&T) -> Result<R, StudyError> + Sync,
@@ -86,18 +78,12 @@ impl Context<'_> {
     }
 
     /// Steady motions along `values` of the number at `pointer`, each on its own from the scene's start.
-    ///
-    /// # Errors
-    /// That of the first value that fails.
-    pub fn cold(&self, scene: &Scene, pointer: &str, values: &[f64]) -> Result<Vec<Steady>, StudyError> {
+    fn cold(&self, scene: &Scene, pointer: &str, values: &[f64]) -> Result<Vec<Steady>, StudyError> {
         self.each(values, |value| self.steady(&scene.with(pointer, json!(value))?, None))
     }
 
     /// Steady motions along `values`, each taking up the motion before it.
-    ///
-    /// # Errors
-    /// That of the first value that fails.
-    pub fn followed(
+    fn followed(
         &self,
         scene: &Scene,
         pointer: &str,
@@ -187,8 +173,8 @@ fn maxima(values: &[f64]) -> usize {
 }
 
 /// What was measured, by the name of what it belongs to (`sun_planet` for `sun-planet`), as expressions know it.
-pub(super) fn by_name<'a, T: Serialize + 'a>(items: impl IntoIterator<Item = (&'a str, &'a T)>) -> Map<String, Value> {
-    items.into_iter().map(|(name, item)| (name.replace(['-', ' '], "_"), json!(item))).collect()
+pub(super) fn by_name(facts: impl IntoIterator<Item = (String, Value)>) -> Map<String, Value> {
+    facts.into_iter().map(|(name, fact)| (name.replace(['-', ' '], "_"), fact)).collect()
 }
 
 /// A scene's number, or zero.

@@ -1,4 +1,4 @@
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::{Context, load_pointer, number, speed_pointer};
 use crate::{
@@ -10,25 +10,14 @@ use crate::{
     },
 };
 
-/// The threshold at one speed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ThresholdRow {
-    /// Speed, rev/min.
-    pub rpm: f64,
-    /// Where the separations end, N m.
-    pub threshold: Threshold,
-    /// Drag torque at that speed, N m.
-    pub drag: f64,
-}
-
-/// The largest load at which the meshes of a family still separate, against speed.
+/// The largest load at which the meshes of a family still separate, against speed; the loads located, with their speeds.
 pub fn threshold(
     context: &Context<'_>,
     scene: &Scene,
     stem: &str,
     speeds: &[f64],
     search: &Search,
-) -> Result<(Figure, Vec<ThresholdRow>), StudyError> {
+) -> Result<(Figure, Value), StudyError> {
     let (Some(speed), Some(load)) = (speed_pointer(scene), load_pointer(scene)) else {
         return Err(StudyError::missing(scene.name(), "its train has no speed and load in rev/min and N m"));
     };
@@ -37,15 +26,15 @@ pub fn threshold(
         let threshold = locate(context, &scene, load, stem, search)?;
         let drag =
             number(&scene, "/train/load/drag_torque_nm") + rpm * number(&scene, "/train/load/drag_torque_nm_per_rpm");
-        Ok(ThresholdRow { rpm, threshold, drag })
+        Ok((rpm, threshold, drag))
     })?;
-    let points = |value: &dyn Fn(&ThresholdRow, f64) -> f64| -> (Vec<f64>, Vec<f64>) {
-        rows.iter().filter_map(|row| Some((row.rpm, value(row, row.threshold.located()?)))).unzip()
-    };
-    let line = |name: &str, colour, (x, y)| Series::line(name, colour, x, y).styled(Style::Joined);
-    let series =
-        vec![line("load", 0, points(&|_, load| load)), line("load and drag", 1, points(&|row, load| load + row.drag))];
-    let count = |wanted: fn(&Threshold) -> bool| rows.iter().filter(|row| wanted(&row.threshold)).count();
+    let located = || rows.iter().filter_map(|(rpm, threshold, drag)| Some((*rpm, threshold.located()?, *drag)));
+    let (speeds, loads): (Vec<f64>, Vec<f64>) = located().map(|(rpm, load, _)| (rpm, load)).unzip();
+    let with_drag = located().map(|(_, load, drag)| load + drag).collect();
+    let facts = json!({ "speeds": speeds, "loads": loads });
+    let line = |name: &str, colour, y| Series::line(name, colour, speeds.clone(), y).styled(Style::Joined);
+    let series = vec![line("load", 0, loads), line("load and drag", 1, with_drag)];
+    let count = |wanted: fn(&Threshold) -> bool| rows.iter().filter(|(_, threshold, _)| wanted(threshold)).count();
     let beyond = count(|threshold| matches!(threshold, Threshold::Beyond { .. }));
     let none = count(|threshold| matches!(threshold, Threshold::None));
     let figure = Figure {
@@ -65,5 +54,5 @@ pub fn threshold(
             ..Panel::default()
         }],
     };
-    Ok((figure, rows))
+    Ok((figure, facts))
 }

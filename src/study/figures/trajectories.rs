@@ -1,5 +1,4 @@
-use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::{Context, maxima, number};
 use crate::{
@@ -11,37 +10,16 @@ use crate::{
     train::frame::to_fixed,
 };
 
-/// How one centre moved over one turn of the carrier.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Trajectory {
-    /// `sun` or `ring`.
-    pub body: &'static str,
-    /// Speed of the sun, rev/min.
-    pub rpm: f64,
-    /// Period of the motion in mesh cycles, if it has one.
-    pub period: Option<u32>,
-    /// Largest distance from the centre, m.
-    pub range: f64,
-    /// Maxima of the distance from the centre over one turn, of a periodic motion.
-    pub leaves: Option<usize>,
-    /// Root mean square of `x(t + T) − x(t)` over that of x (mean taken off), carrier frame.
-    pub residual: f64,
-    /// Share of the energy of x off the multiples of the mesh frequency, carrier frame.
-    pub off_harmonics: f64,
-}
-
 pub(super) const PER_CYCLE: u32 = 128;
 const BODIES: [(&str, &str, &str); 2] = [("sun", "x_s", "y_s"), ("ring", "x_r", "y_r")];
 
-/// Paths of the centres of sun and ring in the fixed frame over one turn of the carrier.
-///
-/// # Errors
-/// [`StudyError`] of the runs; a train without these freedoms has no such paths.
+/// Paths of the centres of sun and ring in the fixed frame over one turn of the carrier; a train without these freedoms has
+/// none. The facts are in m, those on the spectrum and on `x(t + T) − x(t)` in the carrier's frame.
 pub fn trajectories(
     context: &Context<'_>,
     scene: &Scene,
     (pointer, speeds): (&str, &[f64]),
-) -> Result<(Figure, Vec<Trajectory>), StudyError> {
+) -> Result<(Figure, Vec<Value>), StudyError> {
     let columns = context.each(speeds, |&rpm| {
         let scene = scene.with(pointer, json!(rpm))?;
         let simulation = Simulation::from_scene(&scene)?;
@@ -64,17 +42,24 @@ pub fn trajectories(
             let path: Vec<[f64; 2]> = points.map(|(t, (x, y))| to_fixed([*x, *y], speed * t)).collect();
             let radius: Vec<f64> = path.iter().map(|p| p[0].hypot(p[1])).collect();
             let spectrum = Spectrum::new(&recording.x[x], f64::from(PER_CYCLE), window);
-            let trajectory = Trajectory {
-                body,
-                rpm,
-                period: settled.period,
-                range: radius.iter().copied().fold(0.0, f64::max),
-                leaves: settled.period.map(|_| maxima(&radius)),
-                residual: residual(&recording.x[x]),
-                off_harmonics: spectrum.off_multiples(1.0),
-            };
+            let leaves = settled.period.map(|period| (period, maxima(&radius)));
+            let kind =
+                leaves.map_or("no period".to_owned(), |(period, leaves)| format!("period {period}, {leaves} leaves"));
+            let facts = json!({
+                "body": body, "rpm": rpm, "period": settled.period, "leaves": leaves.map(|(_, leaves)| leaves),
+                "range": radius.iter().copied().fold(0.0, f64::max), "residual": residual(&recording.x[x]),
+                "off_harmonics": spectrum.off_multiples(1.0),
+            });
             let (px, py) = path.iter().map(|p| (1e6 * p[0], 1e6 * p[1])).unzip();
-            found.push((trajectory, Series::line("", 0, px, py).styled(Style::Hairline)));
+            let panel = Panel {
+                title: format!("{body}, {rpm} rev/min: {kind}"),
+                x: Axis::new("x", "µm"),
+                y: Axis::new("y", "µm"),
+                equal_scales: true,
+                series: vec![Series::line("", found.len(), px, py).styled(Style::Hairline)],
+                ..Panel::default()
+            };
+            found.push((panel, facts));
         }
         Ok(found)
     })?;
@@ -90,25 +75,15 @@ pub fn trajectories(
     let mut found = Vec::new();
     for body in 0..columns.iter().map(Vec::len).min().unwrap_or(0) {
         for column in &columns {
-            let (trajectory, series) = column[body].clone();
-            let kind = match (trajectory.period, trajectory.leaves) {
-                (Some(period), Some(leaves)) => format!("period {period}, {leaves} leaves"),
-                _ => "no period".to_owned(),
-            };
-            figure.panels.push(Panel {
-                title: format!("{}, {} rev/min: {kind}", trajectory.body, trajectory.rpm),
-                x: Axis::new("x", "µm"),
-                y: Axis::new("y", "µm"),
-                equal_scales: true,
-                series: vec![Series { colour: body, ..series }],
-                ..Panel::default()
-            });
-            found.push(trajectory);
+            let (panel, facts) = column[body].clone();
+            figure.panels.push(panel);
+            found.push(facts);
         }
     }
     Ok((figure, found))
 }
 
+/// Root mean square of `x(t + T) − x(t)` over that of x (mean taken off).
 pub(super) fn residual(x: &[f64]) -> f64 {
     let lag = PER_CYCLE as usize;
     let rms = |values: &mut dyn Iterator<Item = f64>| {

@@ -1,7 +1,6 @@
-use serde::Serialize;
-use serde_json::json;
+use serde_json::{Map, Value, json};
 
-use super::{Context, ModeRow, forces::order, representatives};
+use super::{Context, ModeRow, by_name, forces::order, representatives};
 use crate::{
     analysis::Spectrum,
     plot::{Axis, Figure, Guide, Panel, Series, Style},
@@ -22,30 +21,18 @@ struct Row {
     spectra: Vec<(String, Spectrum)>,
 }
 
-/// The strongest line of one family of meshes over all speeds.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Strongest {
-    pub family: String,
-    /// Speed, rev/min.
-    pub rpm: f64,
-    /// Frequency over the mesh frequency.
-    pub order: f64,
-    /// Amplitude, N.
-    pub amplitude: f64,
-}
-
 /// Bins of less than this share of the strongest line are drawn as the base line.
 const SHOWN: f64 = 1e-3;
 
 /// Spectra of the mesh forces at several speeds, one line above the other, with order lines and the natural
-/// frequencies `natural` up to `highest`, Hz.
+/// frequencies `natural` up to `highest`, Hz; the strongest line of each family over all speeds.
 pub fn waterfall(
     context: &Context<'_>,
     scene: &Scene,
     (pointer, speeds): (&str, &[f64]),
     natural: &[ModeRow],
     highest: f64,
-) -> Result<(Figure, Vec<Strongest>), StudyError> {
+) -> Result<(Figure, Map<String, Value>), StudyError> {
     let rows = context.each(speeds, |&rpm| {
         let simulation = Simulation::from_scene(&scene.with(pointer, json!(rpm))?)?;
         let cycles = |period: Option<u32>| period.map_or(2 * CYCLES, |period| CYCLES.next_multiple_of(period.into()));
@@ -65,7 +52,7 @@ pub fn waterfall(
         columns: 2,
         ..Figure::default()
     };
-    let (mut scales, mut found) = (Vec::new(), Vec::new());
+    let (mut scales, mut facts) = (Vec::new(), Vec::new());
     for family in 0..count {
         let up_to = |s: &Spectrum| ((highest / s.resolution) as usize + 1).min(s.amplitude.len());
         let lines = rows.iter().flat_map(|row| {
@@ -78,8 +65,8 @@ pub fn waterfall(
         });
         let Some((row, frequency, strongest)) = line else { continue };
         let name = &rows[0].spectra[family].0;
-        let orders = frequency / row.mesh_frequency;
-        found.push(Strongest { family: name.clone(), rpm: row.rpm, order: orders, amplitude: strongest });
+        let order_there = frequency / row.mesh_frequency;
+        facts.push((name.clone(), json!({ "rpm": row.rpm, "order": order_there, "amplitude": strongest })));
         // The strongest line reaches over six speeds.
         let scale = if strongest > 0.0 { 6.0 * step / strongest.sqrt() } else { 0.0 };
         scales.push(format!("{name}: {strongest:.0} N"));
@@ -124,5 +111,5 @@ pub fn waterfall(
          natural frequencies.",
         scales.join(", ")
     );
-    Ok((figure, found))
+    Ok((figure, by_name(facts)))
 }

@@ -49,10 +49,7 @@ impl Question {
 }
 
 /// The identified numbers: the preset's, and those that the printed values give back, with residuals.
-///
-/// # Errors
-/// [`StudyError`] never in fact: the questions are part of the library.
-pub fn identified() -> Result<Vec<Comparison>, StudyError> {
+pub(super) fn identified() -> Result<Vec<Comparison>, StudyError> {
     let Questions { questions, all } = table(include_str!("identified.json"))?;
     let mut rows = Vec::new();
     for question in &questions {
