@@ -11,10 +11,9 @@ use super::{
     published::table,
     threshold::{Search, locate},
 };
-use crate::scene::Scene;
+use crate::{output::Table, scene::Scene};
 
 /// A change of a scene, in words and as values at JSON pointers.
-#[derive(Clone, Debug, PartialEq)]
 pub struct Change {
     /// What is changed.
     pub words: String,
@@ -23,7 +22,6 @@ pub struct Change {
 }
 
 /// What a change did to the motion of the last mesh family.
-#[derive(Clone, Debug, PartialEq)]
 pub struct Effect {
     /// The change.
     pub words: String,
@@ -36,7 +34,7 @@ pub struct Effect {
 }
 
 /// Speeds at which the time apart is compared, rev/min; threshold and force belong to the second.
-pub const SPEEDS: [f64; 3] = [50.0, 500.0, 2000.0];
+const SPEEDS: [f64; 3] = [50.0, 500.0, 2000.0];
 
 /// A change as its table holds it: values to set, factors of numbers, and factors of the harmonics of an error, the last of
 /// which goes for all that follow.
@@ -62,9 +60,6 @@ fn scaled(scene: &Scene, pointer: &str, factors: &[f64]) -> Value {
 }
 
 /// The changes of the reference set under light load.
-///
-/// # Errors
-/// [`StudyError`] never in fact: the table is part of the library.
 pub fn changes(scene: &Scene) -> Result<Vec<Change>, StudyError> {
     let rows: Vec<Row> = table(include_str!("published/changes.json"))?;
     let change = |row: Row| {
@@ -100,4 +95,20 @@ pub fn effects(
         let threshold = locate(context, &at, "/train/load/output_torque_nm", stem, search)?;
         Ok(Effect { words: change.words.clone(), apart, threshold: threshold.middle().unwrap_or(0.0), largest })
     })
+}
+
+/// What controls what, as a table.
+pub fn listing(effects: &[Effect]) -> Table {
+    let cells = |effect: &Effect| {
+        let apart = effect.apart.iter().map(|apart| format!("{apart:.3}"));
+        let rest = [format!("{:.2}", effect.threshold), format!("{:.1}", effect.largest)];
+        std::iter::once(effect.words.clone()).chain(apart).chain(rest).collect()
+    };
+    let speeds = SPEEDS.map(|rpm| format!("Apart at {rpm} rev/min, T"));
+    let head = std::iter::once("Change".to_owned()).chain(speeds);
+    let note = "Ring meshes without load, one change at a time, every motion from a cold start; threshold and force at 500 \
+                rev/min. At 2000 rev/min small changes also change the last impact of the sun meshes, and with it the \
+                damping: read that column with care.";
+    let head = head.chain(["Threshold, N m", "Largest force, N"].map(String::from));
+    Table::new(head).with(effects.iter().map(cells)).titled("What controls what", note)
 }

@@ -12,7 +12,6 @@ mod expression;
 mod figures;
 pub mod identify;
 mod kind;
-mod listing;
 #[cfg(feature = "plot")]
 pub mod page;
 pub mod plan;

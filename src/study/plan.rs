@@ -4,10 +4,10 @@ use serde_json::{Map, Value, json};
 
 use super::{
     Kind, StudyError,
-    changes::{changes, effects},
+    changes::{self, changes, effects},
     claims::{Claims, Comparison, Points},
-    figures::{self, Context, ModeRow, Way, fraction_title, load_pointer, speed_pointer},
-    listing, published,
+    figures::{self, Context, ModeRow, fraction_title, load_pointer, speed_pointer},
+    published,
     threshold::{Search, Threshold, locate},
     values::values,
 };
@@ -83,7 +83,7 @@ impl Plan {
             heavy: scene("reference-heavy", "in-phase", 500.0)?,
             light: scene("reference-light", "in-phase", 500.0)?,
             floating: scene("reference-float", "full", 500.0)?,
-            claims: published::claims()?,
+            claims: Claims::from_json(include_str!("published/claims.json"))?,
             loads: evenly(0.0, 40.0, 41),
             shown_loads: vec![0.0, 21.0],
             speeds: evenly(50.0, 2000.0, 79),
@@ -186,10 +186,10 @@ impl Plan {
         Ok(match kind {
             Kind::Modes => {
                 let (figure, rows) = figures::modes(&self.full()?, self.highest[1])?;
-                let listing = Some(listing::modes(&rows));
+                let listing = Some(figures::listing(&rows));
                 let named = |row: &ModeRow| {
                     let (part, share) = row.shares.first()?;
-                    Some((row.name(), json!({ "hertz": row.hertz, "part": part, "share": share })))
+                    Some((row.name.clone(), json!({ "hertz": row.hertz, "part": part, "share": share })))
                 };
                 let facts: Map<String, Value> = rows.iter().filter_map(named).collect();
                 Entry { listing, ..entry(Some(figure), &self.full()?, "all freedoms", facts.into())? }
@@ -236,14 +236,14 @@ impl Plan {
             }
             Kind::Changes => {
                 self.only_reference("a list of changes to try; see flank sweep")?;
-                let changes = changes(&self.light)?;
-                let effects = effects(context, &self.light, &self.last_family()?, &changes, &self.search())?;
-                let listing = Some(listing::changes(&effects));
+                let tried = changes(&self.light)?;
+                let effects = effects(context, &self.light, &self.last_family()?, &tried, &self.search())?;
+                let listing = Some(changes::listing(&effects));
                 Entry { listing, ..entry(None, &self.light, "numbers varied", Value::Null)? }
             }
             Kind::Values => {
                 self.only_reference("independent values to compare with")?;
-                let listing = Some(listing::values(&values(context, self)?));
+                let listing = Some(values(context, self)?);
                 Entry { listing, ..entry(None, &self.light, "and others", Value::Null)? }
             }
             Kind::Trajectories => {
@@ -275,13 +275,7 @@ impl Plan {
         let (mut figure, curves) = figures::apart(context, &self.light, id, x, (pointer, &self.loads))?;
         let stem = self.last_family()?;
         // The grid has found where to look: between its last load with separations and the next one.
-        let apart: Vec<bool> = curves
-            .iter()
-            .filter(|curve| curve.way == Way::Cold)
-            .flat_map(|curve| curve.measure(&stem, |c| c.report.apart_time))
-            .map(|time| time > 0.0)
-            .collect();
-        let last = apart.iter().rposition(|a| *a);
+        let last = figures::along(&curves[0], &stem, |c| c.report.apart_time).iter().rposition(|time| *time > 0.0);
         let bracket = last.and_then(|i| Some([self.loads[i], *self.loads.get(i + 1)?]));
         let threshold = match bracket {
             Some(range) => locate(context, &self.light, pointer, &stem, &Search { range, scan: 2, ..self.search() })?,
@@ -352,8 +346,7 @@ fn floating(context: &Context<'_>) -> super::steady::Rule {
 }
 
 fn lacks(scene: &Scene, what: &str) -> StudyError {
-    let kind = scene.resolved()["train"]["kind"].as_str().unwrap_or_default();
-    StudyError::missing(scene.name(), format!("a train of kind {kind} has no {what}"))
+    StudyError::missing(scene.name(), format!("a train of kind {} has no {what}", figures::kind(scene)))
 }
 
 /// In rising order, each once.

@@ -16,23 +16,23 @@ use super::{
     published::table,
     threshold::{Search, locate},
 };
-use crate::{scene::Scene, train::equilibrium};
+use crate::{output::Table, scene::Scene, train::equilibrium};
 
 /// One number, twice.
-pub(super) struct Checked {
-    /// What it is.
-    pub quantity: String,
+#[derive(Clone)]
+struct Checked {
+    quantity: String,
     /// The other implementation's value.
-    pub expected: f64,
+    expected: f64,
     /// How far the two may lie apart.
-    pub tolerance: f64,
+    tolerance: f64,
     /// Flank's value.
-    pub found: f64,
+    found: f64,
 }
 
 impl Checked {
     /// Whether the two lie within the tolerance.
-    pub(super) fn holds(&self) -> bool {
+    fn holds(&self) -> bool {
         (self.found - self.expected).abs() <= self.tolerance
     }
 }
@@ -72,8 +72,8 @@ enum Measure {
 
 const SEARCH: Search = Search { range: [0.0, 60.0], scan: 13, resolution: 0.02 };
 
-/// All numbers.
-pub(super) fn values(context: &Context<'_>, plan: &Plan) -> Result<Vec<Checked>, StudyError> {
+/// All numbers, as a table.
+pub(super) fn values(context: &Context<'_>, plan: &Plan) -> Result<Table, StudyError> {
     let runs: Vec<Run> = table(include_str!("published/values.json"))?;
     let rows = context.each(&runs, |run| {
         let scene = match run.scene {
@@ -90,7 +90,25 @@ pub(super) fn values(context: &Context<'_>, plan: &Plan) -> Result<Vec<Checked>,
         };
         run.rows.iter().map(read).collect::<Result<Vec<_>, StudyError>>()
     })?;
-    Ok(rows.into_iter().flatten().collect())
+    Ok(listing(&rows.concat()))
+}
+
+fn listing(values: &[Checked]) -> Table {
+    let cells = |value: &Checked| {
+        let number = |v: f64| format!("{v:.6}").trim_end_matches('0').trim_end_matches('.').to_owned();
+        let verdict = if value.holds() { "within" } else { "off" };
+        let numbers = [value.expected, value.tolerance].map(number);
+        let found = number((value.found * 1e5).round() / 1e5);
+        [vec![value.quantity.clone()], numbers.to_vec(), vec![found, verdict.to_owned()]].concat()
+    };
+    let off = values.iter().filter(|value| !value.holds()).count();
+    let note = format!(
+        "{} numbers, {off} off. Rows that are off belong to motions whose sun meshes never open in the end: which impact \
+         of a cold start was their last one hangs on the step of the other implementation, and with it their damping.",
+        values.len()
+    );
+    let table = Table::new(["Quantity", "Expected", "Tolerance", "Flank", ""]).with(values.iter().map(cells));
+    table.titled("Numbers beside an independent implementation", note)
 }
 
 impl Measure {

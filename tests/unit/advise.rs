@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::{
     measure::{Estimate, Mesh, Motion, Work},
-    model::{Model, Step},
+    model::{FREEDOMS, Model, Step},
     participation::{groups, modes, motion_shares},
     simplify,
     verdict::{Verdict, changes, judge},
@@ -40,11 +40,12 @@ fn modal_weights_are_those_computed_by_hand() {
         "damping_n_s_per_m": [0.3, 0.2, 0.1], "load_n": [0.3, -0.2, 0],
         "contacts": [{
             "name": "mesh", "direction": [1, -1, 0], "half_backlash_m": 0, "flanks": "drive", "stiffness": 2,
-            "law": { "kind": "kelvin-voigt", "damping_n_s_per_m": 0.1 }
+            "law": { "kind": "kelvin-voigt", "damping_n_s_per_m": 0.1 },
+            "error": [{ "amplitude_m": 0.4, "frequency_rad_per_s": 2 }]
         }]
     });
     let mut spec = scene(train, json!("rest")).build().unwrap().spec;
-    simplify::hold(&mut spec, &["beside".to_owned()]);
+    simplify::drop(&mut spec, &["beside".to_owned()], false);
     let groups = groups(&spec.freedoms);
     let still = DMatrix::identity(2, 2);
     let found = modes(&spec, &still, &groups).unwrap();
@@ -84,7 +85,7 @@ fn a_linear_law_has_the_tangent_and_the_restitution_of_the_power_law() {
         close(e, wanted, 1e-12);
     }
     // The same laws whatever freedoms are left.
-    let steps = [Step::Freedoms(json!("in-phase")), Step::Linear(simplify::linear_laws(structure).unwrap())];
+    let steps = [Step::Set(FREEDOMS, json!("in-phase")), Step::Linear(simplify::linear_laws(structure).unwrap())];
     let reduced = Model::new(&scene, &steps).unwrap();
     let [few, all] = [&reduced, &linear].map(|model| model.simulation.structure.spec().contacts[0].stiffness.clone());
     assert_eq!(few, all);

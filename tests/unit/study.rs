@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::{
     Context,
     changes::{changes, effects},
-    figures::{self, Way},
+    figures::{self, along},
     plan::Plan,
     steady::Rule,
     threshold::{Search, Threshold, locate},
@@ -65,7 +65,7 @@ fn modes_of_the_reference_set() {
         ("T4", 4123.48),
         ("T5", 4215.57),
     ] {
-        let row = rows.iter().find(|row| row.name() == name).unwrap();
+        let row = rows.iter().find(|row| row.name == name).unwrap();
         close(row.hertz, hertz, 0.05);
         close(row.shares.iter().map(|(_, share)| share).sum(), 1.0, 1e-12);
     }
@@ -115,12 +115,9 @@ fn a_motion_followed_down_keeps_its_branch() {
     let x = crate::plot::Axis::new("load", "N m");
     let pointer = ("/train/load/output_torque_nm", &loads[..]);
     let (_, curves) = figures::apart(&context(), &plan.light, "by-load", x, pointer).unwrap();
-    let apart = |way: Way| {
-        let curve = curves.iter().find(|curve| curve.way == way).unwrap();
-        curve.measure("ring", |c| c.report.apart_fraction)
-    };
+    let apart = |branch: usize| along(&curves[branch], "ring", |c| c.report.apart_fraction);
     // From above, contact is kept well below the load at which it is first reached from below.
-    let (up, down) = (apart(Way::Up), apart(Way::Down));
+    let (up, down) = (apart(1), apart(2));
     let last = |values: &[f64]| values.iter().rposition(|v| *v > 0.0);
     assert!(last(&down) < last(&up), "{up:?} {down:?}");
 }

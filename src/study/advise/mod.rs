@@ -27,7 +27,7 @@ use serde_json::{Value, json};
 
 use ladder::{Ladder, Left, Planned, Rungs};
 use measure::{Moments, measure};
-use model::{Model, Step};
+use model::{FREEDOMS, Model, Step};
 use participation::{Group, groups};
 
 use super::{
@@ -279,7 +279,7 @@ impl Plan {
             Step::Carried(names.to_vec())
         } else {
             let all = self.groups.iter().flat_map(|group| &group.freedoms);
-            Step::Freedoms(json!(all.filter(|name| !names.contains(name)).collect::<Vec<_>>()))
+            Step::Set(FREEDOMS, json!(all.filter(|name| !names.contains(name)).collect::<Vec<_>>()))
         }
     }
 }
@@ -320,7 +320,7 @@ impl Trial<'_> {
                 own_start = Some(other);
             }
         }
-        let values = planned.steps.iter().filter_map(Step::values);
+        let values = planned.steps.iter().filter_map(Step::value);
         Ok(Rung {
             ladder: Some(planned.ladder),
             words: planned.words.clone(),

@@ -1,27 +1,23 @@
-//! The figures of a study, one file each.
+//! The figures of a study.
 //!
 //! Each takes scenes and numbers to vary, runs what it needs, and gives a figure with what was measured on the way.
 
-mod apart;
+mod curves;
 mod cycles;
 mod forces;
-mod harmonics;
 mod history;
 mod modes;
 #[cfg(test)]
 #[path = "../../../tests/unit/figures.rs"]
 mod tests;
-mod threshold;
 mod trajectories;
 mod waterfall;
 
-pub(super) use apart::{Way, apart, facts, fraction_title};
+pub(super) use curves::{along, apart, facts, fraction_title, harmonics, threshold};
 pub(super) use cycles::cycles;
 pub(super) use forces::forces;
-pub(super) use harmonics::harmonics;
 pub(super) use history::history;
-pub(super) use modes::{ModeRow, modes};
-pub(super) use threshold::threshold;
+pub(super) use modes::{ModeRow, listing, modes};
 pub(super) use trajectories::trajectories;
 pub(super) use waterfall::waterfall;
 
@@ -114,7 +110,8 @@ pub(super) fn load_pointer(scene: &Scene) -> Option<&'static str> {
     }
 }
 
-fn kind(scene: &Scene) -> &str {
+/// The kind of a scene's train.
+pub(super) fn kind(scene: &Scene) -> &str {
     scene.resolved()["train"]["kind"].as_str().unwrap_or_default()
 }
 

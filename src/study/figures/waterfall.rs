@@ -95,7 +95,7 @@ pub fn waterfall(
             })
         });
         let lines = natural.iter().filter(|mode| mode.hertz <= highest);
-        let lines = lines.map(|mode| Guide::Vertical { x: mode.hertz, name: mode.name() });
+        let lines = lines.map(|mode| Guide::Vertical { x: mode.hertz, name: mode.name.clone() });
         figure.panels.push(Panel {
             title: name.clone(),
             x: Axis::new("frequency", "Hz").between(0.0, highest),

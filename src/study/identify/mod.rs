@@ -37,7 +37,6 @@ mod uniqueness;
 pub use check::check;
 use fit::{Fit, Point};
 pub use question::{Parameter, Quantity, Target};
-pub use reading::ReadingError;
 pub use result::{Found, Identification, Met, Side, Solution};
 pub use uniqueness::{Direction, Move, Uniqueness};
 

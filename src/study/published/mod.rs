@@ -6,14 +6,10 @@ use serde_json::json;
 
 use super::{
     StudyError,
-    claims::{Claims, Comparison, Verdict, numbers},
+    claims::{Comparison, Verdict, numbers},
     identify::{Identification, Parameter, Target, identify},
 };
 use crate::scene::Scene;
-
-pub(super) fn claims() -> Result<Claims, StudyError> {
-    Claims::from_json(include_str!("claims.json"))
-}
 
 /// Reads one of the tables beside this file.
 pub(super) fn table<T: for<'de> Deserialize<'de>>(text: &str) -> Result<T, StudyError> {
