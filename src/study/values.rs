@@ -18,25 +18,6 @@ use super::{
 };
 use crate::{output::Table, scene::Scene, train::equilibrium};
 
-/// One number, twice.
-#[derive(Clone)]
-struct Checked {
-    quantity: String,
-    /// The other implementation's value.
-    expected: f64,
-    /// How far the two may lie apart.
-    tolerance: f64,
-    /// Flank's value.
-    found: f64,
-}
-
-impl Checked {
-    /// Whether the two lie within the tolerance.
-    fn holds(&self) -> bool {
-        (self.found - self.expected).abs() <= self.tolerance
-    }
-}
-
 /// One run and what is read from it.
 #[derive(Deserialize)]
 struct Run {
@@ -86,29 +67,27 @@ pub(super) fn values(context: &Context<'_>, plan: &Plan) -> Result<Table, StudyE
         let read = |(quantity, expected, tolerance, expression): &(String, f64, f64, String)| {
             let found = evaluate(expression, &facts).map_err(StudyError::Claim)?.as_f64();
             let found = found.ok_or_else(|| StudyError::Claim(format!("{expression} is no number")))?;
-            Ok(Checked { quantity: quantity.clone(), expected: *expected, tolerance: *tolerance, found })
+            let holds = (found - expected).abs() <= *tolerance;
+            let numbers = [*expected, *tolerance, (found * 1e5).round() / 1e5].map(short);
+            let verdict = if holds { "within" } else { "off" };
+            Ok((holds, [&[quantity.clone()], &numbers[..], &[verdict.to_owned()]].concat()))
         };
         run.rows.iter().map(read).collect::<Result<Vec<_>, StudyError>>()
     })?;
-    Ok(listing(&rows.concat()))
+    let (holds, cells): (Vec<bool>, Vec<Vec<String>>) = rows.into_iter().flatten().unzip();
+    let note = format!(
+        "{} numbers, {} off. Rows that are off belong to motions whose sun meshes never open in the end: which impact \
+         of a cold start was their last one hangs on the step of the other implementation, and with it their damping.",
+        holds.len(),
+        holds.iter().filter(|holds| !**holds).count()
+    );
+    let table = Table::new(["Quantity", "Expected", "Tolerance", "Flank", ""]).with(cells);
+    Ok(table.titled("Numbers beside an independent implementation", note))
 }
 
-fn listing(values: &[Checked]) -> Table {
-    let cells = |value: &Checked| {
-        let number = |v: f64| format!("{v:.6}").trim_end_matches('0').trim_end_matches('.').to_owned();
-        let verdict = if value.holds() { "within" } else { "off" };
-        let numbers = [value.expected, value.tolerance].map(number);
-        let found = number((value.found * 1e5).round() / 1e5);
-        [vec![value.quantity.clone()], numbers.to_vec(), vec![found, verdict.to_owned()]].concat()
-    };
-    let off = values.iter().filter(|value| !value.holds()).count();
-    let note = format!(
-        "{} numbers, {off} off. Rows that are off belong to motions whose sun meshes never open in the end: which impact \
-         of a cold start was their last one hangs on the step of the other implementation, and with it their damping.",
-        values.len()
-    );
-    let table = Table::new(["Quantity", "Expected", "Tolerance", "Flank", ""]).with(values.iter().map(cells));
-    table.titled("Numbers beside an independent implementation", note)
+/// A number to six decimals, without zeros at its end.
+fn short(number: f64) -> String {
+    format!("{number:.6}").trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 impl Measure {

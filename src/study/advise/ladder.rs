@@ -41,7 +41,8 @@ impl Ladder {
 /// A rung that can be tried.
 #[derive(Clone, Debug)]
 pub(super) struct Planned {
-    pub ladder: Ladder,
+    /// None of the scene itself.
+    pub ladder: Option<Ladder>,
     pub words: String,
     pub steps: Vec<Step>,
 }
@@ -93,7 +94,7 @@ impl Rungs {
     }
 
     fn add(&mut self, ladder: Ladder, words: impl Into<String>, steps: Vec<Step>) {
-        self.planned.push(Planned { ladder, words: words.into(), steps });
+        self.planned.push(Planned { ladder: Some(ladder), words: words.into(), steps });
     }
 
     fn leave(&mut self, words: &str, why: impl Into<String>) {

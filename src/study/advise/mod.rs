@@ -73,6 +73,14 @@ pub struct Rung {
 }
 
 impl Rung {
+    /// A model that changes nothing yet.
+    fn new(planned: Planned, model: Model, motion: Motion) -> Self {
+        let Planned { ladder, words, steps } = planned;
+        let set = steps.iter().filter_map(Step::value).map(|(pointer, value)| (pointer.to_owned(), value)).collect();
+        let (changes, verdict, own_start) = (Vec::new(), Verdict::Enough, None);
+        Self { ladder, words, set, motion, changes, verdict, own_start, model, steps }
+    }
+
     /// Runs `cycles` forcing cycles of the steady motion and keeps nothing: for a clock.
     pub fn advance(&self, cycles: u64) -> Result<(), StudyError> {
         let simulation = &self.model.simulation;
@@ -194,17 +202,7 @@ impl Plan {
         let mut moments = Moments::new(spec.freedoms.len());
         let motion = measure(context, &model, None, Some(&mut moments))?;
         context.task.advance();
-        let full = Rung {
-            ladder: None,
-            words: "the scene".to_owned(),
-            set: BTreeMap::new(),
-            motion,
-            changes: Vec::new(),
-            verdict: Verdict::Enough,
-            own_start: None,
-            model,
-            steps: Vec::new(),
-        };
+        let full = Rung::new(Planned { ladder: None, words: "the scene".to_owned(), steps: Vec::new() }, model, motion);
         let covariance = moments.covariance();
         let shares = participation::motion_shares(&spec, &covariance, &self.groups);
         let mut left = self.left.clone();
@@ -263,7 +261,7 @@ impl Plan {
         order.truncate(GROUPS);
         order.sort_unstable();
         let planned = |i: usize| Planned {
-            ladder: Ladder::Freedoms,
+            ladder: Some(Ladder::Freedoms),
             words: format!("without {}", self.groups[i].words),
             steps: vec![self.dropped(&self.groups[i].freedoms)],
         };
@@ -320,18 +318,7 @@ impl Trial<'_> {
                 own_start = Some(other);
             }
         }
-        let values = planned.steps.iter().filter_map(Step::value);
-        Ok(Rung {
-            ladder: Some(planned.ladder),
-            words: planned.words.clone(),
-            set: values.map(|(pointer, value)| (pointer.to_owned(), value)).collect(),
-            motion,
-            changes,
-            verdict,
-            own_start,
-            model,
-            steps: planned.steps.clone(),
-        })
+        Ok(Rung { changes, verdict, own_start, ..Rung::new(planned.clone(), model, motion) })
     }
 }
 
@@ -359,5 +346,5 @@ fn together(rungs: &[Rung], parts: &[Part], dropped: impl Fn(&[String]) -> Step)
         steps.push(dropped(&names));
         words.extend(held.iter().map(|part| format!("without {}", part.group.words)));
     }
-    (words.len() > 1).then(|| Planned { ladder: Ladder::Freedoms, words: words.join(", "), steps })
+    (words.len() > 1).then(|| Planned { ladder: Some(Ladder::Freedoms), words: words.join(", "), steps })
 }

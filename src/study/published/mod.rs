@@ -9,7 +9,7 @@ use super::{
     claims::{Comparison, Verdict, numbers},
     identify::{Identification, Parameter, Target, identify},
 };
-use crate::scene::Scene;
+use crate::{scene::Scene, task::Task};
 
 /// Reads one of the tables beside this file.
 pub(super) fn table<T: for<'de> Deserialize<'de>>(text: &str) -> Result<T, StudyError> {
@@ -40,7 +40,7 @@ impl Question {
         let parameters =
             self.vary.iter().map(|(_, number)| number.parse::<Parameter>()).collect::<Result<Vec<_>, _>>()?;
         let targets = self.targets.iter().map(|target| target.parse::<Target>()).collect::<Result<Vec<_>, _>>()?;
-        Ok(identify(&scene, &parameters, &targets)?)
+        identify(&scene, &parameters, &targets, Task::default())
     }
 }
 
