@@ -11,15 +11,10 @@ use super::{
     published::table,
     threshold::{Search, locate},
 };
-use crate::{output::Table, scene::Scene};
-
-/// A change of a scene, in words and as values at JSON pointers.
-pub struct Change {
-    /// What is changed.
-    pub words: String,
-    /// The new values.
-    pub values: Vec<(String, Value)>,
-}
+use crate::{
+    output::Table,
+    scene::{Scene, SceneError},
+};
 
 /// What a change did to the motion of the last mesh family.
 pub struct Effect {
@@ -40,7 +35,7 @@ const SPEEDS: [f64; 3] = [50.0, 500.0, 2000.0];
 /// which goes for all that follow.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Row {
+pub struct Change {
     words: String,
     #[serde(default)]
     set: Map<String, Value>,
@@ -48,6 +43,15 @@ struct Row {
     times: BTreeMap<String, f64>,
     #[serde(default)]
     harmonics: BTreeMap<String, Vec<f64>>,
+}
+
+impl Change {
+    fn of(&self, scene: &Scene) -> Result<Scene, SceneError> {
+        let times = self.times.iter().map(|(at, factor)| (at.as_str(), json!(factor * number(scene, at))));
+        let harmonics = self.harmonics.iter().map(|(at, factors)| (at.as_str(), scaled(scene, at, factors)));
+        let set = self.set.iter().map(|(at, value)| (at.as_str(), value.clone()));
+        scene.with_all(times.chain(harmonics).chain(set))
+    }
 }
 
 fn scaled(scene: &Scene, pointer: &str, factors: &[f64]) -> Value {
@@ -60,15 +64,8 @@ fn scaled(scene: &Scene, pointer: &str, factors: &[f64]) -> Value {
 }
 
 /// The changes of the reference set under light load.
-pub fn changes(scene: &Scene) -> Result<Vec<Change>, StudyError> {
-    let rows: Vec<Row> = table(include_str!("published/changes.json"))?;
-    let change = |row: Row| {
-        let times = row.times.into_iter().map(|(at, factor)| (json!(factor * number(scene, &at)), at));
-        let harmonics = row.harmonics.into_iter().map(|(at, factors)| (scaled(scene, &at, &factors), at));
-        let values = times.chain(harmonics).map(|(value, at)| (at, value)).chain(row.set);
-        Change { words: row.words, values: values.collect() }
-    };
-    Ok(rows.into_iter().map(change).collect())
+pub fn changes() -> Result<Vec<Change>, StudyError> {
+    table(include_str!("published/changes.json"))
 }
 
 /// Time apart, threshold and largest force of the meshes `stem` under each change, all from cold starts.
@@ -80,7 +77,7 @@ pub fn effects(
     search: &Search,
 ) -> Result<Vec<Effect>, StudyError> {
     context.each(changes, |change| {
-        let changed = scene.with_all(change.values.iter().map(|(pointer, value)| (pointer.as_str(), value.clone())))?;
+        let changed = change.of(scene)?;
         let mut apart = Vec::new();
         let mut largest = 0.0;
         for rpm in SPEEDS {

@@ -151,7 +151,7 @@ impl Plan {
             Kind::Forces | Kind::History => 1,
             Kind::Modes | Kind::Identification => 1,
             Kind::Values => 160,
-            Kind::Changes => 18 * changes(&self.light).map_or(0, |changes| changes.len()),
+            Kind::Changes => 18 * changes().map_or(0, |changes| changes.len()),
             Kind::Waterfall => self.waterfall_speeds().len(),
             Kind::Harmonics => self.heavy_speeds.len(),
             Kind::Cycles => self.shown_loads.len(),
@@ -236,7 +236,7 @@ impl Plan {
             }
             Kind::Changes => {
                 self.only_reference("a list of changes to try; see flank sweep")?;
-                let tried = changes(&self.light)?;
+                let tried = changes()?;
                 let effects = effects(context, &self.light, &self.last_family()?, &tried, &self.search())?;
                 let listing = Some(changes::listing(&effects));
                 Entry { listing, ..entry(None, &self.light, "numbers varied", Value::Null)? }

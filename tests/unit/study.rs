@@ -150,7 +150,7 @@ fn changes_do_what_they_did_in_the_prototype() {
         ("sun shaft damping x 0.75", 0.350, 0.242, 113.0),
         ("sun shaft damping x 1.25", 0.349, 0.264, 127.0),
     ];
-    let all = changes(&plan.light).unwrap();
+    let all = changes().unwrap();
     assert_eq!(all.len(), table.len() + 2);
     // Two loads, no bisection: thresholds are not asked for.
     let search = Search { range: [0.0, 60.0], scan: 2, resolution: 60.0 };

@@ -16,9 +16,8 @@ mod simplify;
 mod tests;
 mod verdict;
 
-pub use measure::{Estimate, Mesh, Motion};
-pub use participation::Mode;
-pub use verdict::{Change, Verdict};
+pub use measure::Motion;
+pub use verdict::Verdict;
 
 use std::collections::BTreeMap;
 
@@ -28,7 +27,8 @@ use serde_json::{Value, json};
 use ladder::{Ladder, Left, Planned, Rungs};
 use measure::{Moments, measure};
 use model::{FREEDOMS, Model, Step};
-use participation::{Group, groups};
+use participation::{Group, Mode, groups};
+use verdict::Change;
 
 use super::{
     StudyError,
@@ -94,6 +94,10 @@ impl Rung {
         self.motion.freedoms as f64 * self.motion.work.steps
     }
 
+    fn is_enough(&self) -> bool {
+        self.verdict == Verdict::Enough
+    }
+
     /// The train that was run.
     #[must_use]
     pub fn spec(&self) -> &crate::system::Spec {
@@ -147,7 +151,7 @@ pub struct Advice {
     pub rungs: Vec<Rung>,
     /// Freedoms by groups.
     pub parts: Vec<Part>,
-    /// Families of contacts, as [`Mode::meshes`] counts them.
+    /// Families of contacts, as the modes count them.
     pub families: Vec<String>,
     /// Natural modes; empty if `left` says why.
     pub modes: Vec<Mode>,
@@ -160,17 +164,20 @@ pub struct Advice {
 impl Advice {
     /// All measured models: the scene, its rungs, its freedoms held group by group, all steps together.
     pub fn models(&self) -> impl Iterator<Item = &Rung> {
-        let dropped = self.parts.iter().filter_map(|part| part.dropped.as_ref());
-        std::iter::once(&self.full).chain(&self.rungs).chain(dropped).chain(&self.together)
+        std::iter::once(&self.full).chain(&self.rungs).chain(self.dropped()).chain(&self.together)
+    }
+
+    /// The models that hold one group of freedoms.
+    fn dropped(&self) -> impl Iterator<Item = &Rung> {
+        self.parts.iter().filter_map(|part| part.dropped.as_ref())
     }
 
     /// The least model found to be enough: all steps together, or the one that takes the least work.
     #[must_use]
     pub fn least(&self) -> Option<&Rung> {
-        let enough = |rung: &&Rung| rung.verdict == Verdict::Enough;
-        let dropped = self.parts.iter().filter_map(|part| part.dropped.as_ref());
-        let single = || self.rungs.iter().chain(dropped).filter(enough).min_by(|a, b| a.work().total_cmp(&b.work()));
-        self.together.as_ref().filter(enough).or_else(single)
+        let single = || self.rungs.iter().chain(self.dropped()).filter(|rung| rung.is_enough());
+        let least = || single().min_by(|a, b| a.work().total_cmp(&b.work()));
+        self.together.as_ref().filter(|rung| rung.is_enough()).or_else(least)
     }
 }
 
@@ -325,17 +332,17 @@ impl Trial<'_> {
 /// What is enough by itself, taken together: of each ladder the lowest rung above which all are enough (every one of the
 /// law), and if no rung of the freedoms is, the groups that can be held. None if that is nothing, or a rung already.
 fn together(rungs: &[Rung], parts: &[Part], dropped: impl Fn(&[String]) -> Step) -> Option<Planned> {
+    let on = |ladder: Ladder| rungs.iter().filter(move |rung| rung.ladder == Some(ladder));
+    let lowest = |ladder: Ladder| on(ladder).take_while(|rung| rung.is_enough()).last();
     let mut chosen: Vec<&Rung> = Vec::new();
     for ladder in Ladder::ALL.into_iter().filter(|ladder| *ladder != Ladder::Freedoms) {
-        let own = rungs.iter().filter(|rung| rung.ladder == Some(ladder));
         match ladder {
-            Ladder::Law => chosen.extend(own.filter(|rung| rung.verdict == Verdict::Enough)),
-            _ => chosen.extend(own.take_while(|rung| rung.verdict == Verdict::Enough).last()),
+            Ladder::Law => chosen.extend(on(ladder).filter(|rung| rung.is_enough())),
+            _ => chosen.extend(lowest(ladder)),
         }
     }
-    let freedoms = rungs.iter().filter(|rung| rung.ladder == Some(Ladder::Freedoms));
-    let freedoms = freedoms.take_while(|rung| rung.verdict == Verdict::Enough).last();
-    let needless = |part: &&Part| part.dropped.as_ref().is_some_and(|rung| rung.verdict == Verdict::Enough);
+    let freedoms = lowest(Ladder::Freedoms);
+    let needless = |part: &&Part| part.dropped.as_ref().is_some_and(Rung::is_enough);
     let held: Vec<&Part> = parts.iter().filter(|_| freedoms.is_none()).filter(needless).collect();
     // Last, as they change what freedoms there are.
     chosen.extend(freedoms);

@@ -2,24 +2,20 @@
 //!
 //! Each takes scenes and numbers to vary, runs what it needs, and gives a figure with what was measured on the way.
 
+mod centres;
 mod curves;
 mod cycles;
-mod forces;
-mod history;
 mod modes;
+mod spectra;
 #[cfg(test)]
 #[path = "../../../tests/unit/figures.rs"]
 mod tests;
-mod trajectories;
-mod waterfall;
 
+pub(super) use centres::{history, trajectories};
 pub(super) use curves::{along, apart, facts, fraction_title, harmonics, threshold};
 pub(super) use cycles::cycles;
-pub(super) use forces::forces;
-pub(super) use history::history;
 pub(super) use modes::{ModeRow, listing, modes};
-pub(super) use trajectories::trajectories;
-pub(super) use waterfall::waterfall;
+pub(super) use spectra::{forces, waterfall};
 
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
@@ -29,7 +25,13 @@ use super::{
     record::{Recording, record},
     steady::{Rule, Seed, Steady, settled, steady},
 };
-use crate::{analysis::Settled, hybrid::ContactView, scene::Scene, simulation::Simulation, task::Task};
+use crate::{
+    analysis::{Settled, Spectrum},
+    hybrid::ContactView,
+    scene::Scene,
+    simulation::Simulation,
+    task::Task,
+};
 
 /// What every figure needs besides its scene.
 #[derive(Clone, Copy)]
@@ -161,6 +163,12 @@ pub(super) fn firsts<'n>(families: impl Iterator<Item = &'n str>) -> Vec<(usize,
         }
     }
     found
+}
+
+/// Frequencies and amplitudes of a spectrum up to `highest`, without its mean.
+fn lines(spectrum: &Spectrum, highest: f64) -> Vec<(f64, f64)> {
+    let lines = spectrum.frequencies().into_iter().zip(spectrum.amplitude.iter().copied()).skip(1);
+    lines.take_while(|(frequency, _)| *frequency <= highest).collect()
 }
 
 /// Local maxima of values that go round.

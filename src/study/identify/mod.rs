@@ -38,8 +38,8 @@ mod uniqueness;
 pub use check::check;
 use fit::{Fit, Point};
 pub use question::{Parameter, Quantity, Target};
-pub use result::{Found, Identification, Met, Side, Solution};
-pub use uniqueness::{Direction, Move, Uniqueness};
+pub use result::{Found, Identification, Side};
+pub use uniqueness::Uniqueness;
 
 use super::StudyError;
 use crate::{

@@ -7,11 +7,11 @@ use nalgebra::DMatrix;
 use super::{Quantity, Target};
 use crate::{
     gear::contact::Law,
-    linalg::{EigenError, Modes, natural_modes},
+    linalg::{Modes, natural_modes},
     system::{ContactSpec, Spec},
     train::{
         Equilibrium, TrainError, bonded_stiffness, equilibrium,
-        planetary::{FamilyError, FamilyModes, families},
+        planetary::{FamilyModes, families},
         tangent_stiffness,
     },
 };
@@ -23,31 +23,9 @@ pub(super) struct Unreadable {
     pub remedy: &'static str,
 }
 
-/// The train has no static equilibrium.
-impl From<TrainError> for Unreadable {
-    fn from(error: TrainError) -> Self {
-        let remedy = match error {
-            TrainError::Value { .. } => {
-                "rigid contacts have no stiffness: give them a linear law, or a power law under load"
-            }
-            _ => "hold every free motion that is loaded, and load every power-law contact",
-        };
-        Self { found: error.to_string(), remedy }
-    }
-}
-
-/// The train has no natural modes.
-impl From<EigenError> for Unreadable {
-    fn from(error: EigenError) -> Self {
-        Self { found: error.to_string(), remedy: "check masses and supports with `flank check`" }
-    }
-}
-
-/// The modes of the train fall into no families.
-impl From<FamilyError> for Unreadable {
-    fn from(error: FamilyError) -> Self {
-        let remedy = "name modes by number, mode:N, or write frequency=VALUE for the nearest";
-        Self { found: error.to_string(), remedy }
+impl Unreadable {
+    fn new(found: impl ToString, remedy: &'static str) -> Self {
+        Self { found: found.to_string(), remedy }
     }
 }
 
@@ -89,7 +67,7 @@ impl<'a> Train<'a> {
                 let Some(j) = self.spec.contacts.iter().position(|contact| contact.name == *name) else {
                     let known: Vec<&str> = self.spec.contacts.iter().map(|contact| contact.name.as_str()).collect();
                     let found = format!("the train has no contact of this name, but {}", known.join(", "));
-                    return Err(Unreadable { found, remedy: "choose one of these" });
+                    return Err(Unreadable::new(found, "choose one of these"));
                 };
                 Ok(plain(self.statics()?.forces[j]))
             }
@@ -115,7 +93,7 @@ impl<'a> Train<'a> {
     }
 
     fn statics(&self) -> Result<&Equilibrium, Unreadable> {
-        self.statics.get_or_init(|| Ok(equilibrium(self.spec)?)).as_ref().map_err(Clone::clone)
+        self.statics.get_or_init(|| equilibrium(self.spec).map_err(unbalanced)).as_ref().map_err(Clone::clone)
     }
 
     /// `K` with every contact closed, N/m: linear contacts at their mean stiffness, power laws at their tangent.
@@ -127,13 +105,12 @@ impl<'a> Train<'a> {
             let tangents = tangent_stiffness(self.spec, self.statics()?);
             match tangents.iter().position(|k| !k.is_finite() || *k <= 0.0) {
                 // A power-law contact that no load presses on has no stiffness.
-                Some(j) => Err(Unreadable {
-                    found: format!(
-                        "contact {} carries no static load: its power law has no tangent stiffness there",
-                        self.spec.contacts[j].name
-                    ),
-                    remedy: "give the train a load, or its contacts a linear law",
-                }),
+                Some(j) => {
+                    let name = &self.spec.contacts[j].name;
+                    let found =
+                        format!("contact {name} carries no static load: its power law has no tangent stiffness there");
+                    Err(Unreadable::new(found, "give the train a load, or its contacts a linear law"))
+                }
                 None => Ok(bonded_stiffness(self.spec, Some(&tangents))),
             }
         };
@@ -141,12 +118,14 @@ impl<'a> Train<'a> {
     }
 
     fn modes(&self) -> Result<&Modes, Unreadable> {
-        let solve = || Ok(natural_modes(self.stiffness()?, &self.spec.mass)?);
+        let unstable = |error| Unreadable::new(error, "check masses and supports with `flank check`");
+        let solve = || natural_modes(self.stiffness()?, &self.spec.mass).map_err(unstable);
         self.modes.get_or_init(solve).as_ref().map_err(Clone::clone)
     }
 
     fn families(&self) -> Result<&Vec<FamilyModes>, Unreadable> {
-        let solve = || Ok(families(self.spec, self.stiffness()?)?);
+        let remedy = "name modes by number, mode:N, or write frequency=VALUE for the nearest";
+        let solve = || families(self.spec, self.stiffness()?).map_err(|error| Unreadable::new(error, remedy));
         self.families.get_or_init(solve).as_ref().map_err(Clone::clone)
     }
 }
@@ -163,5 +142,15 @@ fn nth(values: &[f64], number: usize, what: &str) -> Result<f64, Unreadable> {
 
 fn count(what: &str, count: usize) -> Unreadable {
     let found = format!("the train has {count} {what} frequencies");
-    Unreadable { found, remedy: "choose a smaller number, or another family" }
+    Unreadable::new(found, "choose a smaller number, or another family")
+}
+
+fn unbalanced(error: TrainError) -> Unreadable {
+    let remedy = match error {
+        TrainError::Value { .. } => {
+            "rigid contacts have no stiffness: give them a linear law, or a power law under load"
+        }
+        _ => "hold every free motion that is loaded, and load every power-law contact",
+    };
+    Unreadable::new(error, remedy)
 }
