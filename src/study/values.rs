@@ -70,7 +70,10 @@ pub(super) fn values(context: &Context<'_>, plan: &Plan) -> Result<Table, StudyE
             let holds = (found - expected).abs() <= *tolerance;
             let numbers = [*expected, *tolerance, (found * 1e5).round() / 1e5].map(short);
             let verdict = if holds { "within" } else { "off" };
-            Ok((holds, [&[quantity.clone()], &numbers[..], &[verdict.to_owned()]].concat()))
+            let mut cells = vec![quantity.clone()];
+            cells.extend(numbers);
+            cells.push(verdict.to_owned());
+            Ok((holds, cells))
         };
         run.rows.iter().map(read).collect::<Result<Vec<_>, StudyError>>()
     })?;
