@@ -6,9 +6,13 @@
 #![allow(clippy::unwrap_used)]
 
 use flank::{
+    Task,
     gear::contact::Ratio,
     scene::Scene,
-    study::identify::{Identification, IdentifyError, Parameter, Quantity, Side, Target, identify},
+    study::{
+        StudyError,
+        identify::{Identification, IdentifyError, Parameter, Quantity, Side, Target, identify},
+    },
     system::bonded_stiffness,
     train::planetary::{Family, families},
 };
@@ -40,7 +44,7 @@ fn targets(texts: &[&str]) -> Vec<Target> {
 }
 
 fn solve(scene: &Scene, parameters: &[Parameter], texts: &[&str]) -> Identification {
-    identify(scene, parameters, &targets(texts)).unwrap_or_else(|error| panic!("{error}"))
+    identify(scene, parameters, &targets(texts), Task::default()).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Every target met as far as rounding goes: natural frequencies of stiff stages carry some 1e-12.
@@ -248,7 +252,7 @@ fn known_stiffnesses_come_back() {
     };
     let targets = [of(Family::Rotational), of(Family::Translational)].concat();
     let parameters = known.map(|(pointer, _)| vary(&[pointer], [1e7, 1e10]));
-    let found = identify(&published, &parameters, &targets).unwrap();
+    let found = identify(&published, &parameters, &targets, Task::default()).unwrap();
     let least = *found.uniqueness.singular_values.last().unwrap();
     assert!(found.uniqueness.is_unique() && found.uniqueness.weak.is_empty() && least > 1.0);
     for (p, (pointer, value)) in found.parameters.iter().zip(known) {
@@ -286,12 +290,12 @@ fn power_laws_are_taken_at_their_tangent() {
     let omega = (n * k.powf(n.recip()) * load.powf(1.0 - n.recip()) / 2.0).sqrt();
     let target = Target::new(Quantity::Mode(1), omega / std::f64::consts::TAU);
     let stiffness = [vary(&["/train/contact_stiffness"], [1e8, 1e10])];
-    let found = identify(&wall(load), &stiffness, std::slice::from_ref(&target)).unwrap();
+    let found = identify(&wall(load), &stiffness, std::slice::from_ref(&target), Task::default()).unwrap();
     assert!((found.parameters[0].found / k - 1.0).abs() < 1e-8, "{found:?}");
     assert_eq!(found.tangent_contacts.len(), 1);
     // ω goes with K^{1/2n}.
     assert!((found.sensitivity[0][0].unwrap() - 1.0 / 3.0).abs() < 1e-6);
-    let error = identify(&wall(0.0), &stiffness, &[target]).unwrap_err();
+    let error = identify(&wall(0.0), &stiffness, &[target], Task::default()).unwrap_err();
     assert!(error.to_string().contains("give the train a load"), "{error}");
 }
 
@@ -301,8 +305,8 @@ fn rigid_contacts_have_no_frequencies() {
         "wall": { "side": "above", "position_m": 0 }, "law": { "kind": "rigid", "restitution": 0.8 } },
         "run": { "t_end_s": 1 } }"#;
     let scene = Scene::from_json(text, "ball").unwrap();
-    let error =
-        identify(&scene, &[vary(&["/train/stiffness_n_per_m"], [1.0, 100.0])], &targets(&["mode:1=3"])).unwrap_err();
+    let stiffness = vary(&["/train/stiffness_n_per_m"], [1.0, 100.0]);
+    let error = identify(&scene, &[stiffness], &targets(&["mode:1=3"]), Task::default()).unwrap_err();
     assert!(error.to_string().contains("give them a linear law"), "{error}");
 }
 
@@ -319,7 +323,8 @@ fn everything_wrong_with_a_question_is_said_at_once() {
         vary(&[RING, RING], [1e8, 1e9]),
     ];
     let wanted = targets(&["rotational:9=1046", "planet:1=300", "force:sun-planet 4=774"]);
-    let IdentifyError { faults } = identify(&scene, &parameters, &wanted).unwrap_err();
+    let error = identify(&scene, &parameters, &wanted, Task::default()).unwrap_err();
+    let StudyError::Identify(IdentifyError { faults }) = error else { panic!("{error}") };
     let places = parameters.iter().map(ToString::to_string).chain(wanted.iter().map(ToString::to_string));
     assert_eq!(faults.iter().map(|fault| fault.pointer.clone()).collect::<Vec<_>>(), places.collect::<Vec<_>>());
     assert!(faults.iter().all(|fault| !fault.remedy.is_empty()), "{faults:?}");

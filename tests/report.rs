@@ -14,7 +14,7 @@ use std::{
 use flank::{
     Task,
     plot::{Cell, Figure, Item, Panel, Report, Section, Series, Table, Verdict},
-    study::{Kind, figures::Context, page::Contents, plan::Plan, steady::Rule},
+    study::{Context, Kind, page::Contents, plan::Plan, steady::Rule},
 };
 use serde_json::Value;
 

@@ -13,14 +13,10 @@ use flank::{
     Task,
     plot::Figure,
     study::{
-        Kind,
-        changes::{changes, effects},
+        Context, Kind,
         claims::{Comparison, Verdict},
-        figures::{self, Context, Way},
         plan::Plan,
-        published,
         steady::Rule,
-        threshold::{Search, Threshold, locate},
     },
 };
 use serde_json::Value;
@@ -99,23 +95,6 @@ fn independent_values() {
 }
 
 #[test]
-fn the_threshold_is_located_in_the_load() {
-    let plan = Plan::reference().unwrap();
-    let search = Search { range: [0.0, 40.0], scan: 9, resolution: 0.01 };
-    let found = locate(&context(), &plan.light, "/train/load/output_torque_nm", "ring", &search).unwrap();
-    let Threshold::Located { below, above, clearance_below, clearance_above } = found else { panic!("{found:?}") };
-    // Separations vanish between 20.5 and 20.8 N m, whichever way the search goes.
-    assert!(20.5 <= below && above <= 20.8 && above - below <= 0.01, "{found:?}");
-    // They do not shrink to nothing: the motion that separates ends.
-    assert!(clearance_below < -1e-7 && clearance_above >= 0.0, "{found:?}");
-    // Nothing to locate where everything separates, or nothing does.
-    let at =
-        |range| locate(&context(), &plan.light, "/train/load/output_torque_nm", "ring", &Search { range, ..search });
-    assert_eq!(at([0.0, 10.0]).unwrap(), Threshold::Beyond { value: 10.0 });
-    assert_eq!(at([30.0, 40.0]).unwrap(), Threshold::None);
-}
-
-#[test]
 fn published_points_lie_in_the_panel_they_belong_to() {
     for kind in [Kind::ApartVsLoad, Kind::ApartVsSpeed] {
         let figure = small().make(kind, &context()).unwrap().figure.unwrap();
@@ -123,134 +102,6 @@ fn published_points_lie_in_the_panel_they_belong_to() {
             let published = panel.series.iter().any(|series| series.name == "published");
             assert_eq!(published, panel.title == "ring-planet: time without force", "{}", panel.title);
         }
-    }
-}
-
-#[test]
-fn modes_of_the_reference_set() {
-    let plan = Plan::reference().unwrap();
-    let full = plan.heavy.with("/train/freedoms", Value::from("full")).unwrap();
-    let (figure, rows) = figures::modes(&full, 3000.0).unwrap();
-    check(&figure);
-    for (name, hertz) in [
-        ("T1", 431.39),
-        ("R1", 434.01),
-        ("R2", 869.05),
-        ("T2", 882.63),
-        ("R3", 1060.39),
-        ("T3", 1785.12),
-        ("R4", 2974.95),
-        ("R5", 4460.28),
-        ("R6", 5504.81),
-        ("T4", 4123.48),
-        ("T5", 4215.57),
-    ] {
-        let row = rows.iter().find(|row| row.name() == name).unwrap();
-        close(row.hertz, hertz, 0.05);
-        close(row.shares.iter().map(|(_, share)| share).sum(), 1.0, 1e-12);
-    }
-    assert_eq!(rows.len(), 11);
-    assert_eq!(figure.panels.len(), 7);
-}
-
-#[test]
-fn paths_at_a_hundred_revolutions() {
-    let plan = Plan::reference().unwrap();
-    let (figure, found) = figures::trajectories(&context(), &plan.floating, ("/train/speed_rpm", &[100.0])).unwrap();
-    check(&figure);
-    let [sun, ring] = &found[..] else { panic!("two centres") };
-    assert_eq!((sun.period, sun.leaves), (Some(1), Some(288)));
-    // Printed to 0.1 µm and 0.001 µm.
-    close(1e6 * sun.range, 4.7, 0.05);
-    close(1e6 * ring.range, 0.010, 0.0005);
-    assert!(sun.residual < 1e-6 && sun.off_harmonics < 1e-6, "{sun:?}");
-    assert!(figure.panels.iter().all(|panel| panel.equal_scales));
-}
-
-#[test]
-fn cycles_at_rest_and_under_load() {
-    let plan = Plan::reference().unwrap();
-    let (figure, found) = figures::cycles(&context(), &plan.light, &[0.0, 21.0]).unwrap();
-    check(&figure);
-    assert_eq!((found[0].peaks, found[1].peaks), (2, 2));
-    for (h, wanted) in [18.4, 37.5, 10.3].into_iter().enumerate() {
-        close(found[0].harmonics[h], wanted, 0.06);
-    }
-    close(found[0].apart, 0.2541, 0.002);
-    assert_eq!(found[0].together, 0.0);
-    // Two events a period, at exact times: marks and the ends of bands are the same numbers.
-    let upper = &figure.panels[0];
-    assert_eq!(upper.bands.len(), 3);
-    let marks = upper.series.iter().find(|series| series.name.starts_with("events")).unwrap();
-    let ends: Vec<f64> = upper.bands.iter().flat_map(|band| band.x).collect();
-    assert_eq!(marks.x, ends);
-    // Both meshes of a planet apart at once: at slow speeds only.
-    let slow = plan.light.with("/train/speed_rpm", Value::from(50.0)).unwrap();
-    close(figures::cycles(&context(), &slow, &[0.0]).unwrap().1[0].together, 0.243, 0.002);
-}
-
-#[test]
-fn a_motion_followed_down_keeps_its_branch() {
-    let plan = Plan::reference().unwrap();
-    let loads: Vec<f64> = (0..8).map(|i| 16.0 + f64::from(i)).collect();
-    let x = flank::plot::Axis::new("load", "N m");
-    let pointer = ("/train/load/output_torque_nm", &loads[..]);
-    let (_, curves) = figures::apart(&context(), &plan.light, "by-load", x, pointer).unwrap();
-    let apart = |way: Way| {
-        let curve = curves.iter().find(|curve| curve.way == way).unwrap();
-        curve.measure("ring", |c| c.report.apart_fraction)
-    };
-    // From above, contact is kept well below the load at which it is first reached from below.
-    let (up, down) = (apart(Way::Up), apart(Way::Down));
-    let last = |values: &[f64]| values.iter().rposition(|v| *v > 0.0);
-    assert!(last(&down) < last(&up), "{up:?} {down:?}");
-}
-
-/// One change at a time, against the prototype's table, printed to 0.001 (0.01 without drag) and 1 N. Its thresholds are no
-/// numbers to hold others to: which impact of a cold start is the last one hangs on its step.
-#[test]
-fn changes_do_what_they_did_in_the_prototype() {
-    let plan = Plan::reference().unwrap();
-    // Apart at 50 and 500 rev/min, largest force N.
-    let table = [
-        ("base", 0.349, 0.253, 120.0),
-        ("errors x 0.75", 0.328, 0.200, 87.0),
-        ("errors x 1.25", 0.362, 0.284, 151.0),
-        ("second harmonics x 0.75", 0.361, 0.218, 94.0),
-        ("second harmonics x 1.25", 0.340, 0.276, 144.0),
-        ("no second harmonics", 0.408, 0.0, 48.0),
-        ("errors of the sun meshes x 0.75", 0.340, 0.230, 106.0),
-        ("errors of the sun meshes x 1.25", 0.355, 0.273, 134.0),
-        ("drag per speed x 0.75", 0.359, 0.286, 114.0),
-        ("drag per speed x 1.25", 0.340, 0.223, 122.0),
-        ("no drag per speed", 0.389, 0.78, 68.0),
-        ("no drag", 0.416, 0.79, 65.0),
-        ("restitution 0.3", 0.348, 0.251, 115.0),
-        ("restitution 0.95", 0.351, 0.258, 130.0),
-        ("sun shaft 1.8e7 N/m", 0.334, 0.190, 98.0),
-        ("sun shaft 3e7 N/m", 0.358, 0.286, 133.0),
-        ("carrier shaft 2.5e8 N/m", 0.335, 0.143, 84.0),
-        ("carrier shaft 1e9 N/m", 0.356, 0.379, 112.0),
-        ("sun shaft damping x 0.75", 0.350, 0.242, 113.0),
-        ("sun shaft damping x 1.25", 0.349, 0.264, 127.0),
-    ];
-    let all = changes(&plan.light).unwrap();
-    assert_eq!(all.len(), table.len() + 2);
-    // Two loads, no bisection: thresholds are not asked for.
-    let search = Search { range: [0.0, 60.0], scan: 2, resolution: 60.0 };
-    let found = effects(&context(), &plan.light, "ring", &all, &search).unwrap();
-    let effect = |words: &str| found.iter().find(|effect| effect.words == words).unwrap();
-    for (words, slow, middle, force) in table {
-        // The tolerance of all fractions of this set.
-        close(effect(words).apart[0], slow, 0.002);
-        close(effect(words).apart[1], middle, 0.002);
-        close(effect(words).largest, force, 1.0);
-    }
-    // Damping of the supports: ±0.001 in the fractions, ±1 N.
-    for words in ["support damping x 0.75", "support damping x 1.25"] {
-        close(effect(words).apart[0], effect("base").apart[0], 0.001);
-        close(effect(words).apart[1], effect("base").apart[1], 0.0015);
-        close(effect(words).largest, effect("base").largest, 1.0);
     }
 }
 
@@ -283,7 +134,7 @@ fn verdicts_do_not_flatter() {
 
 #[test]
 fn identified_numbers_come_out_again() {
-    let rows = published::identified().unwrap();
+    let rows = Plan::reference().unwrap().make(Kind::Identification, &context()).unwrap().comparisons;
     for row in rows.iter().filter(|row| row.quantity.contains("exact-frequencies")) {
         // All five printed digits.
         let number = |text: &str| text.trim_end_matches(" N/m").parse::<f64>().unwrap();

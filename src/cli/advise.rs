@@ -7,9 +7,8 @@ use flank::{
     accuracy::median,
     plot::{REPORT, figure_files, write_figure},
     study::{
-        StudyError,
-        advise::{Advice, Plan, Rung, figures},
-        figures::Context,
+        Context, StudyError,
+        advise::{Advice, Plan, Rung},
         steady::Rule,
     },
 };
@@ -87,7 +86,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 
     if let Some(request) = &request {
         let mut folder = request.open()?;
-        for figure in [figures::rungs(&advice), figures::freedoms(&advice)].into_iter().flatten() {
+        for figure in advice.figures() {
             write_figure(&mut folder, &figure)?;
         }
         folder.bytes(TABLE, advice.csv().as_bytes())?;

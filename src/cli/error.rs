@@ -7,7 +7,7 @@ use flank::{
     output::{Fault, OutputError},
     scene::SceneError,
     simulation::SimulationError,
-    study::{StudyError, identify::IdentifyError},
+    study::StudyError,
     sweep::{GridError, SweepError},
 };
 use miette::Diagnostic;
@@ -18,9 +18,6 @@ pub enum CliError {
     /// The scene cannot be used.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// The identification cannot be done.
-    #[error(transparent)]
-    Identify(#[from] IdentifyError),
     /// The output folder cannot be written into.
     #[error("{0}")]
     #[diagnostic(help("{1}"))]

@@ -6,7 +6,10 @@ use flank::{
     Task,
     output::{Fault, Table, five_digits as number},
     scene::Scene,
-    study::identify::{Identification, IdentifyError, Parameter, STARTS, Side, Target, check, identify_watched},
+    study::{
+        StudyError,
+        identify::{Identification, IdentifyError, Parameter, STARTS, Side, Target, check, identify},
+    },
 };
 use serde::Serialize;
 
@@ -61,15 +64,18 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let targets: Vec<Target> = read(&arguments.target, &mut faults);
     faults.extend(check(&scene, &parameters, &targets).err().unwrap_or_default());
     if !faults.is_empty() {
-        return Err(IdentifyError { faults }.into());
+        return Err(StudyError::from(IdentifyError { faults }).into());
     }
     let (out, files) = (arguments.out.as_deref(), [SCENE, ANSWER].map(String::from).to_vec());
     let request = request(out, "identify", arguments.scene.as_deref(), arguments.force, files)?;
     let folder = request.map(|request| request.open()).transpose()?;
-    let descend = |task: Task<'_>| identify_watched(&scene, &parameters, &targets, task);
-    let Some(found) = counted(STARTS, 0, "descents", arguments.quiet, descend)? else {
-        eprintln!("stopped: nothing is found, nothing is written");
-        return Ok(Done::Partly);
+    let descend = |task: Task<'_>| identify(&scene, &parameters, &targets, task);
+    let found = match counted(STARTS, 0, "descents", arguments.quiet, descend) {
+        Err(StudyError::Interrupted) => {
+            eprintln!("stopped: nothing is found, nothing is written");
+            return Ok(Done::Partly);
+        }
+        found => found?,
     };
     if let Some(mut folder) = folder {
         let source = Source { name: scene.name(), sha256: scene.hash() };

@@ -8,9 +8,8 @@ use flank::{
     scene::Scene,
     simulation::SimulationError,
     study::{
-        Kind, StudyError,
+        Context, Kind, StudyError,
         claims::Comparison,
-        figures::Context,
         page::Contents,
         plan::{Entry, Plan},
         steady::Rule,

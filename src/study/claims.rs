@@ -76,9 +76,9 @@ struct Group {
 }
 
 /// Published points of a curve.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Points {
+pub(super) struct Points {
     /// Loads or speeds.
     pub x: Vec<f64>,
     /// Values there.
@@ -129,8 +129,7 @@ impl Claims {
     }
 
     /// Published points for a figure, if there are any.
-    #[must_use]
-    pub fn points(&self, figure: &str) -> Option<&Points> {
+    pub(super) fn points(&self, figure: &str) -> Option<&Points> {
         self.figures.get(figure)?.points.as_ref()
     }
 

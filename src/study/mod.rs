@@ -5,24 +5,27 @@
 //! what a train does. [`advise`] compares a scene with simpler models of itself.
 
 pub mod advise;
-pub mod changes;
+mod changes;
 pub mod claims;
 mod error;
 mod expression;
-pub mod figures;
+mod figures;
 pub mod identify;
 mod kind;
-mod listing;
 #[cfg(feature = "plot")]
 pub mod page;
 pub mod plan;
-pub mod published;
+mod published;
 mod record;
 pub mod steady;
 mod steady_sweep;
-pub mod threshold;
+#[cfg(test)]
+#[path = "../../tests/unit/study.rs"]
+mod tests;
+mod threshold;
 mod values;
 
 pub use error::StudyError;
+pub use figures::Context;
 pub use kind::Kind;
 pub use steady_sweep::SteadySweep;

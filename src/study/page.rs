@@ -72,31 +72,25 @@ impl Contents {
                 }
             }
             if !items.is_empty() {
-                sections.push(Section { title: title.to_owned(), text: text.to_owned(), items });
+                sections.push(Section::new(title, text, items));
             }
         }
         if self.entries.iter().any(|(_, entry)| !entry.comparisons.is_empty()) {
-            sections.push(Section {
-                title: "Published, Flank, verdict".to_owned(),
-                text: "A number agrees within 5 %, in part within 15 %. A statement agrees if the computed motion bears it \
-                       out. Rows that were part of the fit that gave the presets say \"fitted to\": they are no test. Nothing was \
-                       tuned to this page."
-                    .to_owned(),
-                items: vec![Item::Table(table("All comparisons", "", &self.comparisons()))],
-            });
+            let text = "A number agrees within 5 %, in part within 15 %. A statement agrees if the computed motion bears it \
+                        out. Rows that were part of the fit that gave the presets say \"fitted to\": they are no test. Nothing \
+                        was tuned to this page.";
+            let items = vec![Item::Table(table("All comparisons", "", &self.comparisons()))];
+            sections.push(Section::new("Published, Flank, verdict", text, items));
         }
         for (_, entry) in self.entries.iter().filter(|(kind, _)| *kind == Kind::Values) {
             let items = entry.listing.clone().map(Item::from).into_iter().collect();
-            let text =
-                "The same equations solved elsewhere: what is wrong here is wrong in Flank, or there.".to_owned();
-            sections.push(Section { title: "Independent values".to_owned(), text, items });
+            let text = "The same equations solved elsewhere: what is wrong here is wrong in Flank, or there.";
+            sections.push(Section::new("Independent values", text, items));
         }
         if !self.contradictions.is_empty() {
-            sections.push(Section {
-                title: "Where the source contradicts itself".to_owned(),
-                text: "From the source's own tooth numbers, masses, loads and formulas.".to_owned(),
-                items: vec![Item::Table(table("", "", &self.contradictions.iter().collect::<Vec<_>>()))],
-            });
+            let items = vec![Item::Table(table("", "", &self.contradictions.iter().collect::<Vec<_>>()))];
+            let text = "From the source's own tooth numbers, masses, loads and formulas.";
+            sections.push(Section::new("Where the source contradicts itself", text, items));
         }
         Report {
             title: self.title.clone(),

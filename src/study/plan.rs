@@ -4,10 +4,10 @@ use serde_json::{Map, Value, json};
 
 use super::{
     Kind, StudyError,
-    changes::{changes, effects},
+    changes::{self, changes, effects},
     claims::{Claims, Comparison, Points},
-    figures::{self, Context, ModeRow, Way, by_name, fraction_title, load_pointer, speed_pointer},
-    listing, published,
+    figures::{self, Context, ModeRow, fraction_title, load_pointer, speed_pointer},
+    published,
     threshold::{Search, Threshold, locate},
     values::values,
 };
@@ -83,7 +83,7 @@ impl Plan {
             heavy: scene("reference-heavy", "in-phase", 500.0)?,
             light: scene("reference-light", "in-phase", 500.0)?,
             floating: scene("reference-float", "full", 500.0)?,
-            claims: published::claims()?,
+            claims: Claims::from_json(include_str!("published/claims.json"))?,
             loads: evenly(0.0, 40.0, 41),
             shown_loads: vec![0.0, 21.0],
             speeds: evenly(50.0, 2000.0, 79),
@@ -151,7 +151,7 @@ impl Plan {
             Kind::Forces | Kind::History => 1,
             Kind::Modes | Kind::Identification => 1,
             Kind::Values => 160,
-            Kind::Changes => 18 * changes(&self.light).map_or(0, |changes| changes.len()),
+            Kind::Changes => 18 * changes().map_or(0, |changes| changes.len()),
             Kind::Waterfall => self.waterfall_speeds().len(),
             Kind::Harmonics => self.heavy_speeds.len(),
             Kind::Cycles => self.shown_loads.len(),
@@ -186,10 +186,10 @@ impl Plan {
         Ok(match kind {
             Kind::Modes => {
                 let (figure, rows) = figures::modes(&self.full()?, self.highest[1])?;
-                let listing = Some(listing::modes(&rows));
+                let listing = Some(figures::listing(&rows));
                 let named = |row: &ModeRow| {
                     let (part, share) = row.shares.first()?;
-                    Some((row.name(), json!({ "hertz": row.hertz, "part": part, "share": share })))
+                    Some((row.name.clone(), json!({ "hertz": row.hertz, "part": part, "share": share })))
                 };
                 let facts: Map<String, Value> = rows.iter().filter_map(named).collect();
                 Entry { listing, ..entry(Some(figure), &self.full()?, "all freedoms", facts.into())? }
@@ -200,30 +200,26 @@ impl Plan {
                 Entry { comparisons, ..entry(None, &self.full()?, "all freedoms", Value::Null)? }
             }
             Kind::Forces => {
-                let (figure, found) = figures::forces(context, &self.heavy, self.highest[0])?;
-                entry(Some(figure), &self.heavy, "", by_name(found.iter().map(|f| (f.family.as_str(), f))).into())?
+                let (figure, facts) = figures::forces(context, &self.heavy, self.highest[0])?;
+                entry(Some(figure), &self.heavy, "", facts.into())?
             }
             Kind::Waterfall => {
                 let pointer = speed(&self.heavy)?;
                 let modes = figures::modes(&self.full()?, self.highest[1]);
                 let natural = modes.map_or_else(|_| Vec::new(), |(_, rows)| rows);
                 let speeds = self.waterfall_speeds();
-                let (figure, found) =
+                let (figure, facts) =
                     figures::waterfall(context, &self.heavy, (pointer, &speeds), &natural, self.highest[1])?;
-                let facts = by_name(found.iter().map(|line| (line.family.as_str(), line)));
                 entry(Some(figure), &self.heavy, "speed varied", facts.into())?
             }
             Kind::Harmonics => {
                 let pointer = speed(&self.heavy)?;
-                let speeds = &self.heavy_speeds;
-                let (figure, found) = figures::harmonics(context, &self.heavy, (pointer, speeds))?;
-                let mut facts = by_name(found.iter().map(|f| (f.family.as_str(), f)));
-                facts.insert("speeds".to_owned(), json!(speeds));
+                let (figure, facts) = figures::harmonics(context, &self.heavy, (pointer, &self.heavy_speeds))?;
                 entry(Some(figure), &self.heavy, "speed varied", facts.into())?
             }
             Kind::Cycles => {
                 let (figure, found) = figures::cycles(context, &self.light, &self.shown_loads)?;
-                entry(Some(figure), &self.light, "load varied", json!(found))?
+                entry(Some(figure), &self.light, "load varied", found.into())?
             }
             Kind::ApartVsLoad => self.by_load(context, load(&self.light)?, entry)?,
             Kind::ApartVsSpeed => {
@@ -231,33 +227,29 @@ impl Plan {
                 let x = Axis::new("speed", "rev/min");
                 let (mut figure, curves) = figures::apart(context, &self.light, kind.id(), x, (pointer, &self.speeds))?;
                 self.publish(&mut figure)?;
-                entry(Some(figure), &self.light, "speed varied", figures::facts(&curves))?
+                entry(Some(figure), &self.light, "speed varied", figures::facts(&curves, &self.speeds))?
             }
             Kind::ThresholdVsSpeed => {
-                let stem = self.last_family()?;
-                let search = self.search();
-                let speeds = &self.threshold_speeds;
-                let (figure, rows) = figures::threshold(context, &self.light, &stem, speeds, &search)?;
-                let (speeds, loads): (Vec<f64>, Vec<f64>) =
-                    rows.iter().filter_map(|row| Some((row.rpm, row.threshold.located()?))).unzip();
-                entry(Some(figure), &self.light, "speed and load varied", json!({ "speeds": speeds, "loads": loads }))?
+                let (stem, speeds) = (self.last_family()?, &self.threshold_speeds);
+                let (figure, facts) = figures::threshold(context, &self.light, &stem, speeds, &self.search())?;
+                entry(Some(figure), &self.light, "speed and load varied", facts)?
             }
             Kind::Changes => {
                 self.only_reference("a list of changes to try; see flank sweep")?;
-                let changes = changes(&self.light)?;
-                let effects = effects(context, &self.light, &self.last_family()?, &changes, &self.search())?;
-                let listing = Some(listing::changes(&effects));
+                let tried = changes()?;
+                let effects = effects(context, &self.light, &self.last_family()?, &tried, &self.search())?;
+                let listing = Some(changes::listing(&effects));
                 Entry { listing, ..entry(None, &self.light, "numbers varied", Value::Null)? }
             }
             Kind::Values => {
                 self.only_reference("independent values to compare with")?;
-                let listing = Some(listing::values(&values(context, self)?));
+                let listing = Some(values(context, self)?);
                 Entry { listing, ..entry(None, &self.light, "and others", Value::Null)? }
             }
             Kind::Trajectories => {
                 let pointer = speed(&self.floating)?;
                 let (figure, found) = figures::trajectories(&hasty, &self.floating, (pointer, &self.path_speeds))?;
-                entry(Some(figure), &self.floating, "speed varied", json!(found))?
+                entry(Some(figure), &self.floating, "speed varied", found.into())?
             }
             Kind::History => {
                 let scene = match speed_pointer(&self.floating) {
@@ -265,9 +257,9 @@ impl Plan {
                     None => self.floating.clone(),
                 };
                 let first = scene.built().spec.freedoms.first().cloned().unwrap_or_default();
-                let (figure, found) = figures::history(&hasty, &scene, &first)?;
+                let (figure, facts) = figures::history(&hasty, &scene, &first)?;
                 let words = format!("{} rev/min", self.history_speed);
-                entry(Some(figure), &self.floating, &words, json!(found))?
+                entry(Some(figure), &self.floating, &words, facts)?
             }
         })
     }
@@ -283,13 +275,7 @@ impl Plan {
         let (mut figure, curves) = figures::apart(context, &self.light, id, x, (pointer, &self.loads))?;
         let stem = self.last_family()?;
         // The grid has found where to look: between its last load with separations and the next one.
-        let apart: Vec<bool> = curves
-            .iter()
-            .filter(|curve| curve.way == Way::Cold)
-            .flat_map(|curve| curve.measure(&stem, |c| c.report.apart_time))
-            .map(|time| time > 0.0)
-            .collect();
-        let last = apart.iter().rposition(|a| *a);
+        let last = figures::along(&curves[0], &stem, |c| c.report.apart_time).iter().rposition(|time| *time > 0.0);
         let bracket = last.and_then(|i| Some([self.loads[i], *self.loads.get(i + 1)?]));
         let threshold = match bracket {
             Some(range) => locate(context, &self.light, pointer, &stem, &Search { range, scan: 2, ..self.search() })?,
@@ -299,7 +285,7 @@ impl Plan {
             panel.guides.push(Guide::Vertical { x, name: format!("separations end: {x:.2} N m") });
         }
         self.publish(&mut figure)?;
-        let mut facts = figures::facts(&curves);
+        let mut facts = figures::facts(&curves, &self.loads);
         facts["threshold"] = json!(threshold);
         entry(Some(figure), &self.light, "load varied", facts)
     }
@@ -360,8 +346,7 @@ fn floating(context: &Context<'_>) -> super::steady::Rule {
 }
 
 fn lacks(scene: &Scene, what: &str) -> StudyError {
-    let kind = scene.resolved()["train"]["kind"].as_str().unwrap_or_default();
-    StudyError::missing(scene.name(), format!("a train of kind {kind} has no {what}"))
+    StudyError::missing(scene.name(), format!("a train of kind {} has no {what}", figures::kind(scene)))
 }
 
 /// In rising order, each once.

@@ -124,10 +124,7 @@ pub fn steady(scene: impl Into<Scene>, seed: Option<&Seed>, rule: &Rule, task: T
 }
 
 /// An engine whose transient is over, how it ended, and whether it started from the seed.
-///
-/// # Errors
-/// As [`steady`].
-pub fn settled<'c>(
+pub(super) fn settled<'c>(
     simulation: &'c Simulation,
     seed: Option<&Seed>,
     rule: &Rule,

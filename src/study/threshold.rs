@@ -44,7 +44,6 @@ pub enum Threshold {
 
 impl Threshold {
     /// Middle of the bracket, or the largest value where the threshold lies beyond it.
-    #[must_use]
     pub fn middle(&self) -> Option<f64> {
         match *self {
             Self::Beyond { value } => Some(value),

@@ -1,8 +1,8 @@
 //! What figures count on curves. A module of `study::figures`, whose parts are its own.
 
 use super::{
+    centres::{PER_CYCLE, residual},
     maxima,
-    trajectories::{PER_CYCLE, residual},
 };
 
 #[test]

@@ -65,9 +65,16 @@ fn tolerance(advice: &Advice) -> Guide {
     Guide::Vertical { x: advice.tolerance, name: "tolerance".to_owned() }
 }
 
+impl Advice {
+    /// What each simplification costs, and which freedoms matter; without what there is nothing to show of.
+    #[must_use]
+    pub fn figures(&self) -> Vec<Figure> {
+        [rungs(self), freedoms(self)].into_iter().flatten().collect()
+    }
+}
+
 /// What each rung costs and saves: changes of time apart and peak force, and its work against that of the scene.
-#[must_use]
-pub fn rungs(advice: &Advice) -> Option<Figure> {
+pub(super) fn rungs(advice: &Advice) -> Option<Figure> {
     let together = advice.together.iter().map(|rung| (rung, "all that is enough, together"));
     let all = sorted(advice.rungs.iter().map(|rung| (rung, rung.words.as_str())).chain(together), |(r, _)| change(r));
     let row = |of: &dyn Fn(&Rung) -> Vec<Option<f64>>| -> Vec<Row> {
@@ -97,8 +104,7 @@ pub fn rungs(advice: &Advice) -> Option<Figure> {
 }
 
 /// Which freedoms matter: share in the motion, and what holding each group changes; the natural modes.
-#[must_use]
-pub fn freedoms(advice: &Advice) -> Option<Figure> {
+pub(super) fn freedoms(advice: &Advice) -> Option<Figure> {
     let dropped = advice.parts.iter().filter_map(|part| Some((part, part.dropped.as_ref()?)));
     let all = sorted(dropped, |(_, rung)| change(rung));
     let row = |(part, rung): &(&super::Part, &Rung)| Row {

@@ -4,14 +4,14 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::{
-    model::{Model, Step},
+    model::{FREEDOMS, Model, Step},
     simplify::{self, order},
 };
 use crate::{
     gear::contact::Law,
     scene::Scene,
     simulation::{Simulation, SimulationError},
-    study::StudyError,
+    study::{StudyError, figures},
     train::Quantity,
 };
 
@@ -41,7 +41,8 @@ impl Ladder {
 /// A rung that can be tried.
 #[derive(Clone, Debug)]
 pub(super) struct Planned {
-    pub ladder: Ladder,
+    /// None of the scene itself.
+    pub ladder: Option<Ladder>,
     pub words: String,
     pub steps: Vec<Step>,
 }
@@ -64,10 +65,7 @@ pub(super) struct Rungs {
 }
 
 impl Rungs {
-    /// Finds them.
-    ///
-    /// # Errors
-    /// [`StudyError::Simulation`] for a scene without a forcing period.
+    /// Finds them; a scene without a forcing period or contacts has none.
     pub fn new(scene: &Scene) -> Result<Self, StudyError> {
         let simulation = Simulation::from_scene(scene)?;
         let period = simulation.period()?;
@@ -75,7 +73,7 @@ impl Rungs {
             return Err(simulation.missing("it has no contacts, so that nothing separates; add one").into());
         }
         let mut rungs = Self { planned: Vec::new(), left: Vec::new(), simulation, period };
-        match scene.resolved()["train"]["kind"].as_str().unwrap_or_default() {
+        match figures::kind(scene) {
             "planetary" => rungs.planetary(scene),
             kind => rungs.others(kind),
         }
@@ -96,7 +94,7 @@ impl Rungs {
     }
 
     fn add(&mut self, ladder: Ladder, words: impl Into<String>, steps: Vec<Step>) {
-        self.planned.push(Planned { ladder, words: words.into(), steps });
+        self.planned.push(Planned { ladder: Some(ladder), words: words.into(), steps });
     }
 
     fn leave(&mut self, words: &str, why: impl Into<String>) {
@@ -107,12 +105,12 @@ impl Rungs {
         let now = &scene.resolved()["train"]["freedoms"];
         let own = self.simulation.structure.spec().freedoms.clone();
         if *now == "full-carrier" {
-            self.add(Ladder::Freedoms, "carrier centre held", vec![Step::Freedoms(json!("full"))]);
+            self.add(Ladder::Freedoms, "carrier centre held", vec![Step::Set(FREEDOMS, json!("full"))]);
         }
         let mut in_phase = *now == "in-phase";
         let mut steps = Vec::new();
         if *now == "full" || *now == "full-carrier" {
-            let step = vec![Step::Freedoms(json!("in-phase"))];
+            let step = vec![Step::Set(FREEDOMS, json!("in-phase"))];
             match Model::new(scene, &step) {
                 Ok(_) => {
                     (in_phase, steps) = (true, step);
@@ -130,7 +128,7 @@ impl Rungs {
         if in_phase {
             steps.push(Step::Carried(["xi", "eta"].map(String::from).to_vec()));
         } else if rotations.len() < own.len() && !rotations.is_empty() {
-            steps.push(Step::Freedoms(Value::from(rotations.into_iter().cloned().collect::<Vec<_>>())));
+            steps.push(Step::Set(FREEDOMS, Value::from(rotations.into_iter().cloned().collect::<Vec<_>>())));
         }
         if steps.len() > turned {
             self.add(Ladder::Freedoms, "rotations only", steps.clone());
@@ -148,7 +146,7 @@ impl Rungs {
         }
         let single = spec.contacts.len() == 1;
         if kind == "gear-pair" && !translations.is_empty() {
-            steps.push(Step::Freedoms(json!("torsional")));
+            steps.push(Step::Set(FREEDOMS, json!("torsional")));
             self.add(Ladder::Freedoms, "rotations only", steps.clone());
         }
         let words = if single { "one freedom, the deflection" } else { "each contact on its own" };

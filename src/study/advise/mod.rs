@@ -1,17 +1,23 @@
 //! How little of a scene is enough: the same scene at falling fidelity, what each step changes and what it saves.
 //!
-//! [`Plan`] finds what can be made simpler ([`ladder`]) and which freedoms there are ([`participation`]); its
-//! [`Plan::advice`] measures the steady motion of every simpler [`model`] and compares it with the scene's own. Nothing here
-//! reads a clock: costs are counted in steps and events, and [`Rung::advance`] is there to be timed.
+//! [`Plan`] finds what can be made simpler and which freedoms there are; its [`Plan::advice`] measures the steady motion of
+//! every simpler model and compares it with the scene's own. Nothing here reads a clock: costs are counted in steps and
+//! events, and [`Rung::advance`] is there to be timed.
 
-pub mod figures;
-pub mod ladder;
-pub mod measure;
-pub mod model;
-pub mod page;
-pub mod participation;
-pub mod simplify;
-pub mod verdict;
+mod figures;
+mod ladder;
+mod measure;
+mod model;
+mod page;
+mod participation;
+mod simplify;
+#[cfg(test)]
+#[path = "../../../tests/unit/advise.rs"]
+mod tests;
+mod verdict;
+
+pub use measure::Motion;
+pub use verdict::Verdict;
 
 use std::collections::BTreeMap;
 
@@ -19,10 +25,10 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use ladder::{Ladder, Left, Planned, Rungs};
-use measure::{Moments, Motion, measure};
-use model::{Model, Step};
+use measure::{Moments, measure};
+use model::{FREEDOMS, Model, Step};
 use participation::{Group, Mode, groups};
-use verdict::{Change, Verdict};
+use verdict::Change;
 
 use super::{
     StudyError,
@@ -67,6 +73,14 @@ pub struct Rung {
 }
 
 impl Rung {
+    /// A model that changes nothing yet.
+    fn new(planned: Planned, model: Model, motion: Motion) -> Self {
+        let Planned { ladder, words, steps } = planned;
+        let set = steps.iter().filter_map(Step::value).map(|(pointer, value)| (pointer.to_owned(), value)).collect();
+        let (changes, verdict, own_start) = (Vec::new(), Verdict::Enough, None);
+        Self { ladder, words, set, motion, changes, verdict, own_start, model, steps }
+    }
+
     /// Runs `cycles` forcing cycles of the steady motion and keeps nothing: for a clock.
     pub fn advance(&self, cycles: u64) -> Result<(), StudyError> {
         let simulation = &self.model.simulation;
@@ -78,6 +92,10 @@ impl Rung {
     #[must_use]
     pub fn work(&self) -> f64 {
         self.motion.freedoms as f64 * self.motion.work.steps
+    }
+
+    fn is_enough(&self) -> bool {
+        self.verdict == Verdict::Enough
     }
 
     /// The train that was run.
@@ -133,7 +151,7 @@ pub struct Advice {
     pub rungs: Vec<Rung>,
     /// Freedoms by groups.
     pub parts: Vec<Part>,
-    /// Families of contacts, as [`Mode::meshes`] counts them.
+    /// Families of contacts, as the modes count them.
     pub families: Vec<String>,
     /// Natural modes; empty if `left` says why.
     pub modes: Vec<Mode>,
@@ -146,17 +164,20 @@ pub struct Advice {
 impl Advice {
     /// All measured models: the scene, its rungs, its freedoms held group by group, all steps together.
     pub fn models(&self) -> impl Iterator<Item = &Rung> {
-        let dropped = self.parts.iter().filter_map(|part| part.dropped.as_ref());
-        std::iter::once(&self.full).chain(&self.rungs).chain(dropped).chain(&self.together)
+        std::iter::once(&self.full).chain(&self.rungs).chain(self.dropped()).chain(&self.together)
+    }
+
+    /// The models that hold one group of freedoms.
+    fn dropped(&self) -> impl Iterator<Item = &Rung> {
+        self.parts.iter().filter_map(|part| part.dropped.as_ref())
     }
 
     /// The least model found to be enough: all steps together, or the one that takes the least work.
     #[must_use]
     pub fn least(&self) -> Option<&Rung> {
-        let enough = |rung: &&Rung| rung.verdict == Verdict::Enough;
-        let dropped = self.parts.iter().filter_map(|part| part.dropped.as_ref());
-        let single = || self.rungs.iter().chain(dropped).filter(enough).min_by(|a, b| a.work().total_cmp(&b.work()));
-        self.together.as_ref().filter(enough).or_else(single)
+        let single = || self.rungs.iter().chain(self.dropped()).filter(|rung| rung.is_enough());
+        let least = || single().min_by(|a, b| a.work().total_cmp(&b.work()));
+        self.together.as_ref().filter(|rung| rung.is_enough()).or_else(least)
     }
 }
 
@@ -188,17 +209,7 @@ impl Plan {
         let mut moments = Moments::new(spec.freedoms.len());
         let motion = measure(context, &model, None, Some(&mut moments))?;
         context.task.advance();
-        let full = Rung {
-            ladder: None,
-            words: "the scene".to_owned(),
-            set: BTreeMap::new(),
-            motion,
-            changes: Vec::new(),
-            verdict: Verdict::Enough,
-            own_start: None,
-            model,
-            steps: Vec::new(),
-        };
+        let full = Rung::new(Planned { ladder: None, words: "the scene".to_owned(), steps: Vec::new() }, model, motion);
         let covariance = moments.covariance();
         let shares = participation::motion_shares(&spec, &covariance, &self.groups);
         let mut left = self.left.clone();
@@ -257,7 +268,7 @@ impl Plan {
         order.truncate(GROUPS);
         order.sort_unstable();
         let planned = |i: usize| Planned {
-            ladder: Ladder::Freedoms,
+            ladder: Some(Ladder::Freedoms),
             words: format!("without {}", self.groups[i].words),
             steps: vec![self.dropped(&self.groups[i].freedoms)],
         };
@@ -273,7 +284,7 @@ impl Plan {
             Step::Carried(names.to_vec())
         } else {
             let all = self.groups.iter().flat_map(|group| &group.freedoms);
-            Step::Freedoms(json!(all.filter(|name| !names.contains(name)).collect::<Vec<_>>()))
+            Step::Set(FREEDOMS, json!(all.filter(|name| !names.contains(name)).collect::<Vec<_>>()))
         }
     }
 }
@@ -314,35 +325,24 @@ impl Trial<'_> {
                 own_start = Some(other);
             }
         }
-        let values = planned.steps.iter().filter_map(Step::values);
-        Ok(Rung {
-            ladder: Some(planned.ladder),
-            words: planned.words.clone(),
-            set: values.map(|(pointer, value)| (pointer.to_owned(), value)).collect(),
-            motion,
-            changes,
-            verdict,
-            own_start,
-            model,
-            steps: planned.steps.clone(),
-        })
+        Ok(Rung { changes, verdict, own_start, ..Rung::new(planned.clone(), model, motion) })
     }
 }
 
 /// What is enough by itself, taken together: of each ladder the lowest rung above which all are enough (every one of the
 /// law), and if no rung of the freedoms is, the groups that can be held. None if that is nothing, or a rung already.
 fn together(rungs: &[Rung], parts: &[Part], dropped: impl Fn(&[String]) -> Step) -> Option<Planned> {
+    let on = |ladder: Ladder| rungs.iter().filter(move |rung| rung.ladder == Some(ladder));
+    let lowest = |ladder: Ladder| on(ladder).take_while(|rung| rung.is_enough()).last();
     let mut chosen: Vec<&Rung> = Vec::new();
     for ladder in Ladder::ALL.into_iter().filter(|ladder| *ladder != Ladder::Freedoms) {
-        let own = rungs.iter().filter(|rung| rung.ladder == Some(ladder));
         match ladder {
-            Ladder::Law => chosen.extend(own.filter(|rung| rung.verdict == Verdict::Enough)),
-            _ => chosen.extend(own.take_while(|rung| rung.verdict == Verdict::Enough).last()),
+            Ladder::Law => chosen.extend(on(ladder).filter(|rung| rung.is_enough())),
+            _ => chosen.extend(lowest(ladder)),
         }
     }
-    let freedoms = rungs.iter().filter(|rung| rung.ladder == Some(Ladder::Freedoms));
-    let freedoms = freedoms.take_while(|rung| rung.verdict == Verdict::Enough).last();
-    let needless = |part: &&Part| part.dropped.as_ref().is_some_and(|rung| rung.verdict == Verdict::Enough);
+    let freedoms = lowest(Ladder::Freedoms);
+    let needless = |part: &&Part| part.dropped.as_ref().is_some_and(Rung::is_enough);
     let held: Vec<&Part> = parts.iter().filter(|_| freedoms.is_none()).filter(needless).collect();
     // Last, as they change what freedoms there are.
     chosen.extend(freedoms);
@@ -353,5 +353,5 @@ fn together(rungs: &[Rung], parts: &[Part], dropped: impl Fn(&[String]) -> Step)
         steps.push(dropped(&names));
         words.extend(held.iter().map(|part| format!("without {}", part.group.words)));
     }
-    (words.len() > 1).then(|| Planned { ladder: Ladder::Freedoms, words: words.join(", "), steps })
+    (words.len() > 1).then(|| Planned { ladder: Some(Ladder::Freedoms), words: words.join(", "), steps })
 }

@@ -16,9 +16,7 @@ use crate::{
 /// One way of making a train simpler.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
-    /// Other freedoms, as a scene of this kind of train names them.
-    Freedoms(Value),
-    /// Another value at a JSON pointer.
+    /// Another value at a JSON pointer; at [`FREEDOMS`], other freedoms.
     Set(&'static str, Value),
     /// Only what excites below this frequency, rad/s: errors and harmonic loads.
     ExcitationBelow(f64),
@@ -32,7 +30,8 @@ pub enum Step {
     Linear(Vec<LinearLaw>),
     /// No damping in the contacts.
     Undamped,
-    /// These freedoms of the in-phase reduction dropped, as a stage drops them: its planet is carried by the carrier.
+    /// These freedoms of the in-phase reduction `u_s, u_r, u_c, xi, eta, u` dropped, as a stage drops them: a planet's
+    /// centre follows the carrier, `ξ = 0`, `η = u_c`.
     Carried(Vec<String>),
     /// These freedoms held at rest.
     Hold(Vec<String>),
@@ -40,15 +39,13 @@ pub enum Step {
     Alone,
 }
 
+/// Where a scene names the freedoms of its train.
+pub const FREEDOMS: &str = "/train/freedoms";
+
 impl Step {
-    /// What a scene has to say for it, as values at JSON pointers; none if a scene cannot say it.
-    #[must_use]
-    pub fn values(&self) -> Option<(&'static str, Value)> {
-        match self {
-            Self::Freedoms(value) => Some(("/train/freedoms", value.clone())),
-            Self::Set(pointer, value) => Some((pointer, value.clone())),
-            _ => None,
-        }
+    /// What a scene has to say for it, as a value at a JSON pointer; none if a scene cannot say it.
+    pub fn value(&self) -> Option<(&'static str, Value)> {
+        if let Self::Set(pointer, value) = self { Some((pointer, value.clone())) } else { None }
     }
 }
 
@@ -65,13 +62,10 @@ impl Model {
     /// The scene with `steps` taken, in their order but for those that a scene can say, which come first.
     ///
     /// It starts where the scene does, seen in its own freedoms.
-    ///
-    /// # Errors
-    /// [`StudyError::Simulation`] if the scene does not allow a step, [`StudyError::Simulation`] if no train is left.
     pub fn new(scene: &Scene, steps: &[Step]) -> Result<Self, StudyError> {
         let whole = scene.built();
-        let mut values: Vec<(&str, Value)> = steps.iter().filter_map(Step::values).collect();
-        if values.iter().any(|(pointer, _)| *pointer == "/train/freedoms") {
+        let mut values: Vec<(&str, Value)> = steps.iter().filter_map(Step::value).collect();
+        if values.iter().any(|(pointer, _)| *pointer == FREEDOMS) {
             // A start written for other freedoms; it is set below.
             values.push(("/initial", json!("rest")));
         }
@@ -80,15 +74,15 @@ impl Model {
         let spec = &mut built.spec;
         for step in steps {
             match step {
-                Step::Freedoms(_) | Step::Set(..) => {}
+                Step::Set(..) => {}
                 Step::ExcitationBelow(omega) => simplify::excitation_below(spec, *omega),
                 Step::StiffnessBelow(omega) => simplify::stiffness_below(spec, *omega),
                 Step::Stepped => simplify::stepped(spec),
                 Step::MeanStiffness => simplify::mean_stiffness(spec),
                 Step::Linear(laws) => simplify::linear(spec, laws),
                 Step::Undamped => *spec = spec.scaled(Quantity::Damping, 0.0),
-                Step::Carried(names) => restriction = simplify::carried(spec, names) * restriction,
-                Step::Hold(names) => restriction = simplify::hold(spec, names) * restriction,
+                Step::Carried(names) => restriction = simplify::drop(spec, names, true) * restriction,
+                Step::Hold(names) => restriction = simplify::drop(spec, names, false) * restriction,
                 Step::Alone => restriction = simplify::alone(spec) * restriction,
             }
         }
@@ -99,7 +93,6 @@ impl Model {
 
     /// A motion of the scene's own model, `whole`, as this model can take it up: displacements and velocities in its
     /// freedoms, latched speeds and modes from the contacts of the same name, or of the same family.
-    #[must_use]
     pub fn seed(&self, whole: &Self, seed: &Seed) -> Seed {
         let (ours, theirs) = (&self.simulation.structure, &whole.simulation.structure);
         let n = theirs.freedoms();
@@ -124,7 +117,6 @@ impl Model {
 
 /// Contacts that are compared together: the meshes of all planets with one gear. Contacts without names of their own are
 /// no family.
-#[must_use]
 pub fn family(name: &str) -> &str {
     if name.starts_with("contact ") { name } else { crate::study::figures::family(name) }
 }

@@ -37,6 +37,11 @@ fn with_error(Estimate { value, error }: Estimate, show: impl Fn(f64) -> String)
     if show(value + error) == show(value) { show(value) } else { format!("{} ± {}", show(value), two_digits(error)) }
 }
 
+/// What `show` makes of a value, or a dash for none.
+fn or_dash<T>(value: Option<T>, show: impl Fn(T) -> String) -> String {
+    value.map_or_else(|| "-".to_owned(), show)
+}
+
 fn two_digits(error: f64) -> String {
     // OK to convert: a few decimals.
     let decimals = (1 - error.log10().floor() as i32).clamp(0, 6) as usize;
@@ -48,28 +53,25 @@ impl Advice {
         if self.dimensionless { String::new() } else { format!(", {unit}") }
     }
 
-    /// Rungs: cells of a model as the table of the rungs has them.
-    fn cells(rung: &Rung) -> Vec<String> {
-        let motion = &rung.motion;
-        let compared = !rung.changes.is_empty();
-        let only = |text: String| if compared { text } else { String::new() };
-        vec![
-            motion.freedoms.to_string(),
-            motion.kind(),
-            with_error(motion.apart(), fraction),
-            only(signed(rung.apart_change())),
-            motion.peak().map_or_else(|| "-".to_owned(), |peak| with_error(peak, short)),
-            only(rung.peak_change().map_or_else(|| "-".to_owned(), percent)),
-            format!("{:.1}", motion.work.steps),
-            format!("{:.1}", motion.work.events),
-            only(rung.verdict.words()),
-        ]
-    }
-
     /// The models, least last: freedoms, motion, time apart, peak force, work and verdict.
     #[must_use]
     pub fn models_table(&self) -> Table {
-        let row = |words: &str, rung: &Rung| [vec![words.to_owned()], Self::cells(rung)].concat();
+        let row = |words: &str, rung: &Rung| {
+            let motion = &rung.motion;
+            let compared = |text: String| if rung.changes.is_empty() { String::new() } else { text };
+            vec![
+                words.to_owned(),
+                motion.freedoms.to_string(),
+                motion.kind(),
+                with_error(motion.apart(), fraction),
+                compared(signed(rung.apart_change())),
+                or_dash(motion.peak(), |peak| with_error(peak, short)),
+                compared(or_dash(rung.peak_change(), percent)),
+                format!("{:.1}", motion.work.steps),
+                format!("{:.1}", motion.work.events),
+                compared(rung.verdict.words()),
+            ]
+        };
         let mut rows = vec![row(&self.full.words, &self.full)];
         rows.extend(self.rungs.iter().map(|rung| row(&rung.words, rung)));
         rows.extend(self.together.iter().map(|rung| row("all that is enough, together", rung)));
@@ -85,14 +87,14 @@ impl Advice {
     pub fn freedoms_table(&self) -> Table {
         let rows = self.parts.iter().map(|part| {
             let dropped = part.dropped.as_ref();
-            let show = |of: &dyn Fn(&Rung) -> String| dropped.map_or_else(|| "-".to_owned(), of);
+            let show = |of: &dyn Fn(&Rung) -> String| or_dash(dropped, of);
             vec![
                 part.group.words.clone(),
                 part.group.freedoms.join(" "),
-                part.share.map_or_else(|| "-".to_owned(), |share| format!("{:.2} %", 100.0 * share)),
+                or_dash(part.share, |share| format!("{:.2} %", 100.0 * share)),
                 show(&|rung| rung.motion.kind()),
                 show(&|rung| signed(rung.apart_change())),
-                show(&|rung| rung.peak_change().map_or_else(|| "-".to_owned(), percent)),
+                show(&|rung| or_dash(rung.peak_change(), percent)),
                 show(&|rung| match rung.verdict {
                     Verdict::Enough => "can be dropped".to_owned(),
                     Verdict::NotEnough => "matters".to_owned(),
@@ -118,8 +120,8 @@ impl Advice {
             let frequency = if self.dimensionless { mode.omega } else { mode.omega / TAU };
             let mut cells = vec![short(frequency)];
             cells.extend(mode.meshes.iter().map(|weight| percent(*weight)));
-            cells.push(mode.strain_of_contacts.map_or_else(|| "-".to_owned(), percent));
-            cells.push(mode.motion.map_or_else(|| "-".to_owned(), percent));
+            cells.push(or_dash(mode.strain_of_contacts, percent));
+            cells.push(or_dash(mode.motion, percent));
             cells.push(
                 main.map(|(share, words)| format!("{words} {:.0} %", 100.0 * share)).collect::<Vec<_>>().join(", "),
             );
@@ -162,7 +164,6 @@ impl Advice {
     #[must_use]
     pub fn verdicts(&self) -> Vec<String> {
         let mut lines = self.transient().into_iter().collect::<Vec<_>>();
-        let dropped = || self.parts.iter().filter_map(|part| part.dropped.as_ref());
         let mut say = |rungs: &[&Rung], verdict: Verdict, words: &str, why: bool| {
             let own = rungs.iter().filter(|rung| rung.verdict == verdict);
             let named = |rung: &&&Rung| {
@@ -178,7 +179,7 @@ impl Advice {
         say(&rungs, Verdict::Enough, "Enough", false);
         say(&rungs, Verdict::NotEnough, "Not enough", false);
         say(&rungs, Verdict::Unclear, "Hidden by scatter or drift of the motion", true);
-        let parts: Vec<&Rung> = dropped().collect();
+        let parts: Vec<&Rung> = self.dropped().collect();
         say(&parts, Verdict::Enough, "Freedoms that can each be dropped", false);
         say(&parts, Verdict::NotEnough, "Freedoms that matter", false);
         say(&parts, Verdict::Unclear, "Freedoms whose weight is hidden by scatter or drift", true);

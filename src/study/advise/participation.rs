@@ -24,7 +24,6 @@ pub struct Group {
 ///
 /// Names are read as trains are named here: `x_s, y_s, u_s` of a body, `xi_i, eta_i, u_i` of planet i. Numbers count
 /// planets where other bodies have letters, else bodies. A name of another form is a group of its own.
-#[must_use]
 pub fn groups(freedoms: &[String]) -> Vec<Group> {
     let split = |name: &str| name.split_once('_').map(|(stem, of)| (stem.to_owned(), of.to_owned()));
     let numbered = |of: &str| !of.is_empty() && of.chars().all(|c| c.is_ascii_digit());
@@ -46,20 +45,23 @@ pub fn groups(freedoms: &[String]) -> Vec<Group> {
     found
 }
 
+const PLANETS: [(&str, &str); 3] = [("xi", "planets radial"), ("eta", "planets tangential"), ("u", "planets rotation")];
+const BODIES: [(&str, &str); 3] = [("s", "sun"), ("r", "ring"), ("c", "carrier")];
+
 fn planets(stem: &str) -> String {
-    let known = [("xi", "planets radial"), ("eta", "planets tangential"), ("u", "planets rotation")];
-    let known = known.into_iter().find(|(name, _)| *name == stem);
-    known.map_or_else(|| format!("{stem} of all planets"), |(_, words)| words.to_owned())
+    known(&PLANETS, stem).unwrap_or_else(|| format!("{stem} of all planets"))
 }
 
 fn body(name: &str) -> String {
-    let known = [("s", "sun"), ("r", "ring"), ("c", "carrier")].into_iter().find(|(letter, _)| *letter == name);
-    known.map_or_else(|| format!("body {name}"), |(_, words)| words.to_owned())
+    known(&BODIES, name).unwrap_or_else(|| format!("body {name}"))
+}
+
+fn known(table: &[(&str, &str)], name: &str) -> Option<String> {
+    table.iter().find(|(key, _)| *key == name).map(|(_, words)| (*words).to_owned())
 }
 
 /// Shares of each group in the kinetic energy of a motion with velocity covariance S: `Σ_i (M S)_ii / tr(M S)`; none of a
 /// motion at rest.
-#[must_use]
 pub fn motion_shares(spec: &Spec, covariance: &DMatrix<f64>, groups: &[Group]) -> Option<Vec<f64>> {
     let energy = (&spec.mass * covariance).diagonal();
     let whole = energy.sum();

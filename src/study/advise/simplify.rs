@@ -26,11 +26,8 @@ pub struct LinearLaw {
 }
 
 /// Linear laws for the power laws of a train: `k = n K^{1/n} F^{1−1/n}` under the static force F, and
-/// `c = 2 ζ √(k m)` with `m = 1/(gᵀ M⁻¹ g)` and ζ from the restitution of a free impact, released at zero force.
-///
-/// # Errors
-/// [`TrainError::Equilibrium`] without a state of rest under the constant load; [`TrainError::Value`] for a contact that
-/// nothing presses on there.
+/// `c = 2 ζ √(k m)` with `m = 1/(gᵀ M⁻¹ g)` and ζ from the restitution of a free impact, released at zero force. There are
+/// none where nothing presses on a contact at rest.
 pub fn linear_laws(structure: &Structure) -> Result<Vec<LinearLaw>, TrainError> {
     let rest = equilibrium(structure.spec())?;
     let tangents = tangent_stiffness(structure.spec(), &rest);
@@ -49,7 +46,6 @@ pub fn linear_laws(structure: &Structure) -> Result<Vec<LinearLaw>, TrainError> 
 }
 
 /// The damping ratio ζ whose free impact, released at zero force, returns `e`, `(0, 1]`.
-#[must_use]
 pub fn damping_ratio(e: f64) -> f64 {
     // The restitution falls with ζ; 1/4 and 64 are beyond what any power law of a scene returns.
     let (mut low, mut high) = (0.0, 64.0);
@@ -81,7 +77,6 @@ pub fn excitation_below(spec: &mut Spec, omega: f64) {
 }
 
 /// Frequencies of errors and harmonic loads, rad/s, highest first.
-#[must_use]
 pub fn excitations(spec: &Spec) -> Vec<f64> {
     let loads = spec.load_harmonics.iter().filter(|load| load.vector.iter().any(|f| *f != 0.0)).map(|load| load.omega);
     let errors = spec.contacts.iter().flat_map(|c| &c.error).filter(|h| h.amplitude != 0.0).map(|h| h.omega);
@@ -101,7 +96,6 @@ pub fn stiffness_below(spec: &mut Spec, omega: f64) {
 }
 
 /// Frequencies of stiffness harmonics, rad/s, highest first.
-#[must_use]
 pub fn stiffness_harmonics(spec: &Spec) -> Vec<f64> {
     falling(spec.contacts.iter().flat_map(|contact| match &contact.stiffness {
         Stiffness::Harmonic { harmonics, .. } => harmonics.iter().map(|h| h.omega).collect(),
@@ -124,13 +118,11 @@ pub fn mean_stiffness(spec: &mut Spec) {
 }
 
 /// Whether any stiffness varies.
-#[must_use]
 pub fn varies(spec: &Spec) -> bool {
     spec.contacts.iter().any(|contact| !matches!(contact.stiffness, Stiffness::Constant(_)))
 }
 
 /// Whether any stiffness has ramps.
-#[must_use]
 pub fn has_ramps(spec: &Spec) -> bool {
     spec.contacts.iter().any(|contact| match &contact.stiffness {
         Stiffness::Periodic { pieces, .. } => pieces.iter().any(|piece| piece.slope != 0.0),
@@ -198,25 +190,16 @@ fn project(spec: &mut Spec, p: &DMatrix<f64>, names: Vec<String>) {
     spec.freedoms = names;
 }
 
-/// Holds freedoms at rest; gives R of `q_kept = R q`.
-pub fn hold(spec: &mut Spec, names: &[String]) -> DMatrix<f64> {
-    drop(spec, names, |_, _| false)
-}
-
-/// Drops freedoms of the in-phase reduction `u_s, u_r, u_c, xi, eta, u`: a planet's centre follows the carrier, `ξ = 0`,
-/// `η = u_c`. Gives R as [`hold`].
-pub fn carried(spec: &mut Spec, names: &[String]) -> DMatrix<f64> {
-    drop(spec, names, |dropped, kept| dropped == "eta" && kept == "u_c")
-}
-
-fn drop(spec: &mut Spec, names: &[String], follows: impl Fn(&str, &str) -> bool) -> DMatrix<f64> {
+/// Holds freedoms at rest, but for `η = u_c` of a planet that is `carried`; gives R of `q_kept = R q`.
+pub fn drop(spec: &mut Spec, names: &[String], carried: bool) -> DMatrix<f64> {
     let all = spec.freedoms.clone();
     let kept: Vec<String> = all.iter().filter(|name| !names.contains(name)).cloned().collect();
-    let matrix = |related: &dyn Fn(&str, &str) -> bool| {
+    let matrix = |related: &dyn Fn(&String, &String) -> bool| {
         DMatrix::from_fn(all.len(), kept.len(), |i, j| f64::from(u8::from(related(&all[i], &kept[j]))))
     };
     let own = matrix(&|a, b| a == b);
-    let p = matrix(&|a, b| a == b || (names.iter().any(|name| name == a) && follows(a, b)));
+    let follows = |a: &String, b: &String| carried && names.contains(a) && a == "eta" && b == "u_c";
+    let p = matrix(&|a, b| a == b || follows(a, b));
     project(spec, &p, kept);
     own.transpose()
 }
@@ -265,7 +248,6 @@ pub fn alone(spec: &mut Spec) -> DMatrix<f64> {
 }
 
 /// A frequency as a multiple of that of the forcing, in words.
-#[must_use]
 pub fn order(omega: f64, period: f64) -> String {
     let order = omega * period / TAU;
     let near = (order - order.round()).abs() < 1.0e-9 * order;

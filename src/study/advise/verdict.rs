@@ -51,7 +51,6 @@ pub(super) fn largest(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// What changes from `full` to `motion`, family by family of `full`.
-#[must_use]
 pub fn changes(full: &Motion, motion: &Motion) -> Vec<Change> {
     let between = |a: Estimate, b: Estimate| Estimate { value: b.value - a.value, error: a.error.hypot(b.error) };
     let relative = |a: f64, b: f64| (a > 0.0).then(|| (b - a) / a);
@@ -77,7 +76,6 @@ pub fn changes(full: &Motion, motion: &Motion) -> Vec<Change> {
 const DRIFT: f64 = 10.0;
 
 /// Judges `changes` from `full` to `motion`.
-#[must_use]
 pub fn judge(full: &Motion, motion: &Motion, changes: &[Change], tolerance: f64) -> Verdict {
     let sizes = || changes.iter().flat_map(|change| [Some(change.apart), change.peak]).flatten();
     let periods = [full.settled.period, motion.settled.period];

@@ -1,5 +1,4 @@
-use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::{Context, Units, load_pointer, maxima, number, representatives, speed_pointer};
 use crate::{
@@ -14,23 +13,6 @@ use crate::{
     },
 };
 
-/// What one load showed, of the last family of meshes.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Cycle {
-    /// Load, N m.
-    pub load: f64,
-    /// Maxima of the force in a mesh period, rounded to whole ones.
-    pub peaks: usize,
-    /// Smallest force on the samples, N.
-    pub smallest: f64,
-    /// Amplitudes of the force at 1, 2, … times the mesh frequency, N.
-    pub harmonics: Vec<f64>,
-    /// Time without force over the mesh period.
-    pub apart: f64,
-    /// Time in which no family of meshes carries force, over the mesh period.
-    pub together: f64,
-}
-
 /// Mesh periods shown.
 const SHOWN: u64 = 3;
 /// Mesh periods measured of a motion without a period.
@@ -39,7 +21,7 @@ const PER_CYCLE: u32 = 512;
 
 /// Forces over a few mesh periods at several loads, N m, with the modes of the last mesh family shaded and its events
 /// marked; below them the angular speed of a planet (or the deflection, in other trains).
-pub fn cycles(context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Figure, Vec<Cycle>), StudyError> {
+pub fn cycles(context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Figure, Vec<Value>), StudyError> {
     let columns = context.each(loads, |&load| {
         let scene = match load_pointer(scene) {
             Some(pointer) => scene.with(pointer, json!(load))?,
@@ -76,9 +58,11 @@ pub fn cycles(context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Fi
     Ok((figure, found))
 }
 
-fn found(load: f64, recording: &Recording, contacts: &[(usize, String)], window: Window) -> Cycle {
+/// What one load showed, of the last family of meshes: maxima of the force in a mesh period, its smallest value and its
+/// harmonics, and the shares of the mesh period in which this family (`apart`) and all families (`together`) carry none.
+fn found(load: f64, recording: &Recording, contacts: &[(usize, String)], window: Window) -> Value {
     let Some(&(last, _)) = contacts.last() else {
-        return Cycle { load, peaks: 0, smallest: 0.0, harmonics: Vec::new(), apart: 0.0, together: 0.0 };
+        return json!({ "load": load, "peaks": 0, "smallest": 0.0, "harmonics": [], "apart": 0.0, "together": 0.0 });
     };
     let force = &recording.force[last];
     let cycles = force.len() as f64 / f64::from(PER_CYCLE);
@@ -94,14 +78,14 @@ fn found(load: f64, recording: &Recording, contacts: &[(usize, String)], window:
         };
         shared = shared.iter().flat_map(parts).collect();
     }
-    Cycle {
-        load,
-        peaks: (maxima(force) as f64 / cycles).round() as usize,
-        smallest: force.iter().copied().fold(f64::INFINITY, f64::min),
-        harmonics: (1..=6).map(|h| spectrum.at(f64::from(h))).collect(),
-        apart: open(last).fold(0.0, |sum, spell| sum + spell.to - spell.from) / span,
-        together: shared.iter().fold(0.0, |sum, (from, to)| sum + to - from) / span,
-    }
+    json!({
+        "load": load,
+        "peaks": (maxima(force) as f64 / cycles).round() as usize,
+        "smallest": force.iter().copied().fold(f64::INFINITY, f64::min),
+        "harmonics": (1..=6).map(|h| spectrum.at(f64::from(h))).collect::<Vec<_>>(),
+        "apart": open(last).fold(0.0, |sum, spell| sum + spell.to - spell.from) / span,
+        "together": shared.iter().fold(0.0, |sum, (from, to)| sum + to - from) / span,
+    })
 }
 
 /// What is drawn of one load: a recording, with the modes of one contact shaded.

@@ -1,33 +1,23 @@
-//! The figures of a study, one file each.
+//! The figures of a study.
 //!
 //! Each takes scenes and numbers to vary, runs what it needs, and gives a figure with what was measured on the way.
 
-mod apart;
+mod centres;
+mod curves;
 mod cycles;
-mod forces;
-mod harmonics;
-mod history;
 mod modes;
+mod spectra;
 #[cfg(test)]
 #[path = "../../../tests/unit/figures.rs"]
 mod tests;
-mod threshold;
-mod trajectories;
-mod waterfall;
 
-pub use apart::{Curve, Way, apart};
-pub(super) use apart::{facts, fraction_title};
-pub use cycles::{Cycle, cycles};
-pub(super) use forces::forces;
-pub(super) use harmonics::harmonics;
-pub(super) use history::history;
-pub use modes::{ModeRow, modes};
-pub(super) use threshold::threshold;
-pub use trajectories::{Trajectory, trajectories};
-pub(super) use waterfall::waterfall;
+pub(super) use centres::{history, trajectories};
+pub(super) use curves::{along, apart, facts, fraction_title, harmonics, threshold};
+pub(super) use cycles::cycles;
+pub(super) use modes::{ModeRow, listing, modes};
+pub(super) use spectra::{forces, waterfall};
 
 use rayon::prelude::*;
-use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::{
@@ -35,7 +25,13 @@ use super::{
     record::{Recording, record},
     steady::{Rule, Seed, Steady, settled, steady},
 };
-use crate::{analysis::Settled, hybrid::ContactView, scene::Scene, simulation::Simulation, task::Task};
+use crate::{
+    analysis::{Settled, Spectrum},
+    hybrid::ContactView,
+    scene::Scene,
+    simulation::Simulation,
+    task::Task,
+};
 
 /// What every figure needs besides its scene.
 #[derive(Clone, Copy)]
@@ -48,10 +44,7 @@ pub struct Context<'a> {
 
 impl Context<'_> {
     /// Steady motion of `scene`.
-    ///
-    /// # Errors
-    /// As [`steady`].
-    pub fn steady(&self, scene: &Scene, seed: Option<&Seed>) -> Result<Steady, StudyError> {
+    pub(super) fn steady(&self, scene: &Scene, seed: Option<&Seed>) -> Result<Steady, StudyError> {
         let steady = steady(scene, seed, &self.rule, self.task);
         self.task.advance();
         steady
@@ -71,10 +64,7 @@ impl Context<'_> {
     }
 
     /// `work` for every item, on all cores, results in order; the first error in that order counts.
-    ///
-    /// # Errors
-    /// That of `work`; [`StudyError::Interrupted`].
-    pub fn each<T: Sync, R: Send>(
+    pub(super) fn each<T: Sync, R: Send>(
         &self,
         items: &[T],
         work: impl Fn(&T) -> Result<R, StudyError> + Sync,
@@ -86,18 +76,12 @@ impl Context<'_> {
     }
 
     /// Steady motions along `values` of the number at `pointer`, each on its own from the scene's start.
-    ///
-    /// # Errors
-    /// That of the first value that fails.
-    pub fn cold(&self, scene: &Scene, pointer: &str, values: &[f64]) -> Result<Vec<Steady>, StudyError> {
+    fn cold(&self, scene: &Scene, pointer: &str, values: &[f64]) -> Result<Vec<Steady>, StudyError> {
         self.each(values, |value| self.steady(&scene.with(pointer, json!(value))?, None))
     }
 
     /// Steady motions along `values`, each taking up the motion before it.
-    ///
-    /// # Errors
-    /// That of the first value that fails.
-    pub fn followed(
+    fn followed(
         &self,
         scene: &Scene,
         pointer: &str,
@@ -128,7 +112,8 @@ pub(super) fn load_pointer(scene: &Scene) -> Option<&'static str> {
     }
 }
 
-fn kind(scene: &Scene) -> &str {
+/// The kind of a scene's train.
+pub(super) fn kind(scene: &Scene) -> &str {
     scene.resolved()["train"]["kind"].as_str().unwrap_or_default()
 }
 
@@ -180,6 +165,12 @@ pub(super) fn firsts<'n>(families: impl Iterator<Item = &'n str>) -> Vec<(usize,
     found
 }
 
+/// Frequencies and amplitudes of a spectrum up to `highest`, without its mean.
+fn lines(spectrum: &Spectrum, highest: f64) -> Vec<(f64, f64)> {
+    let lines = spectrum.frequencies().into_iter().zip(spectrum.amplitude.iter().copied()).skip(1);
+    lines.take_while(|(frequency, _)| *frequency <= highest).collect()
+}
+
 /// Local maxima of values that go round.
 fn maxima(values: &[f64]) -> usize {
     let n = values.len();
@@ -187,8 +178,8 @@ fn maxima(values: &[f64]) -> usize {
 }
 
 /// What was measured, by the name of what it belongs to (`sun_planet` for `sun-planet`), as expressions know it.
-pub(super) fn by_name<'a, T: Serialize + 'a>(items: impl IntoIterator<Item = (&'a str, &'a T)>) -> Map<String, Value> {
-    items.into_iter().map(|(name, item)| (name.replace(['-', ' '], "_"), json!(item))).collect()
+pub(super) fn by_name(facts: impl IntoIterator<Item = (String, Value)>) -> Map<String, Value> {
+    facts.into_iter().map(|(name, fact)| (name.replace(['-', ' '], "_"), fact)).collect()
 }
 
 /// A scene's number, or zero.

@@ -2,6 +2,7 @@ use std::f64::consts::TAU;
 
 use super::{kind, number};
 use crate::{
+    output::Table,
     plot::{Axis, Figure, Panel, Series, Style},
     scene::Scene,
     study::StudyError,
@@ -12,10 +13,8 @@ use crate::{
 /// A natural mode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModeRow {
-    /// Its family.
-    pub family: Family,
-    /// Its number in the family, from 1.
-    pub number: usize,
+    /// Its family and its number there, from 1: `R1`, `T2`, `P1`.
+    pub name: String,
     /// How often the frequency is repeated.
     pub multiplicity: usize,
     /// Frequency, Hz.
@@ -24,23 +23,8 @@ pub struct ModeRow {
     pub shares: Vec<(String, f64)>,
 }
 
-impl ModeRow {
-    /// `R1`, `T2`, `P1`.
-    #[must_use]
-    pub fn name(&self) -> String {
-        let letter = match self.family {
-            Family::Rotational => 'R',
-            Family::Translational => 'T',
-            Family::Planet => 'P',
-        };
-        format!("{letter}{}", self.number)
-    }
-}
-
-/// Natural modes of a planetary stage with every mesh closed, and drawings of those up to `highest`, Hz.
-///
-/// # Errors
-/// [`StudyError::Simulation`] for trains whose modes do not fall into the families of a stage.
+/// Natural modes of a planetary stage with every mesh closed, and drawings of those up to `highest`, Hz. The modes of other
+/// trains do not fall into the families of a stage.
 pub fn modes(scene: &Scene, highest: f64) -> Result<(Figure, Vec<ModeRow>), StudyError> {
     let missing = |missing: String| StudyError::missing(scene.name(), missing);
     if kind(scene) != "planetary" {
@@ -48,26 +32,26 @@ pub fn modes(scene: &Scene, highest: f64) -> Result<(Figure, Vec<ModeRow>), Stud
     }
     let spec = &scene.built().spec;
     let sorted = families(spec, &bonded_stiffness(spec, None)).map_err(|error| missing(error.to_string()))?;
-    let mut rows = Vec::new();
-    let mut drawn = Vec::new();
+    let mut drawn: Vec<(ModeRow, Vec<f64>)> = Vec::new();
     for family in &sorted {
+        let letter = match family.family {
+            Family::Rotational => 'R',
+            Family::Translational => 'T',
+            Family::Planet => 'P',
+        };
         for (i, hertz) in family.hertz().into_iter().enumerate() {
             let column = i * family.multiplicity;
             let shares = family.modes.energy_shares(&spec.mass, column);
             let row = ModeRow {
-                family: family.family,
-                number: i + 1,
+                name: format!("{letter}{}", i + 1),
                 multiplicity: family.multiplicity,
                 hertz,
                 shares: by_part(&spec.freedoms, &shares),
             };
-            let shape: Vec<f64> = family.modes.shapes.column(column).iter().copied().collect();
-            drawn.push((row.clone(), shape));
-            rows.push(row);
+            drawn.push((row, family.modes.shapes.column(column).iter().copied().collect()));
         }
     }
     drawn.sort_by(|a, b| a.0.hertz.total_cmp(&b.0.hertz));
-    rows.sort_by(|a, b| a.hertz.total_cmp(&b.hertz));
     let stage = Layout::new(scene, spec);
     let panels: Vec<Panel> =
         drawn.iter().filter(|(row, _)| row.hertz <= highest).map(|(row, shape)| stage.panel(row, shape)).collect();
@@ -80,7 +64,20 @@ pub fn modes(scene: &Scene, highest: f64) -> Result<(Figure, Vec<ModeRow>), Stud
         columns: 3,
         panels,
     };
-    Ok((figure, rows))
+    Ok((figure, drawn.into_iter().map(|(row, _)| row).collect()))
+}
+
+/// The natural frequencies as a table.
+pub(in crate::study) fn listing(rows: &[ModeRow]) -> Table {
+    let cells = |row: &ModeRow| {
+        let shares = row.shares.iter().filter(|(_, share)| *share >= 0.05);
+        let shares =
+            shares.map(|(part, share)| format!("{part} {:.0} %", 100.0 * share)).collect::<Vec<_>>().join(", ");
+        vec![row.name.clone(), format!("{:.2}", row.hertz), row.multiplicity.to_string(), shares]
+    };
+    let note = "R rotational, T translational, P planet modes; shares of the kinetic energy from 5 % on.";
+    let head = ["Mode", "Hz", "Times", "Kinetic energy"];
+    Table::new(head).with(rows.iter().map(cells)).titled("Natural frequencies", note)
 }
 
 /// Energy shares summed over alike planets, largest first.
@@ -178,7 +175,7 @@ impl<'s> Layout<'s> {
         let (part, share) = row.shares.first().cloned().unwrap_or_default();
         let reach = 1.15 * self.ring;
         Panel {
-            title: format!("{}: {:.1} Hz{twice}, {part} {:.0} %", row.name(), row.hertz, 100.0 * share),
+            title: format!("{}: {:.1} Hz{twice}, {part} {:.0} %", row.name, row.hertz, 100.0 * share),
             x: Axis::new("x", self.unit).between(-reach, reach),
             y: Axis::new("y", self.unit).between(-reach, reach),
             equal_scales: true,

@@ -2,15 +2,8 @@
 
 use serde_json::Value;
 
-use super::{
-    Parameter, Quantity, Target,
-    fit::places,
-    reading::{ReadingError, Train},
-};
-use crate::{
-    scene::{Fault, Scene},
-    system::EquilibriumError,
-};
+use super::{Parameter, Quantity, Target, fit::places, reading::Train};
+use crate::scene::{Fault, Scene};
 
 /// Where between its bounds a number is tried, beside the bounds: no round share, so that no range of whole numbers
 /// passes for one of numbers.
@@ -120,22 +113,8 @@ fn unreadable(scene: &Scene, targets: &[Target]) -> Vec<Fault> {
             );
         }
         if let Err(error) = train.read(target) {
-            faults.push(Fault::new(&place, error.to_string(), "what the train has").remedy(remedy(&error)));
+            faults.push(Fault::new(&place, error.found, "what the train has").remedy(error.remedy));
         }
     }
     faults
-}
-
-fn remedy(error: &ReadingError) -> &'static str {
-    match error {
-        ReadingError::Static(EquilibriumError::Rigid { .. }) => {
-            "rigid contacts have no stiffness: give them a linear law, or a power law under load"
-        }
-        ReadingError::Static(_) => "hold every free motion that is loaded, and load every power-law contact",
-        ReadingError::Unloaded { .. } => "give the train a load, or its contacts a linear law",
-        ReadingError::Modes(_) => "check masses and supports with `flank check`",
-        ReadingError::Families(_) => "name modes by number, mode:N, or write frequency=VALUE for the nearest",
-        ReadingError::Count { .. } => "choose a smaller number, or another family",
-        ReadingError::Contact { .. } => "choose one of these",
-    }
 }

@@ -10,7 +10,7 @@ use nalgebra::DMatrix;
 
 use super::{
     Parameter, Quantity, Target,
-    reading::{Reading, ReadingError, Train, is_linear},
+    reading::{Reading, Train, is_linear},
 };
 use crate::scene::Scene;
 
@@ -97,8 +97,8 @@ impl<'a> Fit<'a> {
     pub fn readings(&self, x: &[f64]) -> Option<Vec<Reading>> {
         let spec = self.scene.build_with(places(self.parameters, &self.values(x))).ok()?.spec;
         let train = Train::new(&spec);
-        let read: Result<Vec<Reading>, ReadingError> = self.targets.iter().map(|target| train.read(target)).collect();
-        read.ok().filter(|readings| readings.iter().all(|reading| reading.value.is_finite()))
+        let read = |target| train.read(target).ok().filter(|reading| reading.value.is_finite());
+        self.targets.iter().map(read).collect()
     }
 
     /// Contacts whose stiffness depends on their load, by name.

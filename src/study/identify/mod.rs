@@ -13,6 +13,7 @@
 //!
 //! ```
 //! use flank::{
+//!     Task,
 //!     scene::Scene,
 //!     study::identify::{Parameter, Target, identify},
 //! };
@@ -21,7 +22,7 @@
 //! let scene = Scene::from_json(stage, "stage")?;
 //! let bearing: Parameter = "/train/planet/translation/stiffness_n_per_m=1e7:1e9".parse()?;
 //! let target: Target = "translational:2=1200".parse()?;
-//! let found = identify(&scene, &[bearing], &[target])?;
+//! let found = identify(&scene, &[bearing], &[target], Task::default())?;
 //! assert!((found.targets[0].got - 1200.0).abs() < 1e-6);
 //! assert!(found.uniqueness.is_unique());
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -37,10 +38,10 @@ mod uniqueness;
 pub use check::check;
 use fit::{Fit, Point};
 pub use question::{Parameter, Quantity, Target};
-pub use reading::ReadingError;
-pub use result::{Found, Identification, Met, Side, Solution};
-pub use uniqueness::{Direction, Move, Uniqueness};
+pub use result::{Found, Identification, Side};
+pub use uniqueness::Uniqueness;
 
+use super::StudyError;
 use crate::{
     scene::{Fault, Scene},
     task::Task,
@@ -77,31 +78,24 @@ fn report(faults: &[Fault]) -> String {
     faults.iter().fold(format!("the identification has {many}"), |text, fault| format!("{text}\n{fault}"))
 }
 
-/// Finds the values of `parameters` for which `scene` comes closest to `targets`.
+/// Finds the values of `parameters` for which `scene` comes closest to `targets`; `task` hears of each of the [`STARTS`].
 ///
 /// The solution reported is the best of those found from all starts; among equal ones that from the scene's own values.
 ///
 /// # Errors
-/// [`IdentifyError`] if a pointer leads to no number, bounds do not hold a scene, or a target names something that the
-/// train does not have: all faults at once.
-pub fn identify(scene: &Scene, parameters: &[Parameter], targets: &[Target]) -> Result<Identification, IdentifyError> {
-    let found = identify_watched(scene, parameters, targets, Task::default())?;
-    Ok(found.expect("OK because nothing stops it"))
-}
-
-/// [`identify`]; `task` hears of each of the [`STARTS`]. None if it is cancelled.
-///
-/// # Errors
-/// Those of [`identify`].
-pub fn identify_watched(
+/// [`StudyError::Identify`] if a pointer leads to no number, bounds do not hold a scene, or a target names something that
+/// the train does not have: all faults at once. [`StudyError::Interrupted`] once `task` is cancelled.
+pub fn identify(
     scene: &Scene,
     parameters: &[Parameter],
     targets: &[Target],
     task: Task<'_>,
-) -> Result<Option<Identification>, IdentifyError> {
+) -> Result<Identification, StudyError> {
     if parameters.is_empty() || targets.is_empty() {
         let fault = fault("no number to find, or no target to find it from", "at least one of each");
-        return Err(fault.remedy("name numbers as POINTER=LOW:HIGH, targets as QUANTITY=VALUE").into());
+        return Err(
+            IdentifyError::from(fault.remedy("name numbers as POINTER=LOW:HIGH, targets as QUANTITY=VALUE")).into()
+        );
     }
     let own = check(scene, parameters, targets).map_err(|faults| IdentifyError { faults })?;
     let fit = Fit::new(scene, parameters, targets);
@@ -111,7 +105,7 @@ pub fn identify_watched(
         points.extend(fit.descend(&start));
         task.advance();
         if task.is_cancelled() {
-            return Ok(None);
+            return Err(StudyError::Interrupted);
         }
     }
     let least = points.iter().map(|p| p.chi_square).fold(f64::INFINITY, f64::min);
@@ -122,10 +116,8 @@ pub fn identify_watched(
             distinct.push(point);
         }
     }
-    let found = Identification::new(&fit, &own, &distinct, poorer.len(), STARTS);
-    found.map(Some).ok_or_else(|| {
-        fault("no start from which a train with all targets is found", "bounds that hold one")
-            .remedy("bring the bounds closer to values that are known to work")
-            .into()
+    Identification::new(&fit, &own, &distinct, poorer.len(), STARTS).ok_or_else(|| {
+        let fault = fault("no start from which a train with all targets is found", "bounds that hold one");
+        IdentifyError::from(fault.remedy("bring the bounds closer to values that are known to work")).into()
     })
 }

@@ -46,8 +46,7 @@ impl FromStr for Parameter {
         let example = "write for example /train/sun_mesh/stiffness=1e8:1e9";
         let (pointers, bounds) = text.rsplit_once('=').ok_or_else(|| fault("no =", example))?;
         let (low, high) = bounds.split_once(':').ok_or_else(|| fault("bounds without a colon", example))?;
-        let number =
-            |word: &str| finite(word).ok_or_else(|| fault(&format!("\"{word}\" as a bound"), "write a number"));
+        let number = |word: &str| finite(word, "a bound", fault);
         let (low, high) = (number(low)?, number(high)?);
         if low >= high {
             return Err(fault("a lower bound that is not below the upper one", "write the lower bound first"));
@@ -134,8 +133,7 @@ impl FromStr for Target {
             .iter()
             .find_map(|mark| value.split_once(mark))
             .map_or((value, None), |(value, sigma)| (value, Some(sigma)));
-        let number =
-            |word: &str| finite(word).ok_or_else(|| fault(&format!("\"{word}\" as a number"), "write a number"));
+        let number = |word: &str| finite(word, "a number", fault);
         let quantity = read_quantity(quantity.trim()).map_err(|found| fault(&found, example))?;
         let target = Self::new(quantity, number(value)?);
         let sigma = sigma.map_or(Ok(target.sigma), number)?;
@@ -168,6 +166,7 @@ fn short(number: f64) -> String {
     if number == 0.0 || (1e-3..1e6).contains(&number.abs()) { number.to_string() } else { format!("{number:e}") }
 }
 
-fn finite(word: &str) -> Option<f64> {
-    word.trim().parse().ok().filter(|number: &f64| number.is_finite())
+fn finite(word: &str, what: &str, fault: impl Fn(&str, &str) -> IdentifyError) -> Result<f64, IdentifyError> {
+    let number = word.trim().parse().ok().filter(|number: &f64| number.is_finite());
+    number.ok_or_else(|| fault(&format!("\"{word}\" as {what}"), "write a number"))
 }

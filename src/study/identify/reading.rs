@@ -3,52 +3,30 @@
 use std::cell::OnceCell;
 
 use nalgebra::DMatrix;
-use thiserror::Error;
 
 use super::{Quantity, Target};
 use crate::{
     gear::contact::Law,
-    linalg::{EigenError, Modes, natural_modes},
+    linalg::{Modes, natural_modes},
     system::{ContactSpec, Equilibrium, EquilibriumError, Spec, bonded_stiffness, equilibrium, tangent_stiffness},
-    train::planetary::{FamilyError, FamilyModes, families},
+    train::planetary::{FamilyModes, families},
 };
 
-/// Why a train does not have a quantity.
-#[derive(Clone, Debug, PartialEq, Error)]
-pub enum ReadingError {
-    /// No static equilibrium.
-    #[error(transparent)]
-    Static(#[from] EquilibriumError),
-    /// No natural modes.
-    #[error(transparent)]
-    Modes(#[from] EigenError),
-    /// No families of modes.
-    #[error(transparent)]
-    Families(#[from] FamilyError),
-    /// A power-law contact that no load presses on has no stiffness.
-    #[error("contact {contact} carries no static load: its power law has no tangent stiffness there")]
-    Unloaded {
-        /// The contact.
-        contact: String,
-    },
-    /// Fewer modes than asked for.
-    #[error("the train has {count} {what} frequencies")]
-    Count {
-        /// Which modes.
-        what: String,
-        /// How many there are.
-        count: usize,
-    },
-    /// A contact that is not there.
-    #[error("the train has no contact of this name, but {}", known.join(", "))]
-    Contact {
-        /// The contacts there are.
-        known: Vec<String>,
-    },
+/// A quantity that a train does not have: what it has instead, and what to do about it.
+#[derive(Clone, Debug)]
+pub(super) struct Unreadable {
+    pub found: String,
+    pub remedy: &'static str,
+}
+
+impl Unreadable {
+    fn new(found: impl ToString, remedy: &'static str) -> Self {
+        Self { found: found.to_string(), remedy }
+    }
 }
 
 /// A value, and for the nearest frequency which one it is.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub(super) struct Reading {
     pub value: f64,
     pub matched: Option<String>,
@@ -58,10 +36,10 @@ pub(super) struct Reading {
 /// be read must not keep others from being read.
 pub(super) struct Train<'a> {
     spec: &'a Spec,
-    statics: OnceCell<Result<Equilibrium, EquilibriumError>>,
-    stiffness: OnceCell<Result<DMatrix<f64>, ReadingError>>,
-    modes: OnceCell<Result<Modes, ReadingError>>,
-    families: OnceCell<Result<Vec<FamilyModes>, ReadingError>>,
+    statics: OnceCell<Result<Equilibrium, Unreadable>>,
+    stiffness: OnceCell<Result<DMatrix<f64>, Unreadable>>,
+    modes: OnceCell<Result<Modes, Unreadable>>,
+    families: OnceCell<Result<Vec<FamilyModes>, Unreadable>>,
 }
 
 impl<'a> Train<'a> {
@@ -71,7 +49,7 @@ impl<'a> Train<'a> {
     }
 
     /// The value of a target's quantity.
-    pub fn read(&self, target: &Target) -> Result<Reading, ReadingError> {
+    pub fn read(&self, target: &Target) -> Result<Reading, Unreadable> {
         let plain = |value| Reading { value, matched: None };
         match &target.quantity {
             Quantity::Family(family, number) => {
@@ -83,15 +61,16 @@ impl<'a> Train<'a> {
             Quantity::Nearest => self.nearest(target.wanted),
             Quantity::Force(name) => {
                 let Some(j) = self.spec.contacts.iter().position(|contact| contact.name == *name) else {
-                    let known = self.spec.contacts.iter().map(|contact| contact.name.clone()).collect();
-                    return Err(ReadingError::Contact { known });
+                    let known: Vec<&str> = self.spec.contacts.iter().map(|contact| contact.name.as_str()).collect();
+                    let found = format!("the train has no contact of this name, but {}", known.join(", "));
+                    return Err(Unreadable::new(found, "choose one of these"));
                 };
                 Ok(plain(self.statics()?.forces[j]))
             }
         }
     }
 
-    fn nearest(&self, wanted: f64) -> Result<Reading, ReadingError> {
+    fn nearest(&self, wanted: f64) -> Result<Reading, Unreadable> {
         let named: Vec<(f64, String)> = match self.families() {
             Ok(parts) => {
                 let label = |part: &FamilyModes, i: usize| Quantity::Family(part.family, i + 1).to_string();
@@ -109,32 +88,40 @@ impl<'a> Train<'a> {
         Ok(Reading { value, matched: Some(name) })
     }
 
-    fn statics(&self) -> Result<&Equilibrium, EquilibriumError> {
-        self.statics.get_or_init(|| equilibrium(self.spec)).as_ref().map_err(Clone::clone)
+    fn statics(&self) -> Result<&Equilibrium, Unreadable> {
+        self.statics.get_or_init(|| equilibrium(self.spec).map_err(unbalanced)).as_ref().map_err(Clone::clone)
     }
 
     /// `K` with every contact closed, N/m: linear contacts at their mean stiffness, power laws at their tangent.
-    fn stiffness(&self) -> Result<&DMatrix<f64>, ReadingError> {
+    fn stiffness(&self) -> Result<&DMatrix<f64>, Unreadable> {
         let solve = || {
             if self.spec.contacts.iter().all(is_linear) {
                 return Ok(bonded_stiffness(self.spec, None));
             }
             let tangents = tangent_stiffness(self.spec, self.statics()?);
             match tangents.iter().position(|k| !k.is_finite() || *k <= 0.0) {
-                Some(j) => Err(ReadingError::Unloaded { contact: self.spec.contacts[j].name.clone() }),
+                // A power-law contact that no load presses on has no stiffness.
+                Some(j) => {
+                    let name = &self.spec.contacts[j].name;
+                    let found =
+                        format!("contact {name} carries no static load: its power law has no tangent stiffness there");
+                    Err(Unreadable::new(found, "give the train a load, or its contacts a linear law"))
+                }
                 None => Ok(bonded_stiffness(self.spec, Some(&tangents))),
             }
         };
         self.stiffness.get_or_init(solve).as_ref().map_err(Clone::clone)
     }
 
-    fn modes(&self) -> Result<&Modes, ReadingError> {
-        let solve = || Ok(natural_modes(self.stiffness()?, &self.spec.mass)?);
+    fn modes(&self) -> Result<&Modes, Unreadable> {
+        let unstable = |error| Unreadable::new(error, "check masses and supports with `flank check`");
+        let solve = || natural_modes(self.stiffness()?, &self.spec.mass).map_err(unstable);
         self.modes.get_or_init(solve).as_ref().map_err(Clone::clone)
     }
 
-    fn families(&self) -> Result<&Vec<FamilyModes>, ReadingError> {
-        let solve = || Ok(families(self.spec, self.stiffness()?)?);
+    fn families(&self) -> Result<&Vec<FamilyModes>, Unreadable> {
+        let remedy = "name modes by number, mode:N, or write frequency=VALUE for the nearest";
+        let solve = || families(self.spec, self.stiffness()?).map_err(|error| Unreadable::new(error, remedy));
         self.families.get_or_init(solve).as_ref().map_err(Clone::clone)
     }
 }
@@ -145,10 +132,21 @@ pub(super) fn is_linear(contact: &ContactSpec) -> bool {
 }
 
 /// The value with this number, counted from 1.
-fn nth(values: &[f64], number: usize, what: &str) -> Result<f64, ReadingError> {
+fn nth(values: &[f64], number: usize, what: &str) -> Result<f64, Unreadable> {
     values.get(number - 1).copied().ok_or_else(|| count(what, values.len()))
 }
 
-fn count(what: &str, count: usize) -> ReadingError {
-    ReadingError::Count { what: what.to_owned(), count }
+fn count(what: &str, count: usize) -> Unreadable {
+    let found = format!("the train has {count} {what} frequencies");
+    Unreadable::new(found, "choose a smaller number, or another family")
+}
+
+fn unbalanced(error: EquilibriumError) -> Unreadable {
+    let remedy = match error {
+        EquilibriumError::Rigid { .. } => {
+            "rigid contacts have no stiffness: give them a linear law, or a power law under load"
+        }
+        _ => "hold every free motion that is loaded, and load every power-law contact",
+    };
+    Unreadable::new(error, remedy)
 }

@@ -6,14 +6,10 @@ use serde_json::json;
 
 use super::{
     StudyError,
-    claims::{Claims, Comparison, Verdict, numbers},
+    claims::{Comparison, Verdict, numbers},
     identify::{Identification, Parameter, Target, identify},
 };
-use crate::scene::Scene;
-
-pub(super) fn claims() -> Result<Claims, StudyError> {
-    Claims::from_json(include_str!("claims.json"))
-}
+use crate::{scene::Scene, task::Task};
 
 /// Reads one of the tables beside this file.
 pub(super) fn table<T: for<'de> Deserialize<'de>>(text: &str) -> Result<T, StudyError> {
@@ -44,15 +40,12 @@ impl Question {
         let parameters =
             self.vary.iter().map(|(_, number)| number.parse::<Parameter>()).collect::<Result<Vec<_>, _>>()?;
         let targets = self.targets.iter().map(|target| target.parse::<Target>()).collect::<Result<Vec<_>, _>>()?;
-        Ok(identify(&scene, &parameters, &targets)?)
+        identify(&scene, &parameters, &targets, Task::default())
     }
 }
 
 /// The identified numbers: the preset's, and those that the printed values give back, with residuals.
-///
-/// # Errors
-/// [`StudyError`] never in fact: the questions are part of the library.
-pub fn identified() -> Result<Vec<Comparison>, StudyError> {
+pub(super) fn identified() -> Result<Vec<Comparison>, StudyError> {
     let Questions { questions, all } = table(include_str!("identified.json"))?;
     let mut rows = Vec::new();
     for question in &questions {

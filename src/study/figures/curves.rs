@@ -1,0 +1,212 @@
+//! Figures along the values of a load or a speed.
+
+use serde_json::{Map, Value, json};
+
+use super::{Context, by_name, families, load_pointer, number, speed_pointer};
+use crate::{
+    analysis::ContactReport,
+    plot::{Axis, Figure, Guide, Panel, Series, Style},
+    scene::Scene,
+    study::{
+        StudyError,
+        steady::{ContactSteady, Steady},
+        threshold::{Search, Threshold, locate},
+    },
+};
+
+/// How the points of a curve were started.
+#[derive(Clone, Copy, PartialEq)]
+enum Way {
+    /// Each from the scene's own start.
+    Cold,
+    /// Each from the motion at the next lower value.
+    Up,
+    /// Each from the motion at the next higher value.
+    Down,
+}
+
+/// Every way, how it is named and how it is drawn.
+const WAYS: [(Way, &str, Style); 3] = [
+    (Way::Cold, "cold start", Style::Joined),
+    (Way::Up, "followed up", Style::Line),
+    (Way::Down, "followed down", Style::Dashed),
+];
+
+/// A measure of the first contact whose name starts with `stem`, along steady motions.
+pub(in crate::study) fn along(rows: &[Steady], stem: &str, pick: impl Fn(&ContactSteady) -> f64) -> Vec<f64> {
+    rows.iter().filter_map(|row| row.contact(stem)).map(pick).collect()
+}
+
+/// What was measured along the curves, by start and family.
+pub(in crate::study) fn facts(curves: &[Vec<Steady>], values: &[f64]) -> Value {
+    let mut facts = Map::from_iter([("values".to_owned(), json!(values))]);
+    for (way, rows) in ["cold", "up", "down"].into_iter().zip(curves) {
+        let measured = rows.first().map(families).unwrap_or_default().into_iter().map(|(_, family)| {
+            let measures = json!({
+                "no_force": along(rows, &family, |c| c.report.no_force_fraction),
+                "separated": along(rows, &family, |c| c.report.apart_fraction),
+                "amplitude": along(rows, &family, |c| c.force_amplitude),
+            });
+            (family, measures)
+        });
+        facts.insert(way.to_owned(), by_name(measured).into());
+    }
+    facts.into()
+}
+
+/// Title of the panel of a family's time without force, which is there only if the family ever opens.
+pub fn fraction_title(family: &str) -> String {
+    format!("{family}: time without force")
+}
+
+/// Time apart and force amplitude against the number at `pointer`, started in three ways so that branches which exist side by
+/// side show. The steady motions are those of cold starts, followed up and followed down.
+pub fn apart(
+    context: &Context<'_>,
+    scene: &Scene,
+    id: &str,
+    x: Axis,
+    (pointer, values): (&str, &[f64]),
+) -> Result<(Figure, Vec<Vec<Steady>>), StudyError> {
+    let curves = context.each(&WAYS, |&(way, ..)| match way {
+        Way::Cold => context.cold(scene, pointer, values),
+        Way::Up => context.followed(scene, pointer, values.iter().copied()),
+        Way::Down => {
+            let mut rows = context.followed(scene, pointer, values.iter().rev().copied())?;
+            rows.reverse();
+            Ok(rows)
+        }
+    })?;
+    let mut figure = Figure {
+        id: id.to_owned(),
+        title: format!("Time apart and force amplitude against {}", x.label),
+        columns: 2,
+        ..Figure::default()
+    };
+    let (mut closed, mut rest) = (Vec::new(), Vec::new());
+    for (_, family) in curves[0].first().map(families).unwrap_or_default() {
+        let panel = |title: String, y: Axis| Panel { title, x: x.clone(), y, ..Panel::default() };
+        let mut fraction = panel(fraction_title(&family), Axis::new("share of the mesh period", ""));
+        let mut amplitude = panel(format!("{family}: force amplitude"), Axis::new("half of the force's range", "N"));
+        for (rows, (way, name, style)) in curves.iter().zip(WAYS) {
+            let series = |y: Vec<f64>| Series::line(name, way as usize, values.to_vec(), y).styled(style);
+            fraction.series.push(series(along(rows, &family, |c| c.report.no_force_fraction)));
+            amplitude.series.push(series(along(rows, &family, |c| c.force_amplitude)));
+        }
+        let flight = along(&curves[0], &family, |c| c.report.apart_fraction);
+        let flight = Series::line("between the flanks, cold start", 7, values.to_vec(), flight);
+        fraction.series.push(flight.styled(Style::Hairline));
+        let highest = fraction.series.iter().flat_map(|series| &series.y).fold(0.0, |m: f64, y| m.max(*y));
+        fraction.y = fraction.y.between(0.0, f64::max(1.1 * highest, 0.1));
+        // A family that never opens has no curve worth looking at.
+        if highest > 0.0 {
+            figure.panels.extend([fraction, amplitude]);
+        } else {
+            closed.push(family);
+            rest.push(amplitude);
+        }
+    }
+    let irregular = curves.iter().flatten().filter(|row| row.settled.period.is_none()).count();
+    figure.panels.append(&mut rest);
+    let never = match closed.len() {
+        0 => String::new(),
+        _ => format!(" Never without force: {}.", closed.join(", ")),
+    };
+    figure.caption = format!(
+        "Points: each motion from the scene's own start; lines: each takes up the motion before it, along rising and falling \
+         values. Where they differ, several motions exist side by side, and a jump is a change from one to another. {irregular} of {} motions are not periodic.{never}",
+        3 * values.len()
+    );
+    Ok((figure, curves))
+}
+
+/// First harmonic and extremes of the mesh forces against speed. A bilateral law is valid while the smallest force is
+/// positive.
+pub fn harmonics(
+    context: &Context<'_>,
+    scene: &Scene,
+    (pointer, speeds): (&str, &[f64]),
+) -> Result<(Figure, Map<String, Value>), StudyError> {
+    let rows = context.cold(scene, pointer, speeds)?;
+    let panel = |title: &str, label: &str| Panel {
+        title: title.to_owned(),
+        x: Axis::new("speed of the sun", "rev/min"),
+        y: Axis::new(label, "N"),
+        ..Panel::default()
+    };
+    let mut panels = [
+        panel("First harmonic", "amplitude at the mesh frequency"),
+        panel("Range of the force", "largest and smallest force"),
+    ];
+    let mut facts = vec![("speeds".to_owned(), json!(speeds))];
+    for (colour, (j, family)) in rows.first().map(families).unwrap_or_default().into_iter().enumerate() {
+        let first: Vec<f64> = rows.iter().map(|row| row.contacts[j].force_harmonics[0]).collect();
+        let extreme = |pick: fn(&ContactReport) -> Option<f64>| -> Vec<f64> {
+            rows.iter().map(|row| pick(&row.contacts[j].report).unwrap_or_default()).collect()
+        };
+        let (largest, smallest) = (extreme(|r| r.force_max), extreme(|r| r.force_min));
+        panels[0].series.push(Series::line(&family, colour, speeds.to_vec(), first.clone()));
+        panels[1].series.push(Series::line(format!("{family}, largest"), colour, speeds.to_vec(), largest));
+        let low = Series::line(format!("{family}, smallest"), colour, speeds.to_vec(), smallest.clone());
+        panels[1].series.push(low.styled(Style::Dashed));
+        facts.push((family, json!({ "first": first, "smallest": smallest })));
+    }
+    panels[1].guides.push(Guide::Horizontal { y: 0.0, name: "below: the law pulls".to_owned() });
+    let figure = Figure {
+        id: "harmonics-vs-speed".to_owned(),
+        title: "Mesh forces against speed".to_owned(),
+        caption: "First harmonic of the mesh forces, and their extremes: where the smallest force falls below zero, a \
+                  bilateral law pulls and is no longer valid."
+            .to_owned(),
+        columns: 2,
+        panels: panels.into(),
+    };
+    Ok((figure, by_name(facts)))
+}
+
+/// The largest load at which the meshes of a family still separate, against speed; the loads located, with their speeds.
+pub fn threshold(
+    context: &Context<'_>,
+    scene: &Scene,
+    stem: &str,
+    speeds: &[f64],
+    search: &Search,
+) -> Result<(Figure, Value), StudyError> {
+    let (Some(speed), Some(load)) = (speed_pointer(scene), load_pointer(scene)) else {
+        return Err(StudyError::missing(scene.name(), "its train has no speed and load in rev/min and N m"));
+    };
+    let rows = context.each(speeds, |&rpm| {
+        let scene = scene.with(speed, json!(rpm))?;
+        let threshold = locate(context, &scene, load, stem, search)?;
+        let drag =
+            number(&scene, "/train/load/drag_torque_nm") + rpm * number(&scene, "/train/load/drag_torque_nm_per_rpm");
+        Ok((rpm, threshold, drag))
+    })?;
+    let located = || rows.iter().filter_map(|(rpm, threshold, drag)| Some((*rpm, threshold.located()?, *drag)));
+    let (speeds, loads): (Vec<f64>, Vec<f64>) = located().map(|(rpm, load, _)| (rpm, load)).unzip();
+    let with_drag = located().map(|(_, load, drag)| load + drag).collect();
+    let facts = json!({ "speeds": speeds, "loads": loads });
+    let line = |name: &str, colour, y| Series::line(name, colour, speeds.clone(), y).styled(Style::Joined);
+    let series = vec![line("load", 0, loads), line("load and drag", 1, with_drag)];
+    let count = |wanted: fn(&Threshold) -> bool| rows.iter().filter(|(_, threshold, _)| wanted(threshold)).count();
+    let beyond = count(|threshold| matches!(threshold, Threshold::Beyond { .. }));
+    let none = count(|threshold| matches!(threshold, Threshold::None));
+    let figure = Figure {
+        id: "threshold-vs-speed".to_owned(),
+        title: "Load at which separations end, against speed".to_owned(),
+        caption: format!(
+            "Largest output torque at which the {stem} meshes still leave their flanks, each found by bisection to {} N m \
+             with a cold start at every load; with the drag torque at that speed added. Not drawn: {beyond} speeds whose \
+             threshold lies beyond the loads searched, {none} without separations.",
+            search.resolution
+        ),
+        columns: 1,
+        panels: vec![Panel {
+            x: Axis::new("speed of the sun", "rev/min"),
+            y: Axis::new("torque at the output", "N m"),
+            series,
+            ..Panel::default()
+        }],
+    };
+    Ok((figure, facts))
+}
