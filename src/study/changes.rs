@@ -11,10 +11,7 @@ use super::{
     published::table,
     threshold::{Search, locate},
 };
-use crate::{
-    output::Table,
-    scene::{Scene, SceneError},
-};
+use crate::{output::Table, scene::Scene};
 
 /// What a change did to the motion of the last mesh family.
 pub struct Effect {
@@ -46,11 +43,14 @@ pub struct Change {
 }
 
 impl Change {
-    fn of(&self, scene: &Scene) -> Result<Scene, SceneError> {
-        let times = self.times.iter().map(|(at, factor)| (at.as_str(), json!(factor * number(scene, at))));
+    fn of(&self, scene: &Scene) -> Result<Scene, StudyError> {
+        let mut times = Vec::with_capacity(self.times.len());
+        for (at, factor) in &self.times {
+            times.push((at.as_str(), json!(factor * number(scene, at)?)));
+        }
         let harmonics = self.harmonics.iter().map(|(at, factors)| (at.as_str(), scaled(scene, at, factors)));
         let set = self.set.iter().map(|(at, value)| (at.as_str(), value.clone()));
-        scene.with_all(times.chain(harmonics).chain(set))
+        Ok(scene.with_all(times.into_iter().chain(harmonics).chain(set))?)
     }
 }
 

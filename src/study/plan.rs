@@ -99,7 +99,7 @@ impl Plan {
     /// its train has no freedoms for are refused when they are asked for.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
-        let own = |pointer: Option<&str>| pointer.map_or(0.0, |p| figures::number(scene, p));
+        let own = |pointer: Option<&str>| pointer.and_then(|p| figures::number(scene, p).ok()).unwrap_or(0.0);
         let (load, rpm) = (own(load_pointer(scene)), own(speed_pointer(scene)));
         let reach = if load > 0.0 { 2.0 * load } else { 40.0 };
         let loads = evenly(0.0, reach, 41);

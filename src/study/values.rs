@@ -108,7 +108,7 @@ impl Measure {
                 one("load", json!(locate(context, scene, load, "ring", &SEARCH)?.middle().unwrap_or(0.0)))
             }
             Self::Paths => {
-                let (_, paths) = figures::trajectories(context, scene, (speed, &[figures::number(scene, speed)]))?;
+                let (_, paths) = figures::trajectories(context, scene, (speed, &[figures::number(scene, speed)?]))?;
                 by_name(paths.into_iter().map(|path| (path["body"].as_str().unwrap_or_default().to_owned(), path)))
             }
         })

@@ -36,7 +36,7 @@ pub fn trajectories(
                 .into());
         };
         // The carrier turns once while Z_r teeth of the ring pass.
-        let turn = number(&scene, "/train/teeth/ring") as u64;
+        let turn = number(&scene, "/train/teeth/ring")? as u64;
         let (recording, settled) = context.recorded(&simulation, PER_CYCLE, |_| turn)?;
         let window = settled.window();
         let mut found = Vec::new();

@@ -179,7 +179,7 @@ pub fn threshold(
         let scene = scene.with(speed, json!(rpm))?;
         let threshold = locate(context, &scene, load, stem, search)?;
         let drag =
-            number(&scene, "/train/load/drag_torque_nm") + rpm * number(&scene, "/train/load/drag_torque_nm_per_rpm");
+            number(&scene, "/train/load/drag_torque_nm")? + rpm * number(&scene, "/train/load/drag_torque_nm_per_rpm")?;
         Ok((rpm, threshold, drag))
     })?;
     let located = || rows.iter().filter_map(|(rpm, threshold, drag)| Some((*rpm, threshold.located()?, *drag)));

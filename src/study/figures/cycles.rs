@@ -34,7 +34,8 @@ pub fn cycles(context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Fi
         let contacts = representatives(&simulation);
         let shaded = contacts.last().cloned().unwrap_or_default();
         let at_load = load_pointer(&scene).map(|_| format!("{load} N m"));
-        let at_speed = speed_pointer(&scene).map(|pointer| format!("{} rev/min", number(&scene, pointer)));
+        let at_speed =
+            speed_pointer(&scene).and_then(|pointer| Some(format!("{} rev/min", number(&scene, pointer).ok()?)));
         let title = at_load.into_iter().chain(at_speed).collect::<Vec<_>>().join(", ");
         let found = found(load, &recording, &contacts, settled.window());
         let shown = Shown { recording: &recording.first(SHOWN), shaded, units: Units::of(&simulation) };
@@ -137,11 +138,10 @@ impl Shown<'_> {
     /// Spin of the first planet beside the carrier: its mean, `(ω_s − ω_c) Z_s/Z_p`, and what it fluctuates by.
     fn speed_of_planet(&self, simulation: &Simulation, scene: &Scene) -> Option<Panel> {
         let freedom = simulation.freedom("u_1").or_else(|_| simulation.freedom("u")).ok()?;
-        let [sun, planet, ring] = ["sun", "planet", "ring"].map(|gear| number(scene, &format!("/train/teeth/{gear}")));
-        let (radius, rpm) = (number(scene, "/train/planet/radius_m"), number(scene, "/train/speed_rpm"));
-        if radius <= 0.0 || planet <= 0.0 {
-            return None;
-        }
+        let number = |pointer: &str| number(scene, pointer).ok();
+        let [sun, planet, ring] =
+            [number("/train/teeth/sun")?, number("/train/teeth/planet")?, number("/train/teeth/ring")?];
+        let (radius, rpm) = (number("/train/planet/radius_m")?, number("/train/speed_rpm")?);
         let carried = rpm * std::f64::consts::TAU / 60.0 * (ring / (sun + ring)) * sun / planet;
         let n = simulation.structure.freedoms();
         // The planet turns against the sun: counter-clockwise is positive, and the sun turns that way.

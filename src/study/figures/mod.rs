@@ -182,7 +182,11 @@ pub(super) fn by_name(facts: impl IntoIterator<Item = (String, Value)>) -> Map<S
     facts.into_iter().map(|(name, fact)| (name.replace(['-', ' '], "_"), fact)).collect()
 }
 
-/// A scene's number, or zero.
-pub(super) fn number(scene: &Scene, pointer: &str) -> f64 {
-    scene.resolved().pointer(pointer).and_then(Value::as_f64).unwrap_or(0.0)
+/// A number of a scene.
+///
+/// # Errors
+/// [`StudyError`] if the scene has no number there.
+pub(super) fn number(scene: &Scene, pointer: &str) -> Result<f64, StudyError> {
+    let number = scene.resolved().pointer(pointer).and_then(Value::as_f64);
+    number.ok_or_else(|| StudyError::missing(scene.name(), format!("it has no number {pointer}")))
 }

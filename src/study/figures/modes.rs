@@ -52,7 +52,7 @@ pub fn modes(scene: &Scene, highest: f64) -> Result<(Figure, Vec<ModeRow>), Stud
         }
     }
     drawn.sort_by(|a, b| a.0.hertz.total_cmp(&b.0.hertz));
-    let stage = Layout::new(scene, spec);
+    let stage = Layout::new(scene, spec)?;
     let panels: Vec<Panel> =
         drawn.iter().filter(|(row, _)| row.hertz <= highest).map(|(row, shape)| stage.panel(row, shape)).collect();
     let figure = Figure {
@@ -117,7 +117,7 @@ struct Layout<'s> {
 }
 
 impl<'s> Layout<'s> {
-    fn new(scene: &Scene, spec: &'s Spec) -> Self {
+    fn new(scene: &Scene, spec: &'s Spec) -> Result<Self, StudyError> {
         let train = &scene.resolved()["train"];
         let listed = |key: &str, unit: f64| -> Option<Vec<f64>> {
             let list = train[key].as_array()?;
@@ -135,10 +135,12 @@ impl<'s> Layout<'s> {
         };
         let pitch = |gear: &str, mesh: &str| Some(1e3 * train[gear]["radius_m"].as_f64()? / angle(mesh)?.cos());
         let known = (|| Some([pitch("sun", "sun")?, pitch("planet", "sun")?, pitch("ring", "ring")?]))();
-        let half_teeth = |gear: &str| 0.5 * number(scene, &format!("/train/teeth/{gear}"));
-        let unit = if known.is_some() { "mm" } else { "half teeth" };
-        let [sun, planet, ring] = known.unwrap_or_else(|| ["sun", "planet", "ring"].map(half_teeth));
-        Self { spec, planets, sun, planet, ring, centre: sun + planet, unit }
+        let half_teeth = |gear: &str| Ok::<_, StudyError>(0.5 * number(scene, &format!("/train/teeth/{gear}"))?);
+        let ([sun, planet, ring], unit) = match known {
+            Some(radii) => (radii, "mm"),
+            None => ([half_teeth("sun")?, half_teeth("planet")?, half_teeth("ring")?], "half teeth"),
+        };
+        Ok(Self { spec, planets, sun, planet, ring, centre: sun + planet, unit })
     }
 
     fn panel(&self, row: &ModeRow, shape: &[f64]) -> Panel {
