@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::{ContenderSummary, Row, Truth, WorkPrecision, charts, work_precision::TARGETS};
 use crate::{
     output::{Folder, OutputError},
-    plot::{Figure, Item, REPORT, Report, Section, figure_files, write_figure},
+    plot::{Figure, Item, Report, Section},
 };
 
 const TABLE: &str = "compare.csv";
@@ -16,8 +16,7 @@ impl WorkPrecision<'_> {
     /// Names of the files that [`write`](Self::write) writes.
     #[must_use]
     pub fn files() -> Vec<String> {
-        let figures = ["work-precision", "work-precision-time"].into_iter().flat_map(figure_files);
-        figures.chain([TABLE, ERRORS, TIMING, REPORT].map(String::from)).collect()
+        Report::files(["work-precision", "work-precision-time"], &[TABLE, ERRORS, TIMING])
     }
 
     /// Writes table, errors, times, charts and report.
@@ -27,10 +26,8 @@ impl WorkPrecision<'_> {
     pub fn write(&self, folder: &mut Folder, summaries: &[ContenderSummary]) -> Result<(), OutputError> {
         let name = self.problem.simulation.title();
         let figures = charts(name, &self.truth, &self.rows);
-        for figure in &figures {
-            write_figure(folder, figure)?;
-        }
-        folder.bytes(TABLE, self.csv().as_bytes())?;
+        figures.iter().try_for_each(|figure| figure.write(folder))?;
+        folder.bytes(TABLE, self.csv())?;
         folder.complete(ERRORS, &self.json(summaries))?;
         let time = |row: &Row<'_>| json!({ "method": row.contender.name, "setting": row.setting, "time": row.time });
         let times: Vec<Value> = self.rows.iter().map(time).collect();
@@ -44,7 +41,7 @@ impl WorkPrecision<'_> {
             })
             .collect();
         folder.complete(TIMING, &json!({ "rows": times, "costs": ratios }))?;
-        folder.bytes(REPORT, self.report(summaries, figures).html().as_bytes())
+        self.report(summaries, figures).write(folder)
     }
 
     /// Errors and counters: the same input gives the same file. Times are in `timing.json`.

@@ -165,8 +165,8 @@ impl Folder {
     ///
     /// # Errors
     /// As [`create`](Self::create).
-    pub fn bytes(&mut self, name: &str, bytes: &[u8]) -> Result<(), OutputError> {
-        whole(&self.enter(name)?, bytes)
+    pub fn bytes(&mut self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), OutputError> {
+        whole(&self.enter(name)?, bytes.as_ref())
     }
 
     /// Writes a JSON file: complete, or not at all.
@@ -174,7 +174,7 @@ impl Folder {
     /// # Errors
     /// As [`create`](Self::create).
     pub fn complete(&mut self, name: &str, content: &impl Serialize) -> Result<(), OutputError> {
-        self.bytes(name, &json(content).map_err(failed(&self.path.join(name)))?)
+        self.bytes(name, json(content).map_err(failed(&self.path.join(name)))?)
     }
 
     fn enter(&mut self, name: &str) -> Result<PathBuf, OutputError> {

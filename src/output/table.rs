@@ -2,15 +2,15 @@ use std::fmt::{self, Write};
 
 use serde::Serialize;
 
-/// A table of words. Displayed, it is laid out for a terminal: the first column flush left, the others flush right.
+/// A table, of words if not of other cells. Displayed, it is laid out for a terminal: the first column flush left, the others flush right.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Table {
+pub struct Table<C = String> {
     /// Title; may be empty.
     pub title: String,
     /// Heads of the columns, with units; may be empty.
     pub head: Vec<String>,
     /// Rows of cells.
-    pub rows: Vec<Vec<String>>,
+    pub rows: Vec<Vec<C>>,
     /// A line below; may be empty.
     pub note: String,
 }

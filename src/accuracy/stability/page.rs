@@ -10,7 +10,7 @@ use crate::output::{Table, five_digits, label, number};
 #[cfg(feature = "plot")]
 use crate::{
     output::{Folder, OutputError},
-    plot::{self, Item, REPORT, Report, Section, figure_files, write_figure},
+    plot::{self, Item, Report, Section},
     simulation::Simulation,
     train::Quantity,
 };
@@ -111,8 +111,7 @@ impl Map {
     #[cfg(feature = "plot")]
     #[must_use]
     pub fn files(over: Quantity) -> Vec<String> {
-        let figure = figure_files(&format!("stability-{}", over.word()));
-        figure.into_iter().chain([TABLE, MAP, REPORT].map(String::from)).collect()
+        Report::files([format!("stability-{}", over.word()).as_str()], &[TABLE, MAP])
     }
 
     /// Writes table, figure, report and the map itself. `simulation` is what it was made of.
@@ -123,9 +122,9 @@ impl Map {
     pub fn write(&self, folder: &mut Folder, simulation: &Simulation) -> Result<(), OutputError> {
         let title = Some(simulation.title()).filter(|title| !title.is_empty());
         let figure = figure(title.unwrap_or(&simulation.name), self);
-        folder.bytes(TABLE, self.csv().as_bytes())?;
-        write_figure(folder, &figure)?;
-        folder.bytes(REPORT, self.report(simulation, figure).html().as_bytes())?;
+        folder.bytes(TABLE, self.csv())?;
+        figure.write(folder)?;
+        self.report(simulation, figure).write(folder)?;
         let scene = json!({ "name": simulation.name, "sha256": simulation.hash() });
         folder.complete(MAP, &json!({ "flank": env!("CARGO_PKG_VERSION"), "scene": scene, "map": self }))
     }
