@@ -8,10 +8,12 @@ use super::{AccuracyError, Problem, problem::Passages};
 use crate::{
     analysis::Contacts,
     baseline::{
-        Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Solver, Watch, drive,
+        Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Watch, adaptive,
+        drive,
     },
+    gear::contact::Law,
     integrate::Choice,
-    system::Structure,
+    system::{ContactSpec, Structure},
 };
 
 /// What solves.
@@ -20,7 +22,7 @@ pub enum Kind {
     /// A fixed-step method.
     Fixed(Method),
     /// An adaptive solver without events.
-    Adaptive(Solver),
+    Adaptive(Choice),
     /// The engine, with one of its integrators.
     Engine(Choice),
 }
@@ -112,9 +114,9 @@ impl Contender {
             }
             "euler" => Kind::Fixed(Method::SemiImplicitEuler),
             "verlet" => Kind::Fixed(Method::Verlet),
-            "tsit45" => Kind::Adaptive(Solver::Explicit),
-            "esdirk34" => Kind::Adaptive(Solver::Sdirk),
-            "bdf" => Kind::Adaptive(Solver::Bdf),
+            "tsit45" => Kind::Adaptive(Choice::Explicit),
+            "esdirk34" => Kind::Adaptive(Choice::Sdirk),
+            "bdf" => Kind::Adaptive(Choice::Bdf),
             "flank" => Kind::Engine(Choice::Auto),
             "flank-explicit" => Kind::Engine(Choice::Explicit),
             "flank-sdirk" => Kind::Engine(Choice::Sdirk),
@@ -149,10 +151,9 @@ impl Contender {
     /// Whether it can solve a train at all: adaptive solvers need a force at every contact, and a build that has them.
     #[must_use]
     pub fn applies_to(&self, structure: &Structure) -> bool {
-        let model = Penalty::new(structure, Ramp::Sharp);
-        let rigid = (0..model.contacts()).any(|j| model.flanks(j).2);
+        let is_rigid = |c: &ContactSpec| matches!(c.law, Law::Rigid(_));
         match self.kind {
-            Kind::Adaptive(_) => cfg!(feature = "diffsol") && !rigid,
+            Kind::Adaptive(_) => cfg!(feature = "diffsol") && !structure.spec().contacts.iter().any(is_rigid),
             Kind::Engine(Choice::Explicit | Choice::Sdirk | Choice::Bdf) => cfg!(feature = "diffsol"),
             _ => true,
         }
@@ -237,15 +238,14 @@ impl Contender {
         let per_cycle = self.per_cycle(setting);
         let step = problem.period / per_cycle as f64;
         let grid = Grid { from: problem.start.at, step, steps: per_cycle * cycles };
+        let start = problem.coordinates();
         match (self.kind, setting) {
-            (Kind::Fixed(method), _) => drive(model, method, &grid, problem.coordinates(), watch)
-                .map_err(|diverged| (diverged.counters, diverged.to_string())),
-            #[cfg(feature = "diffsol")]
-            (Kind::Adaptive(solver), Setting::Tolerance(rtol)) => {
-                crate::baseline::adaptive(model, solver, rtol, &grid, problem.coordinates(), watch)
-                    .map_err(|error| (Counters::default(), error.to_string()))
+            (Kind::Fixed(method), _) => {
+                drive(model, method, &grid, start, watch).map_err(|diverged| (diverged.counters, diverged.to_string()))
             }
-            _ => Err((Counters::default(), "not part of this build: it needs the cargo feature `diffsol`".to_owned())),
+            (Kind::Adaptive(solver), Setting::Tolerance(rtol)) => adaptive(model, solver, rtol, &grid, start, watch)
+                .map_err(|error| (Counters::default(), error.to_string())),
+            _ => Err((Counters::default(), "an adaptive solver needs a tolerance".to_owned())),
         }
     }
 }

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{Contender, Kind};
 use crate::{
-    baseline::{Interpolation, Penalty, Ramp},
+    baseline::{Interpolation, Ramp},
     gear::{
         Stiffness,
         contact::{Law, Release},
@@ -112,8 +112,7 @@ pub fn orders(contender: &Contender, structure: &Structure, runs: &[(u64, f64)],
             reasons.push(format!("{why} (order {limit})"));
         }
     } else {
-        let model = Penalty::new(structure, contender.ramp);
-        let narrow = (0..model.contacts()).map(|j| model.flanks(j).0).fold(f64::INFINITY, f64::min);
+        let narrow = structure.spec().contacts.iter().map(|c| c.half_backlash).fold(f64::INFINITY, f64::min);
         let mut why = format!("the smoothed flank is {:.2e} m off, whatever the step", contender.ramp.bias());
         if let Some(sharp) = contender.ramp.sharpness().filter(|s| narrow > 0.0 && s * narrow < 50.0) {
             why += &format!("; over 1/σ = {:.2e} m, wide beside a half backlash of {narrow:.2e} m", 1.0 / sharp);

@@ -139,7 +139,7 @@ impl Truth {
         let point = |k: usize, x: &[f64]| model.point(problem.section(k as u64), &x[..n], &x[n..]);
         let mode = &problem.start.jump.mode;
         let closed: Vec<bool> = (0..model.contacts()).map(|j| contact_mode(mode, j).side() != 0.0).collect();
-        let rigid: Vec<bool> = (0..model.contacts()).map(|j| model.flanks(j).2).collect();
+        let rigid = model.rigid();
         let energy = sections.iter().enumerate().map(|(k, x)| model.energy(&point(k, x))).collect();
         let mut forces = Contacts::new(problem.structure(), None).keep(0);
         problem.engine(problem.start.clone(), None)?.run(problem.section(window.cycles), &mut forces)?;

@@ -3,13 +3,12 @@
 use std::{cell::RefCell, ops::ControlFlow};
 
 use super::{
-    Counters, Grid, Penalty, Point, Sample, Solver, Touch, Watch,
+    Counters, Grid, Penalty, Point, Sample, Touch, Watch,
     forcing::{Forcing, Moment},
 };
 use crate::{
-    gear::contact::Law,
     hybrid::{Clock, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, VectorField},
-    integrate::{Arc, DenseStep, Diffsol, IntegrateError, Integrator, Method},
+    integrate::{Arc, Choice, DenseStep, IntegrateError, build},
 };
 
 /// A penalty train as one smooth mode, which it is not: the solver has to find out.
@@ -89,19 +88,19 @@ const WITHIN: u32 = 4;
 /// each of its own steps at four places, its end the last.
 ///
 /// # Errors
-/// [`IntegrateError`] where the solver gives up, as it may at jumps of the force.
+/// [`IntegrateError`] where the solver gives up, as it may at jumps of the force, or is not part of this build.
 ///
 /// # Panics
-/// If the train has a rigid contact: there is no force to integrate. [`Penalty::flanks`] tells.
+/// If the train has a rigid contact: there is no force to integrate.
 pub fn adaptive(
     model: &Penalty,
-    solver: Solver,
+    solver: Choice,
     rtol: f64,
     grid: &Grid,
     (q, v): (&[f64], &[f64]),
     watch: &mut dyn Watch,
 ) -> Result<Counters, IntegrateError> {
-    assert!(!(0..model.contacts()).any(|j| model.flanks(j).2), "a rigid contact has no force to integrate");
+    assert!(!model.rigid().contains(&true), "a rigid contact has no force to integrate");
     let mut point = model.point(grid.from, q, v);
     let through = Through {
         model,
@@ -129,14 +128,7 @@ pub fn adaptive(
         still: &none,
         bound,
     };
-    let mut integrator = Diffsol::new(
-        match solver {
-            Solver::Explicit => Method::Explicit,
-            Solver::Sdirk => Method::Sdirk,
-            Solver::Bdf => Method::Bdf,
-        },
-        rtol,
-    );
+    let (mut integrator, _) = build(solver, rtol, &through)?;
     let (mut x, mut next) = (start.clone(), 1);
     if flow.is_continue() {
         integrator.integrate_arc(&through, &arc, &mut start.clone(), &mut [], &mut |step: &dyn DenseStep| {
@@ -175,11 +167,8 @@ impl Through<'_> {
         let scratch = &mut *self.scratch.borrow_mut();
         scratch.forcing.at(self.model, at, &mut point.moment);
         // What a step latches is decided at its end, not at samples within it.
-        let known = scratch.touches.iter().zip(self.model.contacts.iter().zip(&point.moment.contacts));
-        for (touch, (known, (c, forced))) in point.contacts.iter_mut().zip(known) {
-            touch.latch = known.latch;
-            touch.touched = c.penetration(c.deflection(forced, &point.q, &point.v)[0]).0 > 0.0;
-        }
+        point.contacts.iter_mut().zip(&scratch.touches).for_each(|(touch, known)| touch.latch = known.latch);
+        self.model.find_touched(point);
         self.model.arrive(point);
     }
 
@@ -190,15 +179,7 @@ impl Through<'_> {
         let (q, v) = x.split_at(self.model.n);
         for ((c, forced), touch) in self.model.contacts.iter().zip(&moment.contacts).zip(touches) {
             let [d, r] = c.deflection(forced, q, v);
-            let (p, side) = c.penetration(d);
-            if let Law::Power(l) = c.law {
-                if p <= 0.0 {
-                    touch.latch = r.abs().max(l.speed_floor);
-                } else if !touch.touched {
-                    touch.latch = (side * r).max(l.speed_floor);
-                }
-            }
-            touch.touched = p > 0.0;
+            c.latch(c.penetration(d), r, touch);
         }
     }
 }
