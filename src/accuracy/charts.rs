@@ -40,8 +40,7 @@ const MEASURES: [Measure; 4] = [
 ];
 
 /// Errors against steps a cycle, and against time. Open marks: the sequence of events is wrong.
-#[must_use]
-pub fn charts(name: &str, truth: &Truth, rows: &[Row<'_>]) -> [Figure; 2] {
+pub(super) fn charts(name: &str, truth: &Truth, rows: &[Row<'_>]) -> [Figure; 2] {
     let chart = |id: &str, against: &str, caption: String, x: Axis, cost: &dyn Fn(&Row<'_>) -> f64, count: usize| {
         let points: Vec<_> = rows.iter().map(|row| (row, cost(row))).collect();
         let panels = MEASURES[..count].iter().map(|m| panel(m, &points, &x, truth));

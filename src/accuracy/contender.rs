@@ -160,14 +160,12 @@ impl Contender {
     }
 
     /// Largest `h ω` at which a fixed-step method is stable: see [`Method::stability_limit`].
-    #[must_use]
-    pub fn stability_limit(&self) -> Option<f64> {
+    pub(super) fn stability_limit(&self) -> Option<f64> {
         if let Kind::Fixed(method) = self.kind { method.stability_limit() } else { None }
     }
 
     /// Settings from coarse to fine, with at most `most` steps over `cycles`.
-    #[must_use]
-    pub fn settings(&self, cycles: u64, most: u64) -> Vec<Setting> {
+    pub(super) fn settings(&self, cycles: u64, most: u64) -> Vec<Setting> {
         match self.kind {
             // Numbers of steps that no stiffness step of a round duty falls on.
             Kind::Fixed(_) => (0..36)

@@ -17,12 +17,11 @@ mod work_precision;
 #[cfg(feature = "plot")]
 mod work_precision_page;
 
-use charts::fold;
-pub use charts::{Row, charts};
+pub use charts::Row;
 pub use contender::{Contender, Kind, Performance, Setting};
 pub use error::AccuracyError;
-pub use order::{Order, Roughness, orders, reached};
+pub use order::{Order, Roughness, reached};
 pub use problem::Problem;
-pub use score::{Score, score};
+pub use score::Score;
 pub use truth::{Truth, Window};
 pub use work_precision::{ContenderSummary, RunTime, WorkPrecision, median};

@@ -115,10 +115,7 @@ impl Truth {
     }
 
     /// The same without the independent run, of a motion that need not have events.
-    ///
-    /// # Errors
-    /// [`AccuracyError`] if the engine fails.
-    pub fn quick(problem: &Problem<'_>, limit: f64) -> Result<Self, AccuracyError> {
+    pub(super) fn quick(problem: &Problem<'_>, limit: f64) -> Result<Self, AccuracyError> {
         let (passages, mut sections) = pass(problem, problem.start.clone(), problem.cycles, 1, None)?;
         let sizes = passages.sizes.map(|s| s.max(f64::MIN_POSITIVE));
         let mut found = passages.found;

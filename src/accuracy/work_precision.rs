@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::{
-    AccuracyError, Contender, Kind, Order, Problem, Row, Setting, Truth, fold, orders, reached, score,
+    AccuracyError, Contender, Kind, Order, Problem, Row, Setting, Truth, charts::fold, reached, score::Score,
     stability::highest_frequency,
 };
 use crate::{
@@ -112,7 +112,7 @@ impl<'a> WorkPrecision<'a> {
                 return Ok(false);
             }
             let run = contender.perform(self.problem, self.truth.window.cycles, setting)?;
-            let score = score(&self.truth, &run, self.problem.period);
+            let score = Score::of(&self.truth, &run, self.problem.period);
             let time = self.time(contender, setting, repetitions, clock)?;
             self.rows.push(Row { contender, setting, score, work: run.work, time, stopped: run.stopped });
             task.advance();
@@ -159,7 +159,7 @@ impl<'a> WorkPrecision<'a> {
                 Setting::StepsPerCycle(n) => Some((n, row.score.event_time?)),
                 _ => None,
             });
-            let order = orders(contender, self.problem.structure(), &steps.collect::<Vec<_>>(), self.truth.error);
+            let order = Order::of(contender, self.problem.structure(), &steps.collect::<Vec<_>>(), self.truth.error);
             let costs = own().map(|row| {
                 let error = row.score.event_time.filter(|_| row.score.is_right());
                 (error.map(|e| e.max(self.truth.error)), row.time.ratio)

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{ContenderSummary, Row, Truth, WorkPrecision, charts, work_precision::TARGETS};
+use super::{ContenderSummary, Row, Truth, WorkPrecision, charts::charts, work_precision::TARGETS};
 use crate::{
     output::{Folder, OutputError},
     plot::{Figure, Item, Report, Section},

@@ -6,7 +6,7 @@ use flank::{
     Simulation,
     accuracy::{
         Contender, Kind,
-        stability::{self, Map, Plan, Reference, Rule},
+        stability::{Map, Plan, Reference, Rule},
     },
     output::Fault,
     sweep::{Axis, Values},
@@ -71,14 +71,14 @@ const MOST: usize = 100_000;
 /// Makes the map.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let simulation = open(arguments.scene.as_deref())?;
-    let plan = plan(arguments, &simulation, stability::cycle_length(&simulation)?)?;
+    let plan = plan(arguments, &simulation, Map::cycle_length(&simulation)?)?;
     // Before the work: a folder in use is told at once. It is opened after it: a map broken off leaves nothing behind.
     let (out, scene) = (arguments.out.as_deref(), arguments.scene.as_deref());
     let request = request(out, "stability", scene, arguments.force, Map::files(plan.over))?;
     let cells = plan.factors.len() * plan.steps.len() + plan.references.len();
     let pool = threads(arguments.threads)?;
     let map = counted(cells * plan.methods.len(), 0, "runs", arguments.quiet, |task| {
-        pool.install(|| stability::map(&simulation, &plan, task))
+        pool.install(|| Map::make(&simulation, &plan, task))
     })?;
     let Some(map) = map else {
         return print("interrupted: a map is written as a whole, so nothing is kept\n").map(|()| Done::Partly);

@@ -3,8 +3,6 @@
 #[cfg(feature = "plot")]
 use serde_json::json;
 
-#[cfg(feature = "plot")]
-use super::figure;
 use super::{Cell, Map, Outcome};
 use crate::output::{Table, five_digits, label, number};
 #[cfg(feature = "plot")]
@@ -121,7 +119,7 @@ impl Map {
     #[cfg(feature = "plot")]
     pub fn write(&self, folder: &mut Folder, simulation: &Simulation) -> Result<(), OutputError> {
         let title = Some(simulation.title()).filter(|title| !title.is_empty());
-        let figure = figure(title.unwrap_or(&simulation.name), self);
+        let figure = self.figure(title.unwrap_or(&simulation.name));
         folder.bytes(TABLE, self.csv())?;
         figure.write(folder)?;
         self.report(simulation, figure).write(folder)?;
@@ -159,8 +157,8 @@ impl Map {
     }
 
     /// One row a cell; those of the engine have the method `flank`.
-    #[must_use]
-    pub fn csv(&self) -> String {
+    #[cfg(feature = "plot")]
+    fn csv(&self) -> String {
         let mut text =
             "factor,method,steps_per_cycle,step,outcome,missed,spurious,period_cycles,distance,cycles\r\n".to_owned();
         for row in &self.rows {
