@@ -3,11 +3,11 @@
 #[cfg(feature = "plot")]
 use serde_json::json;
 
-use super::{Cell, Map, Outcome};
-use crate::output::{Table, five_digits, label, number};
+use super::{Map, Outcome};
+use crate::output::{Table, five_digits, label};
 #[cfg(feature = "plot")]
 use crate::{
-    output::{Folder, OutputError},
+    output::{Folder, OutputError, number},
     plot::{self, Item, Report, Section},
     simulation::Simulation,
     train::Quantity,
@@ -174,7 +174,7 @@ impl Map {
                     let step = number(self.period_s / cell.steps_per_cycle as f64);
                     let period = cell.period.map(|period| period.to_string()).unwrap_or_default();
                     let distance = cell.distance.map(number).unwrap_or_default();
-                    let Cell { steps_per_cycle, outcome, missed, spurious, cycles, .. } = cell;
+                    let super::Cell { steps_per_cycle, outcome, missed, spurious, cycles, .. } = cell;
                     text += &format!("{factor},{method},{steps_per_cycle},{step},{},{missed},", label(outcome));
                     text += &format!("{spurious},{period},{distance},{cycles}\r\n");
                 }
