@@ -5,9 +5,7 @@ use std::ops::ControlFlow;
 
 use approx::assert_relative_eq;
 use flank::{
-    baseline::{
-        Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Watch, drive,
-    },
+    baseline::{Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Watch},
     engine::{Engine, Options, State},
     integrate::Taylor,
     scene::Scene,
@@ -46,7 +44,7 @@ impl Case {
     fn fixed(&self, method: Method, ramp: Ramp, grid: &Grid, watch: &mut dyn Watch) -> Counters {
         let n = self.structure.freedoms();
         let start = (&self.state.x[..n], &self.state.x[n..2 * n]);
-        drive(&Penalty::new(&self.structure, ramp), method, grid, start, watch).unwrap()
+        Penalty::new(&self.structure, ramp).drive(method, grid, start, watch).unwrap()
     }
 
     fn crossings(&self, method: Method, grid: &Grid, interpolation: Interpolation) -> Vec<Crossing> {
@@ -330,7 +328,7 @@ fn smoothed_ramps_have_their_slopes_and_their_bias() {
 #[cfg(feature = "diffsol")]
 #[test]
 fn adaptive_solvers_manage_a_kink() {
-    use flank::{baseline::adaptive, integrate::Choice};
+    use flank::integrate::Choice;
     let case = case(
         r#"{ "flank": 1,
         "train": { "kind": "gear-pair-dimensionless", "damping_ratio": 0.05, "damping_in_gap": true, "mean_load": 0.1,
@@ -345,7 +343,7 @@ fn adaptive_solvers_manage_a_kink() {
         for rtol in [1e-5, 1e-8, 1e-11] {
             let mut last = Last::default();
             let start = (&case.state.x[..1], &case.state.x[1..2]);
-            let counters = adaptive(&model, solver, rtol, &grid, start, &mut last).unwrap();
+            let counters = model.adaptive(solver, rtol, &grid, start, &mut last).unwrap();
             assert!(counters.steps > 29 && counters.evaluations > counters.steps);
             errors.push((last.0[0] - exact[0]).abs().max((last.0[1] - exact[1]).abs()));
         }

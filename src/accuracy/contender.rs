@@ -7,10 +7,7 @@ use serde::Serialize;
 use super::{AccuracyError, Problem, problem::Passages};
 use crate::{
     analysis::Contacts,
-    baseline::{
-        Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Watch, adaptive,
-        drive,
-    },
+    baseline::{Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Watch},
     gear::contact::Law,
     integrate::Choice,
     system::{ContactSpec, Structure},
@@ -239,9 +236,10 @@ impl Contender {
         let start = problem.coordinates();
         match (self.kind, setting) {
             (Kind::Fixed(method), _) => {
-                drive(model, method, &grid, start, watch).map_err(|diverged| (diverged.counters, diverged.to_string()))
+                model.drive(method, &grid, start, watch).map_err(|diverged| (diverged.counters, diverged.to_string()))
             }
-            (Kind::Adaptive(solver), Setting::Tolerance(rtol)) => adaptive(model, solver, rtol, &grid, start, watch)
+            (Kind::Adaptive(solver), Setting::Tolerance(rtol)) => model
+                .adaptive(solver, rtol, &grid, start, watch)
                 .map_err(|error| (Counters::default(), error.to_string())),
             _ => Err((Counters::default(), "an adaptive solver needs a tolerance".to_owned())),
         }

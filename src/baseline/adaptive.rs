@@ -84,81 +84,83 @@ impl HybridSystem for Through<'_> {
 /// Samples of a solver's step.
 const WITHIN: u32 = 4;
 
-/// Runs an adaptive solver with relative tolerance `rtol` over `grid`. Sampled are, from its dense output, the grid's points and
-/// each of its own steps at four places, its end the last.
-///
-/// # Errors
-/// [`IntegrateError`] where the solver gives up, as it may at jumps of the force, or is not part of this build.
-///
-/// # Panics
-/// If the train has a rigid contact: there is no force to integrate.
-pub fn adaptive(
-    model: &Penalty,
-    solver: Choice,
-    rtol: f64,
-    grid: &Grid,
-    (q, v): (&[f64], &[f64]),
-    watch: &mut dyn Watch,
-) -> Result<Counters, IntegrateError> {
-    assert!(!model.rigid().contains(&true), "a rigid contact has no force to integrate");
-    let mut point = model.point(grid.from, q, v);
-    let through = Through {
-        model,
-        scratch: RefCell::new(Scratch {
-            forcing: Forcing::new(model, grid.from, grid.step),
-            moment: model.moment(),
-            force: vec![0.0; model.contacts()],
-            touches: point.contacts.clone(),
-            evaluations: 0,
-        }),
-    };
-    let mut flow = watch.sample(&Sample { number: Some(0), t: 0.0, point: &point });
-    let mut counters = Counters::default();
-    let start: Vec<f64> = q.iter().chain(v).copied().collect();
-    let bound = model.clock.advance(grid.from, grid.steps as f64 * grid.step);
-    let (mode, none) = (Mode::default(), GuardSet::default());
-    let arc = Arc {
-        mode: &mode,
-        motion: None,
-        at: grid.from,
-        x: &start,
-        low: &[],
-        carried: &[],
-        pinned: &none,
-        still: &none,
-        bound,
-    };
-    let (mut integrator, _) = build(solver, rtol, &through)?;
-    let (mut x, mut next) = (start.clone(), 1);
-    if flow.is_continue() {
-        integrator.integrate_arc(&through, &arc, &mut start.clone(), &mut [], &mut |step: &dyn DenseStep| {
-            counters.steps += 1;
-            let from = model.clock.between(grid.from, step.start());
-            let to = from + step.time(1.0);
-            let mut sample = |number: Option<u64>, t: f64, x: &mut Vec<f64>| {
-                step.state(((t - from) / (to - from)).clamp(0.0, 1.0), x);
-                point.q.copy_from_slice(&x[..model.n]);
-                point.v.copy_from_slice(&x[model.n..]);
-                through.look(model.clock.advance(grid.from, t), &mut point);
-                flow = watch.sample(&Sample { number, t, point: &point });
-                flow
-            };
-            // Within the step at equal distances, at the points of the grid, and at its end.
-            for i in 1..=WITHIN {
-                let t = from + (to - from) * f64::from(i) / f64::from(WITHIN);
-                while next <= grid.steps && next as f64 * grid.step <= t {
-                    sample(Some(next), next as f64 * grid.step, &mut x)?;
-                    next += 1;
+impl Penalty {
+    /// Runs an adaptive solver with relative tolerance `rtol` over `grid`. It samples its dense output at the
+    /// points of the grid, and at four places of each of its own steps, the last at the end.
+    ///
+    /// # Errors
+    /// [`IntegrateError`] where the solver gives up, as it may at jumps of the force, or is not part of this build.
+    ///
+    /// # Panics
+    /// If the train has a rigid contact: there is no force to integrate.
+    pub fn adaptive(
+        &self,
+        solver: Choice,
+        rtol: f64,
+        grid: &Grid,
+        (q, v): (&[f64], &[f64]),
+        watch: &mut dyn Watch,
+    ) -> Result<Counters, IntegrateError> {
+        assert!(!self.rigid().contains(&true), "a rigid contact has no force to integrate");
+        let mut point = self.point(grid.from, q, v);
+        let through = Through {
+            model: self,
+            scratch: RefCell::new(Scratch {
+                forcing: Forcing::new(self, grid.from, grid.step),
+                moment: self.moment(),
+                force: vec![0.0; self.contacts()],
+                touches: point.contacts.clone(),
+                evaluations: 0,
+            }),
+        };
+        let mut flow = watch.sample(&Sample { number: Some(0), t: 0.0, point: &point });
+        let mut counters = Counters::default();
+        let start: Vec<f64> = q.iter().chain(v).copied().collect();
+        let bound = self.clock.advance(grid.from, grid.steps as f64 * grid.step);
+        let (mode, none) = (Mode::default(), GuardSet::default());
+        let arc = Arc {
+            mode: &mode,
+            motion: None,
+            at: grid.from,
+            x: &start,
+            low: &[],
+            carried: &[],
+            pinned: &none,
+            still: &none,
+            bound,
+        };
+        let (mut integrator, _) = build(solver, rtol, &through)?;
+        let (mut x, mut next) = (start.clone(), 1);
+        if flow.is_continue() {
+            integrator.integrate_arc(&through, &arc, &mut start.clone(), &mut [], &mut |step: &dyn DenseStep| {
+                counters.steps += 1;
+                let from = self.clock.between(grid.from, step.start());
+                let to = from + step.time(1.0);
+                let mut sample = |number: Option<u64>, t: f64, x: &mut Vec<f64>| {
+                    step.state(((t - from) / (to - from)).clamp(0.0, 1.0), x);
+                    point.q.copy_from_slice(&x[..self.n]);
+                    point.v.copy_from_slice(&x[self.n..]);
+                    through.look(self.clock.advance(grid.from, t), &mut point);
+                    flow = watch.sample(&Sample { number, t, point: &point });
+                    flow
+                };
+                // Within the step at equal distances, at the points of the grid, and at its end.
+                for i in 1..=WITHIN {
+                    let t = from + (to - from) * f64::from(i) / f64::from(WITHIN);
+                    while next <= grid.steps && next as f64 * grid.step <= t {
+                        sample(Some(next), next as f64 * grid.step, &mut x)?;
+                        next += 1;
+                    }
+                    sample(None, t, &mut x)?;
                 }
-                sample(None, t, &mut x)?;
-            }
-            step.state(1.0, &mut x);
-            through.latch(step.start(), step.time(1.0), &x);
-            ControlFlow::Continue(())
-        })?;
+                step.state(1.0, &mut x);
+                through.latch(step.start(), step.time(1.0), &x);
+                ControlFlow::Continue(())
+            })?;
+        }
+        counters.evaluations = through.scratch.borrow().evaluations;
+        Ok(counters)
     }
-    counters.evaluations = through.scratch.borrow().evaluations;
-    Ok(counters)
 }
 
 impl Through<'_> {

@@ -23,10 +23,9 @@ mod method;
 mod penalty;
 mod ramp;
 
-pub use adaptive::adaptive;
 pub use alpha::Alpha;
 pub use crossing::{Crossing, Crossings, Interpolation};
-pub use drive::{Counters, Diverged, Grid, Sample, Watch, drive};
+pub use drive::{Counters, Diverged, Grid, Sample, Watch};
 pub use method::Method;
 pub use penalty::{Penalty, Point, Touch};
 pub use ramp::Ramp;

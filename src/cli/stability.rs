@@ -9,7 +9,7 @@ use flank::{
         stability::{Map, Plan, Reference, Rule},
     },
     output::Fault,
-    sweep::{Axis, Values},
+    sweep::Axis,
     train::Quantity,
 };
 
@@ -167,15 +167,13 @@ fn values(name: &str, text: &str, (low, high): (f64, f64), faults: &mut Vec<Faul
             return Vec::new();
         }
     };
-    let ends: Vec<f64> = match &axis.values {
-        Values::Range { from, to, count, .. } if *count <= MOST => vec![*from, *to],
-        Values::List { values } if values.len() <= MOST => values.clone(),
-        _ => {
-            let found = format!("{} values", axis.count());
-            faults.push(Fault::new(&format!("--{name}"), found, format!("at most {MOST}")));
-            return Vec::new();
-        }
-    };
+    if axis.count() > MOST {
+        let found = format!("{} values", axis.count());
+        faults.push(Fault::new(&format!("--{name}"), found, format!("at most {MOST}")));
+        return Vec::new();
+    }
+    // Of a range its ends tell of all.
+    let ends = if text.contains(':') { vec![axis.value(0), axis.value(axis.count() - 1)] } else { axis.all() };
     let outside = ends.iter().filter(|value| !(low..=high).contains(*value));
     faults.extend(outside.map(|value| Fault::new(&format!("--{name}"), value.to_string(), format!("{low} to {high}"))));
     axis.all()

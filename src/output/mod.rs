@@ -1,6 +1,6 @@
 //! Folders that commands write into, and fields of tables. What is not Flank's in a folder stays as it is.
 //!
-//! The manifest [`MANIFEST`] names every file that a command writes, before the file is created: a killed command leaves
+//! The manifest, `flank-manifest.json`, names every file that a command writes, before the file is created: a killed command leaves
 //! it too. A later command replaces what the manifest names and nothing else. A file that is being written lies beside its
 //! place with `.part` behind its name; the entry of the manifest stands for both.
 
@@ -18,10 +18,11 @@ use serde::{Deserialize, Serialize};
 
 pub use fault::Fault;
 pub use table::Table;
-pub use text::{csv_line, five_digits, label, number};
+pub(crate) use text::number;
+pub use text::{csv_line, five_digits, label};
 
 /// Name of the manifest, a JSON object: version of Flank, command, files relative to the folder with `/`.
-pub const MANIFEST: &str = "flank-manifest.json";
+const MANIFEST: &str = "flank-manifest.json";
 
 /// Why a folder cannot be written into.
 #[derive(Debug, thiserror::Error)]

@@ -4,7 +4,6 @@ use serde::Serialize;
 use serde_json::Value;
 
 /// A number in a table: as many digits as it takes to read the same double, with an exponent where that is shorter.
-#[must_use]
 pub fn number(value: f64) -> String {
     format!("{value:?}")
 }

@@ -15,33 +15,29 @@ const FORM: &str = "POINTER=FROM:TO:COUNT, POINTER=FROM:TO:COUNT:log or POINTER=
 /// How the values of a range lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Spacing {
+enum Spacing {
     /// Equal differences.
     Linear,
     /// Equal ratios.
     Geometric,
 }
 
-/// The values of an axis.
+/// The values of an axis, as written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
-pub enum Values {
+enum Values {
     /// `count` values, the first `from`, the last `to`.
     Range {
-        /// First value.
         from: f64,
-        /// Last value; not the first.
+        /// Not `from`.
         to: f64,
-        /// How many, ≥ 2.
+        /// At least 2.
         count: usize,
-        /// How they lie; geometric ranges have ends of one sign.
+        /// Geometric ranges have ends of one sign.
         spacing: Spacing,
     },
-    /// Values written out, at least one.
-    List {
-        /// In the order they are visited upwards.
-        values: Vec<f64>,
-    },
+    /// Values written out, at least one, in the order they are visited upwards.
+    List { values: Vec<f64> },
 }
 
 /// A number that is varied: its place, and the values it takes.
@@ -49,9 +45,8 @@ pub enum Values {
 pub struct Axis {
     /// Where it stands, a JSON pointer such as `/train/speed_rpm`.
     pub pointer: String,
-    /// The values it takes.
     #[serde(flatten)]
-    pub values: Values,
+    values: Values,
 }
 
 impl Axis {
@@ -234,8 +229,7 @@ impl Grid {
     }
 
     /// Points along the last axis.
-    #[must_use]
-    pub fn line(&self) -> usize {
+    pub(super) fn line(&self) -> usize {
         self.axes.last().map_or(1, Axis::count)
     }
 

@@ -3,17 +3,19 @@ use serde_json::{Map, Value, json};
 
 use super::Grid;
 
-/// Where the points of a sweep start.
+/// Where the points of a sweep start: fresh, or at the end of a neighbour along the last axis. Coexisting branches show where
+/// the two directions differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Seeding {
-    /// Each alone.
+    /// Each point as the scene says
     Fresh,
-    /// Each from the end of the one before it along the last axis.
+    /// Each from the one before it
     Up,
-    /// Each from the end of the one after it along the last axis.
+    /// Each from the one after it
     Down,
-    /// Up and down, two rows a point: coexisting branches show where the two differ.
+    /// Up and down, two rows a point
     Both,
 }
 

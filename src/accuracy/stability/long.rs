@@ -12,7 +12,7 @@ use crate::{
         score::pairs,
     },
     analysis::Sections,
-    baseline::{Crossing, Crossings, Grid, Penalty, Ramp, Sample, Watch, drive},
+    baseline::{Crossing, Crossings, Grid, Penalty, Ramp, Sample, Watch},
     task::Task,
 };
 
@@ -175,7 +175,7 @@ impl Own {
             task,
         };
         let mut watch = (watcher, Crossings::new(&model, contender.interpolation));
-        let diverged = drive(&model, method, &grid, problem.coordinates(), &mut watch).is_err();
+        let diverged = model.drive(method, &grid, problem.coordinates(), &mut watch).is_err();
         if task.is_cancelled() {
             return None;
         }
