@@ -130,9 +130,9 @@ impl Contender {
                     "the engine's flanks are sharp and its events exact: nothing can be added".to_owned(),
                 ));
             }
-            let sigma = |text: &str| match text.parse::<f64>() {
-                Ok(sigma) if sigma > 0.0 && sigma.is_finite() => Ok(sigma),
-                _ => Err(fault(format!("the sharpness {text} is not a number above 0, in 1/m"))),
+            let sigma = |text: &str| {
+                let sigma = text.parse().ok().filter(|sigma: &f64| *sigma > 0.0 && sigma.is_finite());
+                sigma.ok_or_else(|| fault(format!("the sharpness {text} is not a number above 0, in 1/m")))
             };
             match part.split_once('=') {
                 None if part == "cubic" => interpolation = Interpolation::Cubic,
@@ -189,10 +189,7 @@ impl Contender {
         let (per_cycle, peak) = (self.per_cycle(setting), vec![0.0; model.contacts()]);
         let mut record = Record { model: &model, per_cycle, sections: Vec::new(), energy: Vec::new(), peak };
         let done = self.drive(&model, problem, cycles, setting, &mut (&mut crossings, &mut record));
-        let (work, stopped) = match done {
-            Ok(counters) => (counters, None),
-            Err((counters, why)) => (counters, Some(why)),
-        };
+        let (work, stopped) = done.map_or_else(|(work, why)| (work, Some(why)), |work| (work, None));
         let Record { sections, peak, energy, .. } = record;
         let mut passages = crossings.found;
         passages.sort_by(|a, b| a.t.total_cmp(&b.t));

@@ -60,12 +60,6 @@ pub trait Watch {
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()>;
 }
 
-impl Watch for () {
-    fn sample(&mut self, _: &Sample<'_>) -> ControlFlow<()> {
-        ControlFlow::Continue(())
-    }
-}
-
 impl<A: Watch, B: Watch> Watch for (A, B) {
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
         self.0.sample(sample)?;

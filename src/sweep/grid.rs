@@ -180,12 +180,22 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// A grid over these axes.
+    /// Reads the axes, each as [`Axis::parse`] does.
     ///
     /// # Errors
-    /// [`GridError`] unless there are one or two axes, of different places, with no more than 10⁶ points together.
-    pub fn new(axes: Vec<Axis>) -> Result<Self, GridError> {
-        let mut faults = Vec::new();
+    /// [`GridError`] with every fault of every axis, or unless there are one or two of them, of different places, with no more
+    /// than 10⁶ points together.
+    pub fn parse(texts: &[impl AsRef<str>]) -> Result<Self, GridError> {
+        let (mut axes, mut faults) = (Vec::<Axis>::new(), Vec::new());
+        for text in texts {
+            match Axis::parse(text.as_ref()) {
+                Ok(axis) => axes.push(axis),
+                Err(found) => faults.extend(found),
+            }
+        }
+        if !faults.is_empty() {
+            return Err(GridError(faults));
+        }
         if axes.is_empty() || axes.len() > 2 {
             faults.push(Fault::new("the axes", format!("{} of them", axes.len()), "one or two"));
         }
@@ -199,21 +209,6 @@ impl Grid {
             faults.push(Fault::new("the axes", format!("{points} points"), format!("1 to {MOST} points")));
         }
         if faults.is_empty() { Ok(Self { axes }) } else { Err(GridError(faults)) }
-    }
-
-    /// Reads the axes, each as [`Axis::parse`] does.
-    ///
-    /// # Errors
-    /// [`GridError`] with every fault of every axis.
-    pub fn parse(axes: &[impl AsRef<str>]) -> Result<Self, GridError> {
-        let (mut read, mut faults) = (Vec::new(), Vec::new());
-        for text in axes {
-            match Axis::parse(text.as_ref()) {
-                Ok(axis) => read.push(axis),
-                Err(found) => faults.extend(found),
-            }
-        }
-        if faults.is_empty() { Self::new(read) } else { Err(GridError(faults)) }
     }
 
     /// The axes.
