@@ -60,8 +60,7 @@ impl Ramp {
     }
 
     /// Sharpness σ, 1/m; none for the sharp form.
-    #[must_use]
-    pub fn sharpness(self) -> Option<f64> {
+    pub(crate) fn sharpness(self) -> Option<f64> {
         match self {
             Self::Sharp => None,
             Self::Tanh(s) | Self::SquareRoot(s) | Self::Polynomial(s) => Some(s),

@@ -9,11 +9,10 @@ use flank::{
         stability::{Map, Plan, Reference, Rule},
     },
     output::Fault,
-    sweep::Axis,
     train::Quantity,
 };
 
-use super::{CliError, Done, advise::wrapped, open, print, progress::counted, report_line, request, threads};
+use super::{CliError, Done, advise::wrapped, axis, open, print, progress::counted, report_line, request, threads};
 
 /// Arguments of `flank stability`.
 #[derive(Debug, clap::Args)]
@@ -159,14 +158,7 @@ fn plan(arguments: &Arguments, simulation: &Simulation, period: f64) -> Result<P
 
 /// The values of an axis, all of them in a range.
 fn values(name: &str, text: &str, (low, high): (f64, f64), faults: &mut Vec<Fault>) -> Vec<f64> {
-    // An axis has a pointer in a sweep; here it has the name of its argument.
-    let axis = match Axis::parse(&format!("/{name}={text}")) {
-        Ok(axis) => axis,
-        Err(found) => {
-            faults.extend(found);
-            return Vec::new();
-        }
-    };
+    let Some(axis) = axis(name, text, faults) else { return Vec::new() };
     if axis.count() > MOST {
         let found = format!("{} values", axis.count());
         faults.push(Fault::new(&format!("--{name}"), found, format!("at most {MOST}")));

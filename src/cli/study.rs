@@ -15,12 +15,12 @@ use flank::{
         plan::{Entry, Plan},
         steady::Rule,
     },
-    sweep::{Axis, GridError},
+    sweep::GridError,
 };
 use serde::Serialize;
 use serde_json::json;
 
-use super::{CliError, Done, print, progress::counted, report_line, threads};
+use super::{CliError, Done, axis, print, progress::counted, report_line, threads};
 
 /// Arguments of `flank study`.
 #[derive(Debug, clap::Args)]
@@ -145,11 +145,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 
 fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
     let mut faults = Vec::new();
-    // An axis has a pointer in a sweep; here it has the name of its argument.
-    let mut values = |name: &str, text: &Option<String>| {
-        let axis = Axis::parse(&format!("/{name}={}", text.as_ref()?)).map_err(|found| faults.extend(found)).ok()?;
-        Some(axis.all())
-    };
+    let mut values = |name: &str, text: &Option<String>| Some(axis(name, text.as_ref()?, &mut faults)?.all());
     let (loads, speeds) = (values("loads", &arguments.loads), values("speeds", &arguments.speeds));
     if !faults.is_empty() {
         return Err(GridError(faults).into());

@@ -5,7 +5,6 @@
 //! place with `.part` behind its name; the entry of the manifest stands for both.
 
 mod fault;
-mod table;
 mod text;
 
 use std::{
@@ -17,9 +16,8 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 pub use fault::Fault;
-pub use table::Table;
 pub(crate) use text::number;
-pub use text::{csv_line, five_digits, label};
+pub use text::{Table, csv_line, five_digits, label};
 
 /// Name of the manifest, a JSON object: version of Flank, command, files relative to the folder with `/`.
 const MANIFEST: &str = "flank-manifest.json";
@@ -223,7 +221,7 @@ fn found(path: &Path) -> Option<Metadata> {
 }
 
 /// Where a file is while it is being written.
-fn part(path: &Path) -> PathBuf {
+pub(crate) fn part(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".part");
     name.into()

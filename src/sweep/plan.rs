@@ -36,8 +36,6 @@ pub enum Direction {
 pub struct Cell {
     /// Number of the row in grid order, from 0.
     pub row: usize,
-    /// Index on every axis.
-    pub indices: Vec<usize>,
     /// Value on every axis.
     pub values: Vec<f64>,
     /// How the row is reached.
@@ -95,7 +93,7 @@ impl Plan {
     #[must_use]
     pub fn cell(&self, row: usize) -> Cell {
         let (point, way) = (row / self.ways().len(), row % self.ways().len());
-        Cell { row, indices: self.grid.indices(point), values: self.grid.values(point), direction: self.ways()[way] }
+        Cell { row, values: self.grid.values(point), direction: self.ways()[way] }
     }
 
     /// How many chains.

@@ -32,8 +32,7 @@ impl Map {
         let missing = if missing == 0 { String::new() } else { format!(" {missing} factors could not be judged.") };
         let [first, last] =
             [self.steps_per_cycle.first(), self.steps_per_cycle.last()].map(|n| n.map_or(1.0, |n| *n as f64));
-        let outside = self.rows.iter().filter_map(|row| row.own.as_ref()).map(|own| own.steps_per_cycle);
-        let outside = if outside.into_iter().any(|n| !(first..=last).contains(&n)) {
+        let outside = if self.own_steps().any(|n| !(first..=last).contains(&n)) {
             " Some of Flank's own steps lie beyond the steps that were tried; the plane has no colour there."
         } else {
             ""
@@ -50,6 +49,11 @@ impl Map {
             columns: 2.min(self.methods.len()),
             panels: (0..self.methods.len()).map(|method| panel(self, method)).collect(),
         }
+    }
+
+    /// The engine's own steps a cycle, where it has a motion.
+    fn own_steps(&self) -> impl Iterator<Item = f64> {
+        self.rows.iter().filter_map(|row| row.own.as_ref()).map(|own| own.steps_per_cycle)
     }
 }
 
@@ -92,9 +96,8 @@ fn panel(map: &Map, method: usize) -> Panel {
         series.push(Series::line(name, INK, x, y).styled(style));
     }
     series.retain(|series| !series.x.is_empty());
-    let own = || map.rows.iter().filter_map(|row| row.own.as_ref()).map(|own| own.steps_per_cycle);
-    let least = own().map(|n| n / 1.5).fold(across.first().copied().unwrap_or(1.0), f64::min);
-    let most = own().map(|n| n * 1.5).fold(across.last().copied().unwrap_or(1.0), f64::max);
+    let least = map.own_steps().map(|n| n / 1.5).fold(across.first().copied().unwrap_or(1.0), f64::min);
+    let most = map.own_steps().map(|n| n * 1.5).fold(across.last().copied().unwrap_or(1.0), f64::max);
     let guides = map.references.iter().filter(|r| (r.steps_per_cycle as f64) < most);
     let log = |label: &str, ends: Option<[f64; 2]>| Axis { logarithmic: true, range: ends, ..Axis::new(label, "") };
     Panel {

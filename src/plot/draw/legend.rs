@@ -89,16 +89,12 @@ pub(super) fn draw(canvas: &Canvas<'_>, row: &[Entry<'_>], at: Point, size: f64)
 }
 
 fn sample(canvas: &Canvas<'_>, look: Look, [x, y]: Point) {
+    let colours = canvas.colours;
+    let filled = |colour, opacity| canvas.rectangle([x, y - 5.0], [x + SAMPLE, y + 5.0], colour, opacity);
     let (style, colour) = match look {
-        Look::Band(number) => {
-            let opacity = 1.6 * canvas.colours.band_opacity;
-            return canvas.rectangle([x, y - 5.0], [x + SAMPLE, y + 5.0], canvas.colours.band(number), opacity);
-        }
-        Look::Tile(number) => {
-            let (colour, opacity) = (canvas.colours.tile(number), canvas.colours.tile_opacity);
-            return canvas.rectangle([x, y - 5.0], [x + SAMPLE, y + 5.0], colour, opacity);
-        }
-        Look::Series(style, number) => (style, canvas.colours.series(number)),
+        Look::Band(number) => return filled(colours.band(number), 1.6 * colours.band_opacity),
+        Look::Tile(number) => return filled(colours.tile(number), colours.tile_opacity),
+        Look::Series(style, number) => (style, colours.series(number)),
     };
     if let Some(pen) = pen(style, colour) {
         canvas.line(&[[x, y], [x + SAMPLE, y]], pen);
