@@ -5,9 +5,7 @@ use std::ops::ControlFlow;
 
 use approx::assert_relative_eq;
 use flank::{
-    baseline::{
-        Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Watch, drive,
-    },
+    baseline::{Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Watch},
     engine::{Engine, Options, State},
     integrate::Taylor,
     scene::Scene,
@@ -46,7 +44,7 @@ impl Case {
     fn fixed(&self, method: Method, ramp: Ramp, grid: &Grid, watch: &mut dyn Watch) -> Counters {
         let n = self.structure.freedoms();
         let start = (&self.state.x[..n], &self.state.x[n..2 * n]);
-        drive(&Penalty::new(&self.structure, ramp), method, grid, start, watch).unwrap()
+        Penalty::new(&self.structure, ramp).drive(method, grid, start, watch).unwrap()
     }
 
     fn crossings(&self, method: Method, grid: &Grid, interpolation: Interpolation) -> Vec<Crossing> {
@@ -315,13 +313,13 @@ fn smoothed_ramps_have_their_slopes_and_their_bias() {
         let mut worst: f64 = 0.0;
         for i in -40_000..=40_000 {
             let (p, h) = (f64::from(i) * 5e-6, 1e-6);
-            let slope = (ramp.at(p + h).0 - ramp.at(p - h).0) / (2.0 * h);
+            let slope = (ramp.at(p + h)[0] - ramp.at(p - h)[0]) / (2.0 * h);
             // Central differences: h²/6 times a third derivative of at most about σ² = 1600, and rounding over h.
-            assert!((ramp.at(p).1 - slope).abs() < 2e-9, "{ramp:?} at {p}");
-            let curvature = (ramp.at(p + h).1 - ramp.at(p - h).1) / (2.0 * h);
+            assert!((ramp.at(p)[1] - slope).abs() < 2e-9, "{ramp:?} at {p}");
+            let curvature = (ramp.at(p + h)[1] - ramp.at(p - h)[1]) / (2.0 * h);
             // The polynomial's third derivative jumps by 1.5 σ² at its ends.
-            assert!((ramp.curvature(p) - curvature).abs() < 2e-3, "{ramp:?} at {p}");
-            worst = worst.max((ramp.at(p).0 - p.max(0.0)).abs());
+            assert!((ramp.at(p)[2] - curvature).abs() < 2e-3, "{ramp:?} at {p}");
+            worst = worst.max((ramp.at(p)[0] - p.max(0.0)).abs());
         }
         assert!((worst - ramp.bias()).abs() < 1e-6 * ramp.bias(), "{ramp:?}: {worst:e} {:e}", ramp.bias());
     }
@@ -330,7 +328,7 @@ fn smoothed_ramps_have_their_slopes_and_their_bias() {
 #[cfg(feature = "diffsol")]
 #[test]
 fn adaptive_solvers_manage_a_kink() {
-    use flank::baseline::{Solver, adaptive};
+    use flank::integrate::Choice;
     let case = case(
         r#"{ "flank": 1,
         "train": { "kind": "gear-pair-dimensionless", "damping_ratio": 0.05, "damping_in_gap": true, "mean_load": 0.1,
@@ -340,12 +338,12 @@ fn adaptive_solvers_manage_a_kink() {
     let model = Penalty::new(&case.structure, Ramp::Sharp);
     let exact = case.exact(29.0 * case.period);
     let grid = case.grid(100, 29);
-    for solver in [Solver::Explicit, Solver::Sdirk, Solver::Bdf] {
+    for solver in [Choice::Explicit, Choice::Sdirk, Choice::Bdf] {
         let mut errors = Vec::new();
         for rtol in [1e-5, 1e-8, 1e-11] {
             let mut last = Last::default();
             let start = (&case.state.x[..1], &case.state.x[1..2]);
-            let counters = adaptive(&model, solver, rtol, &grid, start, &mut last).unwrap();
+            let counters = model.adaptive(solver, rtol, &grid, start, &mut last).unwrap();
             assert!(counters.steps > 29 && counters.evaluations > counters.steps);
             errors.push((last.0[0] - exact[0]).abs().max((last.0[1] - exact[1]).abs()));
         }

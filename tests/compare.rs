@@ -6,7 +6,7 @@ use std::{fs, path::Path};
 use assert_cmd::Command;
 use flank::{
     Simulation,
-    accuracy::{AccuracyError, Contender, Problem, Roughness, Setting, Truth, orders, reached, score},
+    accuracy::{AccuracyError, Contender, Order, Problem, Roughness, Score, Setting, Truth, reached},
     baseline::Crossing,
     scene::{Duration, Scene},
 };
@@ -44,7 +44,7 @@ impl Case {
         let problem = self.problem();
         let run = |n: &u64| {
             let run = contender.perform(&problem, truth.window.cycles, Setting::StepsPerCycle(*n)).unwrap();
-            let score = score(truth, &run, self.period);
+            let score = Score::of(truth, &run, self.period);
             assert!(score.is_right(), "{word} at {n}: {score:?}");
             (*n, score.event_time.unwrap())
         };
@@ -121,7 +121,8 @@ fn orders_fall_where_the_force_is_rough() {
     for (word, expected) in [("rk4", 2.0), ("newmark", 2.0), ("verlet", 2.0), ("euler", 1.0)] {
         // Where in a step a kink falls scatters the error by a factor of a few: over two decades that is 0.2 in the order.
         let runs = kink.runs(word, &truth, &[101, 331, 1013, 3301, 10103]);
-        let order = orders(&Contender::parse(word).unwrap(), &kink.simulation.structure, &runs, truth.error).unwrap();
+        let order =
+            Order::of(&Contender::parse(word).unwrap(), &kink.simulation.structure, &runs, truth.error).unwrap();
         assert!((order.observed.unwrap() - expected).abs() < 0.25, "{word}: {order:?} {runs:?}");
         assert_eq!(order.reason.contains("kink"), word == "rk4", "{word}: {}", order.reason);
     }
@@ -131,7 +132,8 @@ fn orders_fall_where_the_force_is_rough() {
     let truth = Truth::find(&jump.problem(), 1e3).unwrap();
     for word in ["rk4", "newmark"] {
         let runs = jump.runs(word, &truth, &[331, 1013, 3301, 10103]);
-        let order = orders(&Contender::parse(word).unwrap(), &jump.simulation.structure, &runs, truth.error).unwrap();
+        let order =
+            Order::of(&Contender::parse(word).unwrap(), &jump.simulation.structure, &runs, truth.error).unwrap();
         assert!((order.observed.unwrap() - 1.0).abs() < 0.35, "{word}: {order:?} {runs:?}");
     }
 }
@@ -156,7 +158,7 @@ fn power_laws_leave_one_order_more_than_their_exponent() {
         let truth = Truth::find(&case.problem(), 1e3).unwrap();
         let runs = case.runs("rk4+cubic", &truth, &[331, 1013, 3301, 10_103, 33_013]);
         let order =
-            orders(&Contender::parse("rk4+cubic").unwrap(), &case.simulation.structure, &runs, truth.error).unwrap();
+            Order::of(&Contender::parse("rk4+cubic").unwrap(), &case.simulation.structure, &runs, truth.error).unwrap();
         assert_eq!(order.expected, q);
         // Scatter as above.
         assert!((order.observed.unwrap() - q).abs() < 0.35, "n = {n}: {order:?} {runs:?}");
@@ -216,7 +218,7 @@ fn costs_are_read_off_straight_lines() {
     // Order 2, and a constant.
     let runs: Vec<(u64, f64)> = (1..8).map(|k| (10 * k, 3.0 / (k * k) as f64)).collect();
     let (contender, case) = (Contender::parse("rk4").unwrap(), workload("W1a-ss"));
-    let order = orders(&contender, &case.simulation.structure, &runs, 0.0).unwrap();
+    let order = Order::of(&contender, &case.simulation.structure, &runs, 0.0).unwrap();
     assert!((order.observed.unwrap() - 2.0).abs() < 1e-12);
 }
 
@@ -307,7 +309,7 @@ fn a_start_on_a_flank_is_nobodys_error() {
         let truth = Truth::find(&problem, 1e3).unwrap();
         for (word, setting) in [("flank", Setting::RoundOff), ("rk4", Setting::StepsPerCycle(20_011))] {
             let run = Contender::parse(word).unwrap().perform(&problem, truth.window.cycles, setting).unwrap();
-            let score = score(&truth, &run, case.period);
+            let score = Score::of(&truth, &run, case.period);
             assert!(score.is_right(), "{word}: {score:?}");
         }
     }

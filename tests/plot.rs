@@ -6,9 +6,7 @@ mod figures;
 
 use std::sync::Arc;
 
-use flank::plot::{
-    Axis, Cell, Figure, Guide, Item, Panel, Report, Section, Series, Style, Table, Theme, Verdict, png, svg,
-};
+use flank::plot::{Axis, Cell, Figure, Guide, Item, Panel, Report, Section, Series, Style, Table, Theme, Verdict};
 use resvg::{
     tiny_skia::Pixmap,
     usvg::{Group, Node, Options, Rect, Tree, fontdb::Database, roxmltree::Document},
@@ -107,12 +105,12 @@ fn words(figure: &Figure) -> Vec<String> {
 fn a_picture_says_what_the_figure_says() {
     for figure in figures::all().into_iter().chain([figures::hard()]) {
         for theme in [Theme::Light, Theme::Dark] {
-            let drawn = texts(&svg(&figure, theme));
+            let drawn = texts(&figure.svg(theme));
             for word in words(&figure) {
                 assert!(drawn.contains(&word), "{}: `{word}` is missing", figure.id);
             }
         }
-        assert_ne!(svg(&figure, Theme::Light), svg(&figure, Theme::Dark));
+        assert_ne!(figure.svg(Theme::Light), figure.svg(Theme::Dark));
     }
 }
 
@@ -121,7 +119,7 @@ fn tree(figure: &Figure) -> Tree {
     fonts.load_font_data(dejavu::sans::regular().to_vec());
     fonts.load_font_data(dejavu::sans::bold().to_vec());
     let options = Options { fontdb: Arc::new(fonts), ..Options::default() };
-    Tree::from_str(&svg(figure, Theme::Light), &options).unwrap()
+    Tree::from_str(&figure.svg(Theme::Light), &options).unwrap()
 }
 
 /// The letters' boxes, and those of all shapes.
@@ -188,15 +186,15 @@ fn the_names_of_guides_do_not_hide_the_stems_they_mark() {
 #[test]
 fn a_png_has_its_size_and_its_colours() {
     let figure = figures::forces(500);
-    let drawn = svg(&figure, Theme::Light);
+    let drawn = figure.svg(Theme::Light);
     let document = Document::parse(&drawn).unwrap();
     let side = |name: &str| document.root_element().attribute(name).unwrap().parse::<f64>().unwrap();
     for scale in [1.0, 2.0, 0.5] {
-        let picture = Pixmap::decode_png(&png(&figure, scale)).unwrap();
+        let picture = Pixmap::decode_png(&figure.png(scale)).unwrap();
         let expected = [side("width") * scale, side("height") * scale].map(|length| length.round() as u32);
         assert_eq!([picture.width(), picture.height()], expected);
     }
-    let picture = Pixmap::decode_png(&png(&figure, 2.0)).unwrap();
+    let picture = Pixmap::decode_png(&figure.png(2.0)).unwrap();
     let count = |rgb: [u8; 3]| picture.pixels().iter().filter(|p| [p.red(), p.green(), p.blue()] == rgb).count();
     // The curves: 1.5 px wide, and longer than the frame is wide (over 700 px), at two pixels to one.
     for series in [[0x00, 0x72, 0xb2], [0xd5, 0x5e, 0x00]] {
@@ -209,11 +207,11 @@ fn a_png_has_its_size_and_its_colours() {
 #[test]
 fn equal_figures_give_equal_bytes() {
     let figure = figures::waterfall();
-    let drawn = (svg(&figure, Theme::Dark), png(&figure, 1.0), figure.csv());
+    let drawn = (figure.svg(Theme::Dark), figure.png(1.0), figure.csv());
     let others = std::thread::spawn(|| {
         let figure = figures::waterfall();
-        assert!(!svg(&figures::spectrum(), Theme::Dark).is_empty());
-        (svg(&figure, Theme::Dark), png(&figure, 1.0), figure.csv())
+        assert!(!figures::spectrum().svg(Theme::Dark).is_empty());
+        (figure.svg(Theme::Dark), figure.png(1.0), figure.csv())
     });
     assert!(drawn == others.join().unwrap());
 }
@@ -251,13 +249,13 @@ fn odd_figures_are_drawn_and_say_what_is_missing() {
         (with(plain(), logarithmic().between(-1.0, 10.0), &[(1.0, 2.0), (2.0, 3.0)], Style::Stems), 0),
     ];
     for (i, (figure, missing)) in figures.into_iter().enumerate() {
-        let drawn = svg(&figure, Theme::Light);
+        let drawn = figure.svg(Theme::Light);
         let words = texts(&drawn);
         assert!(!words.contains("NaN") && !words.contains("inf"), "{i}: {words}");
         let expected = if missing == 1 { "1 point has" } else { &format!("{missing} points have") };
         let said = words.contains(&format!("{expected} no place on these axes"));
         assert_eq!(said, missing > 0, "{i}: {words}");
-        let picture = Pixmap::decode_png(&png(&figure, 1.0)).unwrap();
+        let picture = Pixmap::decode_png(&figure.png(1.0)).unwrap();
         assert!(figure.panels.is_empty() || picture.pixels().iter().any(|pixel| pixel.red() < 0xa0), "{i}");
         let (mut letters, mut shapes) = (Vec::new(), Vec::new());
         let tree = tree(&figure);

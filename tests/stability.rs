@@ -10,7 +10,7 @@ use flank::{
     Simulation, Task,
     accuracy::{
         Contender,
-        stability::{Map, Outcome, Plan, Rule, figure, map},
+        stability::{Map, Outcome, Plan, Rule},
     },
     gear::contact::{Law, Rigid},
     system::Structure,
@@ -30,7 +30,7 @@ fn made(simulation: &Simulation, methods: &[&str], factors: &[f64], steps: &[u64
         references: Vec::new(),
         rule: Rule { cycles: 60, ..Rule::default() },
     };
-    map(simulation, &plan, Task::default()).unwrap().unwrap()
+    Map::make(simulation, &plan, Task::default()).unwrap().unwrap()
 }
 
 fn outcomes(map: &Map, row: usize, method: usize) -> Vec<Outcome> {
@@ -144,7 +144,7 @@ fn threads_do_not_enter() {
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let map = pool.install(|| made(&pair, &["rk4", "newmark"], &[0.3, 1.0, 3.0], &[11, 101]));
-        (serde_json::to_string(&map).unwrap(), figure("pair", &map).json())
+        (serde_json::to_string(&map).unwrap(), map.figure("pair").json())
     };
     assert_eq!(with(1), with(3));
 }
@@ -171,7 +171,7 @@ fn an_interrupted_map_is_none() {
         references: Vec::new(),
         rule: Rule::default(),
     };
-    assert!(map(&pair(), &plan, Task::new(&AtomicBool::new(true), &|_| ())).unwrap().is_none());
+    assert!(Map::make(&pair(), &plan, Task::new(&AtomicBool::new(true), &|_| ())).unwrap().is_none());
 }
 
 #[cfg(feature = "cli")]

@@ -7,11 +7,10 @@ use serde::Serialize;
 use super::{AccuracyError, Problem, problem::Passages};
 use crate::{
     analysis::Contacts,
-    baseline::{
-        Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Solver, Watch, drive,
-    },
+    baseline::{Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Watch},
+    gear::contact::Law,
     integrate::Choice,
-    system::Structure,
+    system::{ContactSpec, Structure},
 };
 
 /// What solves.
@@ -20,7 +19,7 @@ pub enum Kind {
     /// A fixed-step method.
     Fixed(Method),
     /// An adaptive solver without events.
-    Adaptive(Solver),
+    Adaptive(Choice),
     /// The engine, with one of its integrators.
     Engine(Choice),
 }
@@ -112,9 +111,9 @@ impl Contender {
             }
             "euler" => Kind::Fixed(Method::SemiImplicitEuler),
             "verlet" => Kind::Fixed(Method::Verlet),
-            "tsit45" => Kind::Adaptive(Solver::Explicit),
-            "esdirk34" => Kind::Adaptive(Solver::Sdirk),
-            "bdf" => Kind::Adaptive(Solver::Bdf),
+            "tsit45" => Kind::Adaptive(Choice::Explicit),
+            "esdirk34" => Kind::Adaptive(Choice::Sdirk),
+            "bdf" => Kind::Adaptive(Choice::Bdf),
             "flank" => Kind::Engine(Choice::Auto),
             "flank-explicit" => Kind::Engine(Choice::Explicit),
             "flank-sdirk" => Kind::Engine(Choice::Sdirk),
@@ -131,9 +130,9 @@ impl Contender {
                     "the engine's flanks are sharp and its events exact: nothing can be added".to_owned(),
                 ));
             }
-            let sigma = |text: &str| match text.parse::<f64>() {
-                Ok(sigma) if sigma > 0.0 && sigma.is_finite() => Ok(sigma),
-                _ => Err(fault(format!("the sharpness {text} is not a number above 0, in 1/m"))),
+            let sigma = |text: &str| {
+                let sigma = text.parse().ok().filter(|sigma: &f64| *sigma > 0.0 && sigma.is_finite());
+                sigma.ok_or_else(|| fault(format!("the sharpness {text} is not a number above 0, in 1/m")))
             };
             match part.split_once('=') {
                 None if part == "cubic" => interpolation = Interpolation::Cubic,
@@ -149,24 +148,21 @@ impl Contender {
     /// Whether it can solve a train at all: adaptive solvers need a force at every contact, and a build that has them.
     #[must_use]
     pub fn applies_to(&self, structure: &Structure) -> bool {
-        let model = Penalty::new(structure, Ramp::Sharp);
-        let rigid = (0..model.contacts()).any(|j| model.flanks(j).2);
+        let is_rigid = |c: &ContactSpec| matches!(c.law, Law::Rigid(_));
         match self.kind {
-            Kind::Adaptive(_) => cfg!(feature = "diffsol") && !rigid,
+            Kind::Adaptive(_) => cfg!(feature = "diffsol") && !structure.spec().contacts.iter().any(is_rigid),
             Kind::Engine(Choice::Explicit | Choice::Sdirk | Choice::Bdf) => cfg!(feature = "diffsol"),
             _ => true,
         }
     }
 
     /// Largest `h ω` at which a fixed-step method is stable: see [`Method::stability_limit`].
-    #[must_use]
-    pub fn stability_limit(&self) -> Option<f64> {
+    pub(super) fn stability_limit(&self) -> Option<f64> {
         if let Kind::Fixed(method) = self.kind { method.stability_limit() } else { None }
     }
 
     /// Settings from coarse to fine, with at most `most` steps over `cycles`.
-    #[must_use]
-    pub fn settings(&self, cycles: u64, most: u64) -> Vec<Setting> {
+    pub(super) fn settings(&self, cycles: u64, most: u64) -> Vec<Setting> {
         match self.kind {
             // Numbers of steps that no stiffness step of a round duty falls on.
             Kind::Fixed(_) => (0..36)
@@ -193,10 +189,7 @@ impl Contender {
         let (per_cycle, peak) = (self.per_cycle(setting), vec![0.0; model.contacts()]);
         let mut record = Record { model: &model, per_cycle, sections: Vec::new(), energy: Vec::new(), peak };
         let done = self.drive(&model, problem, cycles, setting, &mut (&mut crossings, &mut record));
-        let (work, stopped) = match done {
-            Ok(counters) => (counters, None),
-            Err((counters, why)) => (counters, Some(why)),
-        };
+        let (work, stopped) = done.map_or_else(|(work, why)| (work, Some(why)), |work| (work, None));
         let Record { sections, peak, energy, .. } = record;
         let mut passages = crossings.found;
         passages.sort_by(|a, b| a.t.total_cmp(&b.t));
@@ -237,15 +230,15 @@ impl Contender {
         let per_cycle = self.per_cycle(setting);
         let step = problem.period / per_cycle as f64;
         let grid = Grid { from: problem.start.at, step, steps: per_cycle * cycles };
+        let start = problem.coordinates();
         match (self.kind, setting) {
-            (Kind::Fixed(method), _) => drive(model, method, &grid, problem.coordinates(), watch)
-                .map_err(|diverged| (diverged.counters, diverged.to_string())),
-            #[cfg(feature = "diffsol")]
-            (Kind::Adaptive(solver), Setting::Tolerance(rtol)) => {
-                crate::baseline::adaptive(model, solver, rtol, &grid, problem.coordinates(), watch)
-                    .map_err(|error| (Counters::default(), error.to_string()))
+            (Kind::Fixed(method), _) => {
+                model.drive(method, &grid, start, watch).map_err(|diverged| (diverged.counters, diverged.to_string()))
             }
-            _ => Err((Counters::default(), "not part of this build: it needs the cargo feature `diffsol`".to_owned())),
+            (Kind::Adaptive(solver), Setting::Tolerance(rtol)) => model
+                .adaptive(solver, rtol, &grid, start, watch)
+                .map_err(|error| (Counters::default(), error.to_string())),
+            _ => Err((Counters::default(), "an adaptive solver needs a tolerance".to_owned())),
         }
     }
 }

@@ -5,7 +5,6 @@
 //! from the truth and what work it did. Nothing here reads a clock: a
 //! [`WorkPrecision`] is given one.
 
-mod charts;
 mod contender;
 mod error;
 mod order;
@@ -17,12 +16,10 @@ mod work_precision;
 #[cfg(feature = "plot")]
 mod work_precision_page;
 
-use charts::fold;
-pub use charts::{Row, charts};
 pub use contender::{Contender, Kind, Performance, Setting};
 pub use error::AccuracyError;
-pub use order::{Order, Roughness, orders, reached};
+pub use order::{Order, Roughness, reached};
 pub use problem::Problem;
-pub use score::{Score, score};
+pub use score::Score;
 pub use truth::{Truth, Window};
-pub use work_precision::{ContenderSummary, RunTime, WorkPrecision, median};
+pub use work_precision::{ContenderSummary, Row, RunTime, WorkPrecision, median};

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{Contender, Kind};
 use crate::{
-    baseline::{Interpolation, Penalty, Ramp},
+    baseline::{Interpolation, Ramp},
     gear::{
         Stiffness,
         contact::{Law, Release},
@@ -96,35 +96,36 @@ pub struct Order {
 /// Errors below this many times the truth's own are not told from it.
 const RESOLVED: f64 = 10.0;
 
-/// The order of event times of a fixed-step contender, from its runs `(steps a cycle, error)` with the right sequence of
-/// events, coarse to fine; `error` is the truth's own. `None` for others.
-#[must_use]
-pub fn orders(contender: &Contender, structure: &Structure, runs: &[(u64, f64)], error: f64) -> Option<Order> {
-    let Kind::Fixed(method) = contender.kind else { return None };
-    let runs: Vec<_> = runs.iter().copied().filter(|(_, e)| *e > RESOLVED * error).collect();
-    let observed = slope(&runs);
-    let smooth = method.order();
-    let (mut reasons, mut expected) = (Vec::new(), f64::from(smooth));
-    if contender.ramp == Ramp::Sharp {
-        let (limit, why) = Roughness::of(structure).limit(structure);
-        if limit < f64::from(smooth) {
-            expected = limit;
-            reasons.push(format!("{why} (order {limit})"));
+impl Order {
+    /// The order of event times of a fixed-step contender, from its runs `(steps a cycle, error)` with the right sequence of
+    /// events, coarse to fine; `error` is the truth's own. `None` for others.
+    #[must_use]
+    pub fn of(contender: &Contender, structure: &Structure, runs: &[(u64, f64)], error: f64) -> Option<Self> {
+        let Kind::Fixed(method) = contender.kind else { return None };
+        let runs: Vec<_> = runs.iter().copied().filter(|(_, e)| *e > RESOLVED * error).collect();
+        let observed = slope(&runs);
+        let smooth = method.order();
+        let (mut reasons, mut expected) = (Vec::new(), f64::from(smooth));
+        if contender.ramp == Ramp::Sharp {
+            let (limit, why) = Roughness::of(structure).limit(structure);
+            if limit < f64::from(smooth) {
+                expected = limit;
+                reasons.push(format!("{why} (order {limit})"));
+            }
+        } else {
+            let narrow = structure.spec().contacts.iter().map(|c| c.half_backlash).fold(f64::INFINITY, f64::min);
+            let mut why = format!("the smoothed flank is {:.2e} m off, whatever the step", contender.ramp.bias());
+            if let Some(sharp) = contender.ramp.sharpness().filter(|s| narrow > 0.0 && s * narrow < 50.0) {
+                why += &format!("; over 1/σ = {:.2e} m, wide beside a half backlash of {narrow:.2e} m", 1.0 / sharp);
+            }
+            reasons.push(why);
         }
-    } else {
-        let model = Penalty::new(structure, contender.ramp);
-        let narrow = (0..model.contacts()).map(|j| model.flanks(j).0).fold(f64::INFINITY, f64::min);
-        let mut why = format!("the smoothed flank is {:.2e} m off, whatever the step", contender.ramp.bias());
-        if let Some(sharp) = contender.ramp.sharpness().filter(|s| narrow > 0.0 && s * narrow < 50.0) {
-            why += &format!("; over 1/σ = {:.2e} m, wide beside a half backlash of {narrow:.2e} m", 1.0 / sharp);
+        if contender.interpolation == Interpolation::Linear && smooth > 2 {
+            expected = expected.min(2.0);
+            reasons.push("straight lines between samples (order 2)".to_owned());
         }
-        reasons.push(why);
+        Some(Self { observed, smooth, expected, reason: reasons.join("; ") })
     }
-    if contender.interpolation == Interpolation::Linear && smooth > 2 {
-        expected = expected.min(2.0);
-        reasons.push("straight lines between samples (order 2)".to_owned());
-    }
-    Some(Order { observed, smooth, expected, reason: reasons.join("; ") })
 }
 
 /// Runs that an order is fitted to: where in a step a flank falls scatters single errors by a factor of a few.

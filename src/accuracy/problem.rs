@@ -45,24 +45,18 @@ impl<'s> Problem<'s> {
         Ok(Self { simulation, start, period, cycles: cycles.unwrap_or(all.min(CYCLES)) })
     }
 
-    /// The train.
-    #[must_use]
-    pub fn structure(&self) -> &'s Structure {
+    pub(super) fn structure(&self) -> &'s Structure {
         &self.simulation.structure
     }
 
     /// Coordinates and velocities at the start, `[n]` each.
-    #[must_use]
-    pub fn coordinates(&self) -> (&[f64], &[f64]) {
+    pub(super) fn coordinates(&self) -> (&[f64], &[f64]) {
         let n = self.structure().freedoms();
         (&self.start.x[..n], &self.start.x[n..2 * n])
     }
 
-    /// An engine at `start`, with another integrator if one is named.
-    ///
-    /// # Errors
-    /// [`IntegrateError`] if this build has no such method.
-    pub fn engine(&self, start: State, other: Option<(Choice, f64)>) -> Result<Engine<'s>, IntegrateError> {
+    /// An engine at `start`, with another integrator and its tolerance if one is named.
+    pub(super) fn engine(&self, start: State, other: Option<(Choice, f64)>) -> Result<Engine<'s>, IntegrateError> {
         let run = &self.simulation.settings;
         let (choice, tolerance) = other.unwrap_or((run.method, run.tolerance));
         let (integrator, _) = build(choice, tolerance, self.structure())?;
@@ -70,8 +64,7 @@ impl<'s> Problem<'s> {
     }
 
     /// The start of cycle `k`, counted from the start; on a clock of the same period exactly.
-    #[must_use]
-    pub fn section(&self, k: u64) -> Instant {
+    pub(super) fn section(&self, k: u64) -> Instant {
         let clock = self.clock();
         let own = clock.period().filter(|t| (t.value() - self.period).abs() <= 1e-14 * self.period);
         match own {
@@ -81,16 +74,8 @@ impl<'s> Problem<'s> {
         }
     }
 
-    /// The forcing clock.
-    #[must_use]
-    pub fn clock(&self) -> &'s Clock {
+    pub(super) fn clock(&self) -> &'s Clock {
         self.structure().clock()
-    }
-
-    /// Time since the start, s.
-    #[must_use]
-    pub fn elapsed(&self, at: Instant) -> f64 {
-        self.clock().between(self.start.at, at)
     }
 }
 
@@ -124,7 +109,7 @@ impl Observer for Passages<'_> {
         }
         self.measure(&record.x_minus);
         let structure = self.problem.structure();
-        let t = self.problem.elapsed(record.at);
+        let t = structure.clock().between(self.problem.start.at, record.at);
         for (contact, watch) in record.fired.iter().map(|id| structure.watch(id)) {
             if watch == Watch::Force {
                 continue;

@@ -27,6 +27,34 @@ pub struct Score {
 }
 
 impl Score {
+    /// The score of a contender's run on a problem of the given period and coordinates.
+    #[must_use]
+    pub fn of(truth: &Truth, run: &Performance, period: f64) -> Self {
+        let end = truth.window.cycles as f64 * period;
+        let (matched, missed, spurious) = pairs(&truth.passages, &run.passages, period, end);
+        let event_time = largest(matched.iter().map(|(a, b)| (a.t - b.t).abs() / period));
+        let apart = time_apart(&run.passages, &truth.closed, &truth.rigid, end);
+        let apart = truth.apart.iter().zip(&apart).zip(&truth.rigid).filter(|(_, rigid)| !**rigid);
+        let apart = largest(apart.map(|((a, b), _)| (a - b).abs() / end));
+        let mut state: f64 = 0.0;
+        for (a, b) in truth.sections.iter().zip(&run.sections) {
+            let n = a.len() / 2;
+            for (i, (a, b)) in a.iter().zip(b).enumerate() {
+                state = state.max((a - b).abs() / truth.sizes[usize::from(i >= n)]);
+            }
+        }
+        let forces = truth.peak.iter().zip(&run.peak).filter(|(exact, _)| **exact > 0.0);
+        let peak_force = largest(forces.map(|(exact, found)| (found - exact).abs() / exact));
+        let most = truth.energy.iter().fold(f64::MIN_POSITIVE, |m: f64, e| m.max(e.abs()));
+        let energy = truth.energy.iter().zip(&run.energy).map(|(a, b)| (b - a) / most);
+        let energy = energy.fold(0.0, |m: f64, e| if e.abs() > m.abs() { e } else { m });
+        let whole = run.stopped.is_none();
+        let [state, energy] = [state, energy].map(|e| Some(e).filter(|e| whole && e.is_finite()));
+        let peak_force = peak_force.filter(|e| whole && e.is_finite());
+        let apart = apart.filter(|_| whole);
+        Self { event_time, missed, spurious, apart, state, peak_force, energy }
+    }
+
     /// Whether the sequence of events is right: none missed, none spurious.
     #[must_use]
     pub fn is_right(&self) -> bool {
@@ -78,32 +106,4 @@ pub(super) fn pairs<'a>(
 /// The largest, if there are any.
 fn largest(errors: impl Iterator<Item = f64>) -> Option<f64> {
     errors.fold(None, |most: Option<f64>, e| Some(most.map_or(e, |m| m.max(e))))
-}
-
-/// The score of a contender's run on a problem of the given period and coordinates.
-#[must_use]
-pub fn score(truth: &Truth, run: &Performance, period: f64) -> Score {
-    let end = truth.window.cycles as f64 * period;
-    let (matched, missed, spurious) = pairs(&truth.passages, &run.passages, period, end);
-    let event_time = largest(matched.iter().map(|(a, b)| (a.t - b.t).abs() / period));
-    let apart = time_apart(&run.passages, &truth.closed, &truth.rigid, end);
-    let apart = truth.apart.iter().zip(&apart).zip(&truth.rigid).filter(|(_, rigid)| !**rigid);
-    let apart = largest(apart.map(|((a, b), _)| (a - b).abs() / end));
-    let mut state: f64 = 0.0;
-    for (a, b) in truth.sections.iter().zip(&run.sections) {
-        let n = a.len() / 2;
-        for (i, (a, b)) in a.iter().zip(b).enumerate() {
-            state = state.max((a - b).abs() / truth.sizes[usize::from(i >= n)]);
-        }
-    }
-    let forces = truth.peak.iter().zip(&run.peak).filter(|(exact, _)| **exact > 0.0);
-    let peak_force = largest(forces.map(|(exact, found)| (found - exact).abs() / exact));
-    let most = truth.energy.iter().fold(f64::MIN_POSITIVE, |m: f64, e| m.max(e.abs()));
-    let energy = truth.energy.iter().zip(&run.energy).map(|(a, b)| (b - a) / most);
-    let energy = energy.fold(0.0, |m: f64, e| if e.abs() > m.abs() { e } else { m });
-    let whole = run.stopped.is_none();
-    let [state, energy] = [state, energy].map(|e| Some(e).filter(|e| whole && e.is_finite()));
-    let peak_force = peak_force.filter(|e| whole && e.is_finite());
-    let apart = apart.filter(|_| whole);
-    Score { event_time, missed, spurious, apart, state, peak_force, energy }
 }

@@ -115,10 +115,7 @@ impl Truth {
     }
 
     /// The same without the independent run, of a motion that need not have events.
-    ///
-    /// # Errors
-    /// [`AccuracyError`] if the engine fails.
-    pub fn quick(problem: &Problem<'_>, limit: f64) -> Result<Self, AccuracyError> {
+    pub(super) fn quick(problem: &Problem<'_>, limit: f64) -> Result<Self, AccuracyError> {
         let (passages, mut sections) = pass(problem, problem.start.clone(), problem.cycles, 1, None)?;
         let sizes = passages.sizes.map(|s| s.max(f64::MIN_POSITIVE));
         let mut found = passages.found;
@@ -139,7 +136,7 @@ impl Truth {
         let point = |k: usize, x: &[f64]| model.point(problem.section(k as u64), &x[..n], &x[n..]);
         let mode = &problem.start.jump.mode;
         let closed: Vec<bool> = (0..model.contacts()).map(|j| contact_mode(mode, j).side() != 0.0).collect();
-        let rigid: Vec<bool> = (0..model.contacts()).map(|j| model.flanks(j).2).collect();
+        let rigid = model.rigid();
         let energy = sections.iter().enumerate().map(|(k, x)| model.energy(&point(k, x))).collect();
         let mut forces = Contacts::new(problem.structure(), None).keep(0);
         problem.engine(problem.start.clone(), None)?.run(problem.section(window.cycles), &mut forces)?;

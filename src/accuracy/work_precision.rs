@@ -3,10 +3,10 @@
 use serde::Serialize;
 
 use super::{
-    AccuracyError, Contender, Kind, Order, Problem, Row, Setting, Truth, fold, orders, reached, score,
-    stability::highest_frequency,
+    AccuracyError, Contender, Kind, Order, Problem, Score, Setting, Truth, reached, stability::highest_frequency,
 };
 use crate::{
+    baseline::Counters,
     integrate::Choice,
     output::{Table, five_digits},
     task::Task,
@@ -43,6 +43,30 @@ pub struct RunTime {
     pub ratio: f64,
     /// Repetitions.
     pub repetitions: usize,
+}
+
+/// One run of one contender.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row<'a> {
+    /// Which contender.
+    pub contender: &'a Contender,
+    /// How finely.
+    pub setting: Setting,
+    /// How far from the truth.
+    pub score: Score,
+    /// Work over the window; of the engine its steps alone.
+    pub work: Counters,
+    /// Its time and Flank's.
+    pub time: RunTime,
+    /// Why it stopped before its end, if it did.
+    pub stopped: Option<String>,
+}
+
+impl Row<'_> {
+    /// Evaluations of the contact forces; none of the engine, which expands series.
+    pub(super) fn evaluations(&self) -> Option<u64> {
+        (!matches!(self.contender.kind, Kind::Engine(_))).then_some(self.work.evaluations)
+    }
 }
 
 /// Contenders on one problem: the runs to make, and their errors, work and time.
@@ -112,7 +136,7 @@ impl<'a> WorkPrecision<'a> {
                 return Ok(false);
             }
             let run = contender.perform(self.problem, self.truth.window.cycles, setting)?;
-            let score = score(&self.truth, &run, self.problem.period);
+            let score = Score::of(&self.truth, &run, self.problem.period);
             let time = self.time(contender, setting, repetitions, clock)?;
             self.rows.push(Row { contender, setting, score, work: run.work, time, stopped: run.stopped });
             task.advance();
@@ -159,7 +183,7 @@ impl<'a> WorkPrecision<'a> {
                 Setting::StepsPerCycle(n) => Some((n, row.score.event_time?)),
                 _ => None,
             });
-            let order = orders(contender, self.problem.structure(), &steps.collect::<Vec<_>>(), self.truth.error);
+            let order = Order::of(contender, self.problem.structure(), &steps.collect::<Vec<_>>(), self.truth.error);
             let costs = own().map(|row| {
                 let error = row.score.event_time.filter(|_| row.score.is_right());
                 (error.map(|e| e.max(self.truth.error)), row.time.ratio)
@@ -332,6 +356,11 @@ impl<'a> WorkPrecision<'a> {
             |row: &Row<'_>| Some(format!("{}, {}: {}", row.contender.name, row.setting, row.stopped.as_ref()?));
         self.rows.iter().filter_map(stopped).chain(unconverged).collect()
     }
+}
+
+/// A growth, as written.
+pub(super) fn fold(growth: f64) -> String {
+    if growth < 10.0 { format!("{growth:.1}") } else { format!("{growth:.0}") }
 }
 
 /// A time or a ratio of times: three digits are more than it is known to.

@@ -3,13 +3,12 @@
 use std::{cell::RefCell, ops::ControlFlow};
 
 use super::{
-    Counters, Grid, Penalty, Point, Sample, Solver, Touch, Watch,
+    Counters, Grid, Penalty, Point, Sample, Touch, Watch,
     forcing::{Forcing, Moment},
 };
 use crate::{
-    gear::contact::Law,
     hybrid::{Clock, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, VectorField},
-    integrate::{Arc, DenseStep, Diffsol, IntegrateError, Integrator, Method},
+    integrate::{Arc, Choice, DenseStep, IntegrateError, build},
 };
 
 /// A penalty train as one smooth mode, which it is not: the solver has to find out.
@@ -85,88 +84,83 @@ impl HybridSystem for Through<'_> {
 /// Samples of a solver's step.
 const WITHIN: u32 = 4;
 
-/// Runs an adaptive solver with relative tolerance `rtol` over `grid`. Sampled are, from its dense output, the grid's points and
-/// each of its own steps at four places, its end the last.
-///
-/// # Errors
-/// [`IntegrateError`] where the solver gives up, as it may at jumps of the force.
-///
-/// # Panics
-/// If the train has a rigid contact: there is no force to integrate. [`Penalty::flanks`] tells.
-pub fn adaptive(
-    model: &Penalty,
-    solver: Solver,
-    rtol: f64,
-    grid: &Grid,
-    (q, v): (&[f64], &[f64]),
-    watch: &mut dyn Watch,
-) -> Result<Counters, IntegrateError> {
-    assert!(!(0..model.contacts()).any(|j| model.flanks(j).2), "a rigid contact has no force to integrate");
-    let mut point = model.point(grid.from, q, v);
-    let through = Through {
-        model,
-        scratch: RefCell::new(Scratch {
-            forcing: Forcing::new(model, grid.from, grid.step),
-            moment: model.moment(),
-            force: vec![0.0; model.contacts()],
-            touches: point.contacts.clone(),
-            evaluations: 0,
-        }),
-    };
-    let mut flow = watch.sample(&Sample { number: Some(0), t: 0.0, point: &point });
-    let mut counters = Counters::default();
-    let start: Vec<f64> = q.iter().chain(v).copied().collect();
-    let bound = model.clock.advance(grid.from, grid.steps as f64 * grid.step);
-    let (mode, none) = (Mode::default(), GuardSet::default());
-    let arc = Arc {
-        mode: &mode,
-        motion: None,
-        at: grid.from,
-        x: &start,
-        low: &[],
-        carried: &[],
-        pinned: &none,
-        still: &none,
-        bound,
-    };
-    let mut integrator = Diffsol::new(
-        match solver {
-            Solver::Explicit => Method::Explicit,
-            Solver::Sdirk => Method::Sdirk,
-            Solver::Bdf => Method::Bdf,
-        },
-        rtol,
-    );
-    let (mut x, mut next) = (start.clone(), 1);
-    if flow.is_continue() {
-        integrator.integrate_arc(&through, &arc, &mut start.clone(), &mut [], &mut |step: &dyn DenseStep| {
-            counters.steps += 1;
-            let from = model.clock.between(grid.from, step.start());
-            let to = from + step.time(1.0);
-            let mut sample = |number: Option<u64>, t: f64, x: &mut Vec<f64>| {
-                step.state(((t - from) / (to - from)).clamp(0.0, 1.0), x);
-                point.q.copy_from_slice(&x[..model.n]);
-                point.v.copy_from_slice(&x[model.n..]);
-                through.look(model.clock.advance(grid.from, t), &mut point);
-                flow = watch.sample(&Sample { number, t, point: &point });
-                flow
-            };
-            // Within the step at equal distances, at the points of the grid, and at its end.
-            for i in 1..=WITHIN {
-                let t = from + (to - from) * f64::from(i) / f64::from(WITHIN);
-                while next <= grid.steps && next as f64 * grid.step <= t {
-                    sample(Some(next), next as f64 * grid.step, &mut x)?;
-                    next += 1;
+impl Penalty {
+    /// Runs an adaptive solver with relative tolerance `rtol` over `grid`. It samples its dense output at the
+    /// points of the grid, and at four places of each of its own steps, the last at the end.
+    ///
+    /// # Errors
+    /// [`IntegrateError`] where the solver gives up, as it may at jumps of the force, or is not part of this build.
+    ///
+    /// # Panics
+    /// If the train has a rigid contact: there is no force to integrate.
+    pub fn adaptive(
+        &self,
+        solver: Choice,
+        rtol: f64,
+        grid: &Grid,
+        (q, v): (&[f64], &[f64]),
+        watch: &mut dyn Watch,
+    ) -> Result<Counters, IntegrateError> {
+        assert!(!self.rigid().contains(&true), "a rigid contact has no force to integrate");
+        let mut point = self.point(grid.from, q, v);
+        let through = Through {
+            model: self,
+            scratch: RefCell::new(Scratch {
+                forcing: Forcing::new(self, grid.from, grid.step),
+                moment: self.moment(),
+                force: vec![0.0; self.contacts()],
+                touches: point.contacts.clone(),
+                evaluations: 0,
+            }),
+        };
+        let mut flow = watch.sample(&Sample { number: Some(0), t: 0.0, point: &point });
+        let mut counters = Counters::default();
+        let start: Vec<f64> = q.iter().chain(v).copied().collect();
+        let bound = self.clock.advance(grid.from, grid.steps as f64 * grid.step);
+        let (mode, none) = (Mode::default(), GuardSet::default());
+        let arc = Arc {
+            mode: &mode,
+            motion: None,
+            at: grid.from,
+            x: &start,
+            low: &[],
+            carried: &[],
+            pinned: &none,
+            still: &none,
+            bound,
+        };
+        let (mut integrator, _) = build(solver, rtol, &through)?;
+        let (mut x, mut next) = (start.clone(), 1);
+        if flow.is_continue() {
+            integrator.integrate_arc(&through, &arc, &mut start.clone(), &mut [], &mut |step: &dyn DenseStep| {
+                counters.steps += 1;
+                let from = self.clock.between(grid.from, step.start());
+                let to = from + step.time(1.0);
+                let mut sample = |number: Option<u64>, t: f64, x: &mut Vec<f64>| {
+                    step.state(((t - from) / (to - from)).clamp(0.0, 1.0), x);
+                    point.q.copy_from_slice(&x[..self.n]);
+                    point.v.copy_from_slice(&x[self.n..]);
+                    through.look(self.clock.advance(grid.from, t), &mut point);
+                    flow = watch.sample(&Sample { number, t, point: &point });
+                    flow
+                };
+                // Within the step at equal distances, at the points of the grid, and at its end.
+                for i in 1..=WITHIN {
+                    let t = from + (to - from) * f64::from(i) / f64::from(WITHIN);
+                    while next <= grid.steps && next as f64 * grid.step <= t {
+                        sample(Some(next), next as f64 * grid.step, &mut x)?;
+                        next += 1;
+                    }
+                    sample(None, t, &mut x)?;
                 }
-                sample(None, t, &mut x)?;
-            }
-            step.state(1.0, &mut x);
-            through.latch(step.start(), step.time(1.0), &x);
-            ControlFlow::Continue(())
-        })?;
+                step.state(1.0, &mut x);
+                through.latch(step.start(), step.time(1.0), &x);
+                ControlFlow::Continue(())
+            })?;
+        }
+        counters.evaluations = through.scratch.borrow().evaluations;
+        Ok(counters)
     }
-    counters.evaluations = through.scratch.borrow().evaluations;
-    Ok(counters)
 }
 
 impl Through<'_> {
@@ -175,11 +169,8 @@ impl Through<'_> {
         let scratch = &mut *self.scratch.borrow_mut();
         scratch.forcing.at(self.model, at, &mut point.moment);
         // What a step latches is decided at its end, not at samples within it.
-        let known = scratch.touches.iter().zip(self.model.contacts.iter().zip(&point.moment.contacts));
-        for (touch, (known, (c, forced))) in point.contacts.iter_mut().zip(known) {
-            touch.latch = known.latch;
-            touch.touched = c.penetration(c.deflection(forced, &point.q, &point.v)[0]).0 > 0.0;
-        }
+        point.contacts.iter_mut().zip(&scratch.touches).for_each(|(touch, known)| touch.latch = known.latch);
+        self.model.find_touched(point);
         self.model.arrive(point);
     }
 
@@ -190,15 +181,7 @@ impl Through<'_> {
         let (q, v) = x.split_at(self.model.n);
         for ((c, forced), touch) in self.model.contacts.iter().zip(&moment.contacts).zip(touches) {
             let [d, r] = c.deflection(forced, q, v);
-            let (p, side) = c.penetration(d);
-            if let Law::Power(l) = c.law {
-                if p <= 0.0 {
-                    touch.latch = r.abs().max(l.speed_floor);
-                } else if !touch.touched {
-                    touch.latch = (side * r).max(l.speed_floor);
-                }
-            }
-            touch.touched = p > 0.0;
+            c.latch(c.penetration(d), r, touch);
         }
     }
 }

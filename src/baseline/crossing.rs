@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::{Penalty, Sample, Watch};
+use crate::gear::contact::Law;
 
 /// A flank passed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,12 +69,9 @@ impl Crossings {
     #[must_use]
     pub fn new(model: &Penalty, interpolation: Interpolation) -> Self {
         let mut flanks = Vec::new();
-        for j in (0..model.contacts()).filter(|j| model.separates(*j)) {
-            let (b, has_back, rigid) = model.flanks(j);
-            flanks.push((j, b, false, rigid));
-            if has_back {
-                flanks.push((j, b, true, rigid));
-            }
+        for (j, c) in model.contacts.iter().enumerate().filter(|(_, c)| !matches!(c.law, Law::Bilateral(_))) {
+            let backs = if c.has_back { &[false, true][..] } else { &[false] };
+            flanks.extend(backs.iter().map(|back| (j, c.half_backlash, *back, c.is_rigid())));
         }
         Self { found: Vec::new(), interpolation, flanks, before: Vec::new(), t: 0.0 }
     }

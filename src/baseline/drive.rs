@@ -60,12 +60,6 @@ pub trait Watch {
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()>;
 }
 
-impl Watch for () {
-    fn sample(&mut self, _: &Sample<'_>) -> ControlFlow<()> {
-        ControlFlow::Continue(())
-    }
-}
-
 impl<A: Watch, B: Watch> Watch for (A, B) {
     fn sample(&mut self, sample: &Sample<'_>) -> ControlFlow<()> {
         self.0.sample(sample)?;
@@ -89,34 +83,36 @@ pub(super) trait Stepper {
     fn step(&mut self, model: &Penalty, forcing: &mut Forcing, point: &mut Point, h: f64, counters: &mut Counters);
 }
 
-/// Runs `method` on `grid` from `q`, `v`, `[n]` each.
-///
-/// # Errors
-/// [`Diverged`] as soon as a coordinate or a velocity is not finite.
-pub fn drive(
-    model: &Penalty,
-    method: Method,
-    grid: &Grid,
-    (q, v): (&[f64], &[f64]),
-    watch: &mut (impl Watch + ?Sized),
-) -> Result<Counters, Diverged> {
-    let mut point = model.point(grid.from, q, v);
-    let mut stepper = method.stepper(model, grid.step);
-    let mut forcing = Forcing::new(model, grid.from, grid.step / f64::from(stepper.strides()));
-    let mut counters = Counters::default();
-    let mut flow = watch.sample(&Sample { number: Some(0), t: 0.0, point: &point });
-    while flow.is_continue() && counters.steps < grid.steps {
-        stepper.step(model, &mut forcing, &mut point, grid.step, &mut counters);
-        counters.steps += 1;
-        counters.evaluations += 1;
-        model.arrive(&mut point);
-        let t = counters.steps as f64 * grid.step;
-        // A finite number times zero is zero.
-        let zero = point.q.iter().chain(&point.v).fold(0.0, |s, x| s + x * 0.0);
-        if zero != 0.0 {
-            return Err(Diverged { t, counters });
+impl Penalty {
+    /// Runs `method` on `grid` from `q`, `v`, `[n]` each.
+    ///
+    /// # Errors
+    /// [`Diverged`] as soon as a coordinate or a velocity is not finite.
+    pub fn drive(
+        &self,
+        method: Method,
+        grid: &Grid,
+        (q, v): (&[f64], &[f64]),
+        watch: &mut (impl Watch + ?Sized),
+    ) -> Result<Counters, Diverged> {
+        let mut point = self.point(grid.from, q, v);
+        let mut stepper = method.stepper(self, grid.step);
+        let mut forcing = Forcing::new(self, grid.from, grid.step / f64::from(stepper.strides()));
+        let mut counters = Counters::default();
+        let mut flow = watch.sample(&Sample { number: Some(0), t: 0.0, point: &point });
+        while flow.is_continue() && counters.steps < grid.steps {
+            stepper.step(self, &mut forcing, &mut point, grid.step, &mut counters);
+            counters.steps += 1;
+            counters.evaluations += 1;
+            self.arrive(&mut point);
+            let t = counters.steps as f64 * grid.step;
+            // A finite number times zero is zero.
+            let zero = point.q.iter().chain(&point.v).fold(0.0, |s, x| s + x * 0.0);
+            if zero != 0.0 {
+                return Err(Diverged { t, counters });
+            }
+            flow = watch.sample(&Sample { number: Some(counters.steps), t, point: &point });
         }
-        flow = watch.sample(&Sample { number: Some(counters.steps), t, point: &point });
+        Ok(counters)
     }
-    Ok(counters)
 }

@@ -1,53 +1,11 @@
 use super::Penalty;
 use crate::{
-    gear::{Harmonic, Piece, Stiffness},
+    gear::{Harmonic, Stiffness},
     hybrid::{Clock, Instant},
 };
 
 /// One harmonic of a load, an error or a stiffness: number of its frequency, cosine and sine parts.
 pub(super) type Wave = (usize, f64, f64);
-
-/// A contact's stiffness as a function of time.
-#[derive(Clone, Debug)]
-pub(super) enum Spring {
-    Constant(f64),
-    Waves(f64, Vec<Wave>),
-    Periodic { period: f64, origin: f64, pieces: Vec<Piece> },
-    Switched { times: Vec<f64>, levels: [f64; 2] },
-}
-
-impl Spring {
-    pub fn new(stiffness: &Stiffness, frequencies: &mut Vec<f64>) -> Self {
-        match stiffness {
-            Stiffness::Constant(k) => Self::Constant(*k),
-            Stiffness::Harmonic { mean, harmonics } => {
-                Self::Waves(*mean, harmonics.iter().map(|h| wave(h, *mean, frequencies)).collect())
-            }
-            Stiffness::Periodic { period, origin, pieces } => {
-                Self::Periodic { period: *period, origin: *origin, pieces: pieces.clone() }
-            }
-            Stiffness::Switched { times, levels } => {
-                Self::Switched { times: times.iter().map(|[time, _]| *time).collect(), levels: *levels }
-            }
-        }
-    }
-
-    fn at(&self, t: f64, phasors: &[Phasor]) -> f64 {
-        match self {
-            Self::Constant(k) => *k,
-            Self::Waves(mean, waves) => mean + sum(waves, phasors),
-            Self::Periodic { period, origin, pieces } => {
-                let turns = (t - origin) / period;
-                let u = turns - turns.floor();
-                let i = pieces.iter().rposition(|p| p.start <= u);
-                let piece = &pieces[i.unwrap_or(pieces.len() - 1)];
-                let elapsed = u - piece.start + if i.is_none() { 1.0 } else { 0.0 };
-                piece.value + piece.slope * elapsed * period
-            }
-            Self::Switched { times, levels } => levels[times.partition_point(|s| *s <= t) & 1],
-        }
-    }
-}
 
 /// The wave of `h`, scaled; its frequency is added to the list where it is new.
 pub(super) fn wave(h: &Harmonic, scale: f64, frequencies: &mut Vec<f64>) -> Wave {
@@ -56,6 +14,23 @@ pub(super) fn wave(h: &Harmonic, scale: f64, frequencies: &mut Vec<f64>) -> Wave
         frequencies.len() - 1
     });
     (index, scale * h.amplitude * h.phase.cos(), -scale * h.amplitude * h.phase.sin())
+}
+
+/// A stiffness at time `t`; `waves` are its harmonics.
+fn stiffness(stiffness: &Stiffness, waves: &[Wave], t: f64, phasors: &[Phasor]) -> f64 {
+    match stiffness {
+        Stiffness::Constant(k) => *k,
+        Stiffness::Harmonic { mean, .. } => mean + sum(waves, phasors),
+        Stiffness::Periodic { period, origin, pieces } => {
+            let turns = (t - origin) / period;
+            let u = turns - turns.floor();
+            let i = pieces.iter().rposition(|p| p.start <= u);
+            let piece = &pieces[i.unwrap_or(pieces.len() - 1)];
+            let elapsed = u - piece.start + if i.is_none() { 1.0 } else { 0.0 };
+            piece.value + piece.slope * elapsed * period
+        }
+        Stiffness::Switched { times, levels } => levels[times.partition_point(|[s, _]| *s <= t) & 1],
+    }
 }
 
 fn sum(waves: &[Wave], phasors: &[Phasor]) -> f64 {
@@ -159,7 +134,6 @@ impl Forcing {
     }
 
     /// The moment at any instant, off the grid.
-    #[cfg(feature = "diffsol")]
     pub fn at(&mut self, model: &Penalty, at: Instant, out: &mut Moment) {
         self.stand(at);
         self.moment(model, out);
@@ -170,7 +144,7 @@ impl Forcing {
         // What is constant is in there from the start.
         for &j in &model.varying {
             let (c, forced) = (&model.contacts[j], &mut out.contacts[j]);
-            forced.stiffness = c.spring.at(self.t, &self.phasors);
+            forced.stiffness = stiffness(&c.stiffness, &c.stiffness_waves, self.t, &self.phasors);
             forced.error = [c.error_offset + sum(&c.error, &self.phasors), sum(&c.error_rate, &self.phasors)];
         }
         let mut waves = model.load_waves.iter();

@@ -9,29 +9,23 @@
 //! | `penalty` | the train without modes; impacts of rigid contacts at the ends of steps |
 //! | `ramp` | sharp and smoothed `max(p, 0)` |
 //! | `forcing` | what depends on time alone, on a grid of equal steps |
-//! | `rk4`, `euler`, `verlet`, `alpha` | the methods, one a file |
+//! | `method`, `alpha` | the methods |
 //! | `adaptive` | solvers that choose their steps, straight through the kinks |
 //! | `drive` | the loop, and what it can be asked to watch |
 //! | `crossing` | events from sign changes |
 
-#[cfg(feature = "diffsol")]
 mod adaptive;
 mod alpha;
 mod crossing;
 mod drive;
-mod euler;
 mod forcing;
 mod method;
 mod penalty;
 mod ramp;
-mod rk4;
-mod verlet;
 
-#[cfg(feature = "diffsol")]
-pub use adaptive::adaptive;
 pub use alpha::Alpha;
 pub use crossing::{Crossing, Crossings, Interpolation};
-pub use drive::{Counters, Diverged, Grid, Sample, Watch, drive};
-pub use method::{Method, Solver};
-pub use penalty::{Penalty, Point, Strike, Touch};
+pub use drive::{Counters, Diverged, Grid, Sample, Watch};
+pub use method::Method;
+pub use penalty::{Penalty, Point, Touch};
 pub use ramp::Ramp;

@@ -4,11 +4,11 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::{
     Ramp,
-    forcing::{Forced, Forcing, Moment, Spring, Wave, wave},
+    forcing::{Forced, Forcing, Moment, Wave, wave},
 };
 use crate::{
     gear::{
-        Harmonic,
+        Harmonic, Stiffness,
         contact::{Law, Release},
     },
     hybrid::{Clock, Instant},
@@ -26,7 +26,8 @@ pub(super) struct Contact {
     pub push: Vec<(u32, f64)>,
     /// `gᵀ M⁻¹ g`, 1/kg.
     pub mobility: f64,
-    pub spring: Spring,
+    pub stiffness: Stiffness,
+    pub stiffness_waves: Vec<Wave>,
     pub error: Vec<Wave>,
     pub error_rate: Vec<Wave>,
     pub error_offset: f64,
@@ -44,6 +45,23 @@ impl Contact {
     #[inline]
     pub fn penetration(&self, d: f64) -> (f64, f64) {
         if self.has_back && d < 0.0 { (-d - self.half_backlash, -1.0) } else { (d - self.half_backlash, 1.0) }
+    }
+
+    pub fn is_rigid(&self) -> bool {
+        matches!(self.law, Law::Rigid(_))
+    }
+
+    /// Keeps the approach speed at the end of a step, with penetration `p` on the flank of `side` and the rate `r` of the
+    /// deflection. Outside it is the speed of the moment: the stages of the step that enters contact need one.
+    pub fn latch(&self, (p, side): (f64, f64), r: f64, touch: &mut Touch) {
+        if let Law::Power(law) = self.law {
+            if p <= 0.0 {
+                touch.latch = r.abs().max(law.speed_floor);
+            } else if !touch.touched {
+                touch.latch = (side * r).max(law.speed_floor);
+            }
+        }
+        touch.touched = p > 0.0;
     }
 }
 
@@ -98,14 +116,14 @@ pub struct Touch {
     /// Approach speed it latched last, m/s.
     pub latch: f64,
     /// Where it was struck on the step that ended here, if it is rigid and was.
-    pub strike: Option<Strike>,
+    pub(super) strike: Option<Strike>,
     /// Whether it was beyond a flank at the end of the step.
     pub(super) touched: bool,
 }
 
 /// A rigid contact found beyond a flank at the end of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Strike {
+pub(super) struct Strike {
     /// +1 on the drive flank, −1 on the back flank.
     pub side: f64,
     /// Where on the step the straight line between the deflections passes the flank, `[0, 1]`.
@@ -136,6 +154,12 @@ impl Penalty {
             let rate = |(i, cosine, sine): &Wave| (*i, frequencies[*i] * sine, -frequencies[*i] * cosine);
             let error_rate = error.iter().map(rate).collect();
             let push = over_mass(&c.direction);
+            let stiffness_waves = match &c.stiffness {
+                Stiffness::Harmonic { mean, harmonics } => {
+                    harmonics.iter().map(|h| wave(h, *mean, &mut frequencies)).collect()
+                }
+                _ => Vec::new(),
+            };
             Contact {
                 law: c.law,
                 half_backlash: c.half_backlash,
@@ -143,14 +167,15 @@ impl Penalty {
                 direction: entries(&c.direction),
                 mobility: c.direction.iter().zip(&push).map(|(g, p)| g * p).sum(),
                 push: entries(&push),
-                spring: Spring::new(&c.stiffness, &mut frequencies),
+                stiffness: c.stiffness.clone(),
+                stiffness_waves,
                 error,
                 error_rate,
                 error_offset: c.error_offset,
             }
         });
         let contacts: Vec<Contact> = contacts.collect();
-        let varies = |c: &Contact| !matches!(c.spring, Spring::Constant(_)) || !c.error.is_empty();
+        let varies = |c: &Contact| !matches!(c.stiffness, Stiffness::Constant(_)) || !c.error.is_empty();
         let (k, c) = (mass.solve(&spec.stiffness), mass.solve(&spec.damping));
         let row = |i: usize| {
             let entries = (0..n).map(|j| (j as u32, k[(i, j)], c[(i, j)]));
@@ -172,22 +197,13 @@ impl Penalty {
     }
 
     /// Number of contacts.
-    #[must_use]
-    pub fn contacts(&self) -> usize {
+    pub(crate) fn contacts(&self) -> usize {
         self.contacts.len()
     }
 
-    /// Half backlash of contact `j`, m; whether it has a back flank; whether it is rigid.
-    #[must_use]
-    pub fn flanks(&self, j: usize) -> (f64, bool, bool) {
-        let c = &self.contacts[j];
-        (c.half_backlash, c.has_back, matches!(c.law, Law::Rigid(_)))
-    }
-
-    /// Whether contact `j` can be lost.
-    #[must_use]
-    pub fn separates(&self, j: usize) -> bool {
-        !matches!(self.contacts[j].law, Law::Bilateral(_))
+    /// Whether each contact is rigid.
+    pub(crate) fn rigid(&self) -> Vec<bool> {
+        self.contacts.iter().map(Contact::is_rigid).collect()
     }
 
     /// Force of a contact at deflection `d`, m, and rate `r`, m/s, with stiffness `k` and latched speed `latch`; and its
@@ -218,7 +234,7 @@ impl Penalty {
     /// The same on one flank, by its penetration and the rate of that.
     #[inline(always)]
     fn one_flank(&self, law: &Law, k: f64, p: f64, rate: f64, latch: f64) -> (f64, f64, f64) {
-        let (depth, closed) = self.ramp.at(p);
+        let [depth, closed, curvature] = self.ramp.at(p);
         match law {
             Law::KelvinVoigt(l, release) => {
                 let c = l.damping;
@@ -226,7 +242,7 @@ impl Penalty {
                 if *release == Release::Force && force < 0.0 {
                     return (0.0, 0.0, 0.0);
                 }
-                (force, k * closed + c * rate * self.ramp.curvature(p), c * closed)
+                (force, k * closed + c * rate * curvature, c * closed)
             }
             Law::Power(l) => {
                 let depth = depth.max(0.0);
@@ -253,16 +269,21 @@ impl Penalty {
         let mut point = Point { q: q.to_vec(), v: v.to_vec(), contacts, moment: self.moment() };
         Forcing::new(self, at, 0.0).moment(self, &mut point.moment);
         // A start beyond a flank latches nothing: the scene says with which speed contact began.
-        for ((c, forced), touch) in self.contacts.iter().zip(&point.moment.contacts).zip(&mut point.contacts) {
-            touch.touched = c.penetration(c.deflection(forced, q, v)[0]).0 > 0.0;
-        }
+        self.find_touched(&mut point);
         self.arrive(&mut point);
         point
     }
 
+    /// Which contacts are beyond a flank.
+    pub(super) fn find_touched(&self, point: &mut Point) {
+        for ((c, forced), touch) in self.contacts.iter().zip(&point.moment.contacts).zip(&mut point.contacts) {
+            touch.touched = c.penetration(c.deflection(forced, &point.q, &point.v)[0]).0 > 0.0;
+        }
+    }
+
     pub(super) fn moment(&self) -> Moment {
         let constant = |c: &Contact| Forced {
-            stiffness: if let Spring::Constant(k) = c.spring { k } else { 0.0 },
+            stiffness: if let Stiffness::Constant(k) = c.stiffness { k } else { 0.0 },
             error: [c.error_offset, 0.0],
         };
         Moment { contacts: self.contacts.iter().map(constant).collect(), load: self.load.clone() }
@@ -305,25 +326,22 @@ impl Penalty {
             let mut at = c.deflection(forced, q, v);
             let (p, side) = c.penetration(at[0]);
             touch.strike = None;
-            match c.law {
-                Law::Rigid(law) if p > 0.0 && side * at[1] > 0.0 => {
-                    // Mirrored in the flank: as far back as the rebound speed would have carried it.
-                    let back = (1.0 + law.restitution) / c.mobility;
-                    for (i, push) in &c.push {
-                        q[*i as usize] -= push * back * side * p;
-                        v[*i as usize] -= push * back * at[1];
-                    }
-                    let before = c.half_backlash - side * touch.deflection[0];
-                    struck = true;
-                    touch.strike = Some(Strike { side, place: (before / (before + p)).clamp(0.0, 1.0) });
-                    at = c.deflection(forced, q, v);
+            c.latch((p, side), at[1], touch);
+            if let Law::Rigid(law) = c.law
+                && p > 0.0
+                && side * at[1] > 0.0
+            {
+                // Mirrored in the flank: as far back as the rebound speed would have carried it.
+                let back = (1.0 + law.restitution) / c.mobility;
+                for (i, push) in &c.push {
+                    q[*i as usize] -= push * back * side * p;
+                    v[*i as usize] -= push * back * at[1];
                 }
-                // Outside, the speed of the moment: the stages of the step that enters contact need one.
-                Law::Power(law) if p <= 0.0 => touch.latch = at[1].abs().max(law.speed_floor),
-                Law::Power(law) if !touch.touched => touch.latch = (side * at[1]).max(law.speed_floor),
-                _ => {}
+                let before = c.half_backlash - side * touch.deflection[0];
+                struck = true;
+                touch.strike = Some(Strike { side, place: (before / (before + p)).clamp(0.0, 1.0) });
+                at = c.deflection(forced, q, v);
             }
-            touch.touched = p > 0.0;
             touch.deflection = at;
             touch.force = self.law(c, forced.stiffness, at, touch.latch).0;
         }

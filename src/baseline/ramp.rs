@@ -17,50 +17,34 @@ pub enum Ramp {
 }
 
 impl Ramp {
-    /// `r(p)` and `r′(p)`.
-    #[inline]
+    /// `r(p)`, `r′(p)` and `r″(p)`; the last, which implicit methods need, is 0 at the corner of the sharp form.
+    #[inline(always)]
     #[must_use]
-    pub fn at(self, p: f64) -> (f64, f64) {
+    pub fn at(self, p: f64) -> [f64; 3] {
         match self {
-            Self::Sharp if p > 0.0 => (p, 1.0),
-            Self::Sharp => (0.0, 0.0),
+            Self::Sharp if p > 0.0 => [p, 1.0, 0.0],
+            Self::Sharp => [0.0; 3],
             Self::Tanh(s) => {
                 let t = (s * p).tanh();
-                (0.5 * p * (1.0 + t), 0.5 * (1.0 + t + s * p * (1.0 - t * t)))
+                let slope = 0.5 * (1.0 + t + s * p * (1.0 - t * t));
+                [0.5 * p * (1.0 + t), slope, s * (1.0 - t * t) * (1.0 - s * p * t)]
             }
             Self::SquareRoot(s) => {
                 let root = p.hypot(s.recip());
-                (0.5 * (p + root), 0.5 * (1.0 + p / root))
+                [0.5 * (p + root), 0.5 * (1.0 + p / root), 0.5 / (s * s * root * root * root)]
             }
             Self::Polynomial(s) => {
                 let u = s * p;
                 if u <= -1.0 {
-                    (0.0, 0.0)
+                    [0.0; 3]
                 } else if u >= 1.0 {
-                    (p, 1.0)
+                    [p, 1.0, 0.0]
                 } else {
                     let v = u + 1.0;
-                    (v * v * v * (3.0 - u) / (16.0 * s), v * v * (2.0 - u) * 0.25)
+                    let curvature = 0.75 * s * (1.0 - s * s * p * p);
+                    [v * v * v * (3.0 - u) / (16.0 * s), v * v * (2.0 - u) * 0.25, curvature]
                 }
             }
-        }
-    }
-
-    /// `r″(p)`, for implicit methods; 0 at the corner of the sharp form.
-    #[must_use]
-    pub fn curvature(self, p: f64) -> f64 {
-        match self {
-            Self::Sharp => 0.0,
-            Self::Tanh(s) => {
-                let t = (s * p).tanh();
-                s * (1.0 - t * t) * (1.0 - s * p * t)
-            }
-            Self::SquareRoot(s) => {
-                let root = p.hypot(s.recip());
-                0.5 / (s * s * root * root * root)
-            }
-            Self::Polynomial(s) if (s * p).abs() < 1.0 => 0.75 * s * (1.0 - s * s * p * p),
-            Self::Polynomial(_) => 0.0,
         }
     }
 
@@ -76,8 +60,7 @@ impl Ramp {
     }
 
     /// Sharpness σ, 1/m; none for the sharp form.
-    #[must_use]
-    pub fn sharpness(self) -> Option<f64> {
+    pub(crate) fn sharpness(self) -> Option<f64> {
         match self {
             Self::Sharp => None,
             Self::Tanh(s) | Self::SquareRoot(s) | Self::Polynomial(s) => Some(s),

@@ -5,7 +5,7 @@ use std::{path::PathBuf, time::Instant};
 use flank::{
     Task,
     accuracy::median,
-    plot::{REPORT, figure_files, write_figure},
+    plot::Report,
     study::{
         Context, StudyError,
         advise::{Advice, Plan, Rung},
@@ -70,8 +70,7 @@ const STEPS: f64 = 4_000.0;
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let plan = Plan::new(&read_scene(arguments.scene.as_deref())?)?;
     // Refused before anything is run, made when there is something to write.
-    let figures = ["rungs", "freedoms"].into_iter().flat_map(figure_files);
-    let files = figures.chain([TABLE, ADVICE, TIMING, REPORT].map(String::from)).collect();
+    let files = Report::files(["rungs", "freedoms"], &[TABLE, ADVICE, TIMING]);
     let (out, scene) = (arguments.out.as_deref(), arguments.scene.as_deref());
     let request = request(out, "advise", scene, arguments.force, files)?;
     let found = counted(plan.runs(), 0, "models", arguments.quiet, |task| {
@@ -87,12 +86,12 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if let Some(request) = &request {
         let mut folder = request.open()?;
         for figure in advice.figures() {
-            write_figure(&mut folder, &figure)?;
+            figure.write(&mut folder)?;
         }
-        folder.bytes(TABLE, advice.csv().as_bytes())?;
+        folder.bytes(TABLE, advice.csv())?;
         folder.complete(ADVICE, &json!({ "flank": env!("CARGO_PKG_VERSION"), "advice": advice }))?;
         folder.complete(TIMING, &timing)?;
-        folder.bytes(REPORT, advice.report(env!("CARGO_PKG_VERSION")).html().as_bytes())?;
+        advice.report(env!("CARGO_PKG_VERSION")).write(&mut folder)?;
     }
     if !arguments.quiet {
         let report = if out.is_some() { "\n".to_owned() + &report_line(out) } else { String::new() };

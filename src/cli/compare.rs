@@ -92,7 +92,7 @@ fn contenders(arguments: &Arguments, problem: &Problem<'_>) -> Result<Vec<Conten
     for word in words {
         match Contender::parse(word) {
             Ok(contender) if found.iter().any(|c| c.name == contender.name) => {}
-            Ok(contender) if contender.applies_to(problem.structure()) => found.push(contender),
+            Ok(contender) if contender.applies_to(&problem.simulation.structure) => found.push(contender),
             Ok(_) if arguments.methods.is_empty() => {}
             Ok(contender) => faults.push(AccuracyError::Word {
                 word: word.to_owned(),

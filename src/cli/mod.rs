@@ -4,10 +4,8 @@ mod advise;
 mod check;
 mod compare;
 mod error;
-mod geometry;
 mod identify;
 mod progress;
-mod report;
 mod run;
 mod stability;
 mod study;
@@ -22,8 +20,9 @@ use std::{
 use clap::{Parser, Subcommand};
 use flank::{
     Simulation,
-    output::Request,
+    output::{Fault, Request},
     scene::{self, Scene},
+    sweep::Axis,
 };
 
 pub use error::CliError;
@@ -132,6 +131,11 @@ fn request<'a>(
 /// Where the page of a command lies; nothing if it writes none.
 fn report_line(out: Option<&Path>) -> String {
     out.map_or_else(String::new, |out| format!("report: {}\n", out.join("report.html").display()))
+}
+
+/// An argument written as the values of an axis, which has a pointer in a sweep and here the name of the argument.
+fn axis(name: &str, text: &str, faults: &mut Vec<Fault>) -> Option<Axis> {
+    Axis::parse(&format!("/{name}={text}")).map_err(|found| faults.extend(found)).ok()
 }
 
 /// Threads to work on: `count`, or as many as there are cores.

@@ -6,14 +6,13 @@ use flank::{
     Simulation,
     accuracy::{
         Contender, Kind,
-        stability::{self, Map, Plan, Reference, Rule},
+        stability::{Map, Plan, Reference, Rule},
     },
     output::Fault,
-    sweep::{Axis, Values},
     train::Quantity,
 };
 
-use super::{CliError, Done, advise::wrapped, open, print, progress::counted, report_line, request, threads};
+use super::{CliError, Done, advise::wrapped, axis, open, print, progress::counted, report_line, request, threads};
 
 /// Arguments of `flank stability`.
 #[derive(Debug, clap::Args)]
@@ -71,14 +70,14 @@ const MOST: usize = 100_000;
 /// Makes the map.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let simulation = open(arguments.scene.as_deref())?;
-    let plan = plan(arguments, &simulation, stability::cycle_length(&simulation)?)?;
+    let plan = plan(arguments, &simulation, Map::cycle_length(&simulation)?)?;
     // Before the work: a folder in use is told at once. It is opened after it: a map broken off leaves nothing behind.
     let (out, scene) = (arguments.out.as_deref(), arguments.scene.as_deref());
     let request = request(out, "stability", scene, arguments.force, Map::files(plan.over))?;
     let cells = plan.factors.len() * plan.steps.len() + plan.references.len();
     let pool = threads(arguments.threads)?;
     let map = counted(cells * plan.methods.len(), 0, "runs", arguments.quiet, |task| {
-        pool.install(|| stability::map(&simulation, &plan, task))
+        pool.install(|| Map::make(&simulation, &plan, task))
     })?;
     let Some(map) = map else {
         return print("interrupted: a map is written as a whole, so nothing is kept\n").map(|()| Done::Partly);
@@ -159,23 +158,14 @@ fn plan(arguments: &Arguments, simulation: &Simulation, period: f64) -> Result<P
 
 /// The values of an axis, all of them in a range.
 fn values(name: &str, text: &str, (low, high): (f64, f64), faults: &mut Vec<Fault>) -> Vec<f64> {
-    // An axis has a pointer in a sweep; here it has the name of its argument.
-    let axis = match Axis::parse(&format!("/{name}={text}")) {
-        Ok(axis) => axis,
-        Err(found) => {
-            faults.extend(found);
-            return Vec::new();
-        }
-    };
-    let ends: Vec<f64> = match &axis.values {
-        Values::Range { from, to, count, .. } if *count <= MOST => vec![*from, *to],
-        Values::List { values } if values.len() <= MOST => values.clone(),
-        _ => {
-            let found = format!("{} values", axis.count());
-            faults.push(Fault::new(&format!("--{name}"), found, format!("at most {MOST}")));
-            return Vec::new();
-        }
-    };
+    let Some(axis) = axis(name, text, faults) else { return Vec::new() };
+    if axis.count() > MOST {
+        let found = format!("{} values", axis.count());
+        faults.push(Fault::new(&format!("--{name}"), found, format!("at most {MOST}")));
+        return Vec::new();
+    }
+    // Of a range its ends tell of all.
+    let ends = if text.contains(':') { vec![axis.value(0), axis.value(axis.count() - 1)] } else { axis.all() };
     let outside = ends.iter().filter(|value| !(low..=high).contains(*value));
     faults.extend(outside.map(|value| Fault::new(&format!("--{name}"), value.to_string(), format!("{low} to {high}"))));
     axis.all()

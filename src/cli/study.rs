@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use flank::{
     output::{Request, Table, label},
-    plot::{REPORT, figure_files, write_figure},
+    plot::Report,
     scene::Scene,
     simulation::SimulationError,
     study::{
@@ -14,12 +14,12 @@ use flank::{
         plan::{Entry, Plan},
         steady::Rule,
     },
-    sweep::{Axis, GridError},
+    sweep::GridError,
 };
 use serde::Serialize;
 use serde_json::json;
 
-use super::{CliError, Done, print, progress::counted, report_line, threads};
+use super::{CliError, Done, axis, print, progress::counted, report_line, threads};
 
 /// Arguments of `flank study`.
 #[derive(Debug, clap::Args)]
@@ -84,8 +84,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         .filter(|kind| !plan.claims.is_empty() || !kind.is_of_reference() || arguments.only.contains(kind))
         .collect();
 
-    let figures = asked.iter().flat_map(|kind| figure_files(kind.id()).into_iter().chain([table(*kind)]));
-    let files = figures.chain([TABLE, SUMMARY, REPORT].map(String::from)).collect();
+    let mut files = Report::files(asked.iter().map(|kind| kind.id()), &[TABLE, SUMMARY]);
+    files.extend(asked.iter().map(|kind| table(*kind)));
     let (input, force) = (arguments.scene.as_deref(), arguments.force);
     let mut folder = Request { folder: &arguments.out, command: "study", input, force, files }.open()?;
 
@@ -98,10 +98,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
             match pool.install(|| plan.make(kind, &Context { rule, task })) {
                 Ok(entry) => {
                     if let Some(figure) = &entry.figure {
-                        write_figure(&mut folder, figure)?;
+                        figure.write(&mut folder)?;
                     }
                     if let Some(listing) = &entry.listing {
-                        folder.bytes(&table(kind), listing_csv(listing).as_bytes())?;
+                        folder.bytes(&table(kind), listing_csv(listing))?;
                     }
                     contents.entries.push((kind, entry));
                 }
@@ -133,9 +133,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     }
     contents.provenance = provenance(&contents, &rule);
 
-    folder.bytes(TABLE, csv(&contents).as_bytes())?;
+    folder.bytes(TABLE, csv(&contents))?;
     folder.complete(SUMMARY, &summary(&contents, rule))?;
-    folder.bytes(REPORT, contents.report().html().as_bytes())?;
+    contents.report().write(&mut folder)?;
     if !arguments.quiet {
         print(&text(&contents, &arguments.out))?;
     }
@@ -144,11 +144,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 
 fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
     let mut faults = Vec::new();
-    // An axis has a pointer in a sweep; here it has the name of its argument.
-    let mut values = |name: &str, text: &Option<String>| {
-        let axis = Axis::parse(&format!("/{name}={}", text.as_ref()?)).map_err(|found| faults.extend(found)).ok()?;
-        Some(axis.all())
-    };
+    let mut values = |name: &str, text: &Option<String>| Some(axis(name, text.as_ref()?, &mut faults)?.all());
     let (loads, speeds) = (values("loads", &arguments.loads), values("speeds", &arguments.speeds));
     if !faults.is_empty() {
         return Err(GridError(faults).into());

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use flank::{
     study::{SteadySweep, steady::Rule},
-    sweep::{Begin, Ending, Grid, Journal, Plan, Seeding, request},
+    sweep::{Begin, Ending, Grid, Journal, Plan, Seeding},
 };
 
 use super::{CliError, Done, print, progress::counted, read_scene};
@@ -20,7 +20,7 @@ pub struct Arguments {
     vary: Vec<String>,
     /// Where a point starts: as the scene says, or from the end of its neighbour along the last axis
     #[arg(long, value_enum, default_value = "fresh")]
-    seed: Start,
+    seed: Seeding,
     /// Folder of sweep.csv, sweep.jsonl and sweep.json
     #[arg(long, value_name = "DIR", default_value = "sweep")]
     out: PathBuf,
@@ -47,19 +47,6 @@ pub struct Arguments {
     quiet: bool,
 }
 
-/// See [`Seeding`].
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Start {
-    /// Each point as the scene says
-    Fresh,
-    /// Each from the one before it
-    Up,
-    /// Each from the one after it
-    Down,
-    /// Up and down, two rows a point
-    Both,
-}
-
 /// Below rounding nothing settles; above a tenth everything does.
 fn tolerance(word: &str) -> Result<f64, String> {
     let value = word.parse().ok().filter(|value| (1e-13..=0.1).contains(value));
@@ -70,20 +57,14 @@ fn tolerance(word: &str) -> Result<f64, String> {
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let scene = read_scene(arguments.scene.as_deref())?;
     let grid = Grid::parse(&arguments.vary)?;
-    let seeding = match arguments.seed {
-        Start::Fresh => Seeding::Fresh,
-        Start::Up => Seeding::Up,
-        Start::Down => Seeding::Down,
-        Start::Both => Seeding::Both,
-    };
-    let sweep = SteadySweep::new(scene, Plan::new(grid, seeding), rule(arguments))?;
+    let sweep = SteadySweep::new(scene, Plan::new(grid, arguments.seed), rule(arguments))?;
     let begin = match (arguments.resume, arguments.force) {
         (true, _) => Begin::Resume,
         (_, true) => Begin::Replace,
         _ => Begin::New,
     };
     if begin != Begin::New {
-        request(&arguments.out, arguments.scene.as_deref(), begin).check()?;
+        begin.request(&arguments.out, arguments.scene.as_deref()).check()?;
     }
     let (out, rows) = (arguments.out.display(), sweep.plan().rows());
     let say = |text: String| if arguments.quiet { Ok(()) } else { print(&text) };

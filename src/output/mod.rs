@@ -1,11 +1,10 @@
 //! Folders that commands write into, and fields of tables. What is not Flank's in a folder stays as it is.
 //!
-//! The manifest [`MANIFEST`] names every file that a command writes, before the file is created: a killed command leaves
+//! The manifest, `flank-manifest.json`, names every file that a command writes, before the file is created: a killed command leaves
 //! it too. A later command replaces what the manifest names and nothing else. A file that is being written lies beside its
 //! place with `.part` behind its name; the entry of the manifest stands for both.
 
 mod fault;
-mod table;
 mod text;
 
 use std::{
@@ -17,11 +16,11 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 pub use fault::Fault;
-pub use table::Table;
-pub use text::{csv_line, five_digits, label, number};
+pub(crate) use text::number;
+pub use text::{Table, csv_line, five_digits, label};
 
 /// Name of the manifest, a JSON object: version of Flank, command, files relative to the folder with `/`.
-pub const MANIFEST: &str = "flank-manifest.json";
+const MANIFEST: &str = "flank-manifest.json";
 
 /// Why a folder cannot be written into.
 #[derive(Debug, thiserror::Error)]
@@ -165,8 +164,8 @@ impl Folder {
     ///
     /// # Errors
     /// As [`create`](Self::create).
-    pub fn bytes(&mut self, name: &str, bytes: &[u8]) -> Result<(), OutputError> {
-        whole(&self.enter(name)?, bytes)
+    pub fn bytes(&mut self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), OutputError> {
+        whole(&self.enter(name)?, bytes.as_ref())
     }
 
     /// Writes a JSON file: complete, or not at all.
@@ -174,7 +173,7 @@ impl Folder {
     /// # Errors
     /// As [`create`](Self::create).
     pub fn complete(&mut self, name: &str, content: &impl Serialize) -> Result<(), OutputError> {
-        self.bytes(name, &json(content).map_err(failed(&self.path.join(name)))?)
+        self.bytes(name, json(content).map_err(failed(&self.path.join(name)))?)
     }
 
     fn enter(&mut self, name: &str) -> Result<PathBuf, OutputError> {
@@ -222,7 +221,7 @@ fn found(path: &Path) -> Option<Metadata> {
 }
 
 /// Where a file is while it is being written.
-fn part(path: &Path) -> PathBuf {
+pub(crate) fn part(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".part");
     name.into()

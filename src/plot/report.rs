@@ -12,7 +12,7 @@ use super::{
     },
     figure::{Axis, Guide, Panel, Series, Verdict},
 };
-use crate::output;
+use crate::output::{self, Folder, OutputError};
 
 /// What a study found, as one page that needs no network: text, tables, and figures to zoom and point at.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -59,18 +59,8 @@ pub enum Item {
     Table(Table),
 }
 
-/// A table of words.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Table {
-    /// Title.
-    pub title: String,
-    /// Heads of the columns.
-    pub head: Vec<String>,
-    /// Rows of cells.
-    pub rows: Vec<Vec<Cell>>,
-    /// A line below; may be empty.
-    pub note: String,
-}
+/// A table whose cells may judge.
+pub type Table = output::Table<Cell>;
 
 /// A table of words alone.
 impl From<output::Table> for Item {
@@ -119,6 +109,23 @@ impl<T: Into<String>> From<T> for Cell {
 const PAGE: &str = include_str!("report.html");
 
 impl Report {
+    /// Name of its file.
+    pub const FILE: &str = "report.html";
+
+    /// Names of the files of a command that writes a report, these figures and these data.
+    pub fn files<'a>(figures: impl IntoIterator<Item = &'a str>, data: &[&str]) -> Vec<String> {
+        let data = data.iter().copied().chain([Self::FILE]).map(str::to_owned);
+        figures.into_iter().flat_map(Figure::files).chain(data).collect()
+    }
+
+    /// Writes the page.
+    ///
+    /// # Errors
+    /// [`OutputError`] if it cannot be written.
+    pub fn write(&self, folder: &mut Folder) -> Result<(), OutputError> {
+        folder.bytes(Self::FILE, self.html())
+    }
+
     /// The page. Equal reports give equal bytes.
     ///
     /// Numbers of figures are rounded to a millionth of what their axis shows (on logarithmic axes to six digits); the

@@ -2,15 +2,15 @@
 
 use std::{
     fs::{self, File},
-    io::{self, BufWriter, Write},
-    path::Path,
+    io::{BufWriter, Write},
+    path::{Path, PathBuf},
 };
 
 use serde::{Serialize, Serializer, de::DeserializeOwned};
 use serde_json::{Map, Value};
 
 use super::{Cell, Direction, Journal, Outcome, Plan, SweepError, journal};
-use crate::output::{self, OutputError, csv_line, failed, label, number};
+use crate::output::{self, OutputError, csv_line, failed, label, number, part};
 
 /// Says what the sweep was, and that the others are whole: written last.
 pub(super) const SEAL: &str = "sweep.json";
@@ -88,7 +88,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             table.write(&(csv_line(line) + "\n"))?;
             let at = pointers.iter().copied().zip(values).collect();
             let line = serde_json::to_string(&Line { at, direction, result, error });
-            rows.write(&(line.map_err(|error| rows.error(error.into()))? + "\n"))?;
+            rows.write(&(line.map_err(|error| failed(&rows.path)(error.into()))? + "\n"))?;
         }
         let mut seal = Part::create(&folder, SEAL)?;
         let mut header = self.header.clone();
@@ -117,35 +117,26 @@ pub(super) fn header_of(folder: &Path) -> Result<Map<String, Value>, SweepError>
 }
 
 /// A file that is being written beside the place it is meant for.
-struct Part<'f> {
-    folder: &'f Path,
-    name: &'static str,
+struct Part {
+    path: PathBuf,
     file: BufWriter<File>,
 }
 
-impl<'f> Part<'f> {
-    fn create(folder: &'f Path, name: &'static str) -> Result<Self, OutputError> {
-        let path = folder.join(format!("{name}.part"));
-        let file = File::create(&path).map_err(failed(&path))?;
-        Ok(Self { folder, name, file: BufWriter::new(file) })
-    }
-
-    fn error(&self, source: io::Error) -> OutputError {
-        failed(&self.folder.join(self.name))(source)
+impl Part {
+    fn create(folder: &Path, name: &str) -> Result<Self, OutputError> {
+        let path = folder.join(name);
+        let part = part(&path);
+        let file = File::create(&part).map_err(failed(&part))?;
+        Ok(Self { path, file: BufWriter::new(file) })
     }
 
     fn write(&mut self, text: &str) -> Result<(), OutputError> {
-        self.file.write_all(text.as_bytes()).map_err(|error| self.error(error))
+        self.file.write_all(text.as_bytes()).map_err(failed(&self.path))
     }
 
     /// Puts the file in its place, once it is safe on disk.
     fn publish(mut self) -> Result<(), OutputError> {
-        let part = self.folder.join(format!("{}.part", self.name));
-        let publish = |file: &mut BufWriter<File>| {
-            file.flush()?;
-            file.get_ref().sync_all()?;
-            fs::rename(part, self.folder.join(self.name))
-        };
-        publish(&mut self.file).map_err(|error| self.error(error))
+        let safe = self.file.flush().and_then(|()| self.file.get_ref().sync_all());
+        safe.and_then(|()| fs::rename(part(&self.path), &self.path)).map_err(failed(&self.path))
     }
 }

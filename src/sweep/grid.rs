@@ -15,33 +15,29 @@ const FORM: &str = "POINTER=FROM:TO:COUNT, POINTER=FROM:TO:COUNT:log or POINTER=
 /// How the values of a range lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Spacing {
+enum Spacing {
     /// Equal differences.
     Linear,
     /// Equal ratios.
     Geometric,
 }
 
-/// The values of an axis.
+/// The values of an axis, as written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
-pub enum Values {
+enum Values {
     /// `count` values, the first `from`, the last `to`.
     Range {
-        /// First value.
         from: f64,
-        /// Last value; not the first.
+        /// Not `from`.
         to: f64,
-        /// How many, ≥ 2.
+        /// At least 2.
         count: usize,
-        /// How they lie; geometric ranges have ends of one sign.
+        /// Geometric ranges have ends of one sign.
         spacing: Spacing,
     },
-    /// Values written out, at least one.
-    List {
-        /// In the order they are visited upwards.
-        values: Vec<f64>,
-    },
+    /// Values written out, at least one, in the order they are visited upwards.
+    List { values: Vec<f64> },
 }
 
 /// A number that is varied: its place, and the values it takes.
@@ -49,9 +45,8 @@ pub enum Values {
 pub struct Axis {
     /// Where it stands, a JSON pointer such as `/train/speed_rpm`.
     pub pointer: String,
-    /// The values it takes.
     #[serde(flatten)]
-    pub values: Values,
+    values: Values,
 }
 
 impl Axis {
@@ -185,12 +180,22 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// A grid over these axes.
+    /// Reads the axes, each as [`Axis::parse`] does.
     ///
     /// # Errors
-    /// [`GridError`] unless there are one or two axes, of different places, with no more than 10⁶ points together.
-    pub fn new(axes: Vec<Axis>) -> Result<Self, GridError> {
-        let mut faults = Vec::new();
+    /// [`GridError`] with every fault of every axis, or unless there are one or two of them, of different places, with no more
+    /// than 10⁶ points together.
+    pub fn parse(texts: &[impl AsRef<str>]) -> Result<Self, GridError> {
+        let (mut axes, mut faults) = (Vec::<Axis>::new(), Vec::new());
+        for text in texts {
+            match Axis::parse(text.as_ref()) {
+                Ok(axis) => axes.push(axis),
+                Err(found) => faults.extend(found),
+            }
+        }
+        if !faults.is_empty() {
+            return Err(GridError(faults));
+        }
         if axes.is_empty() || axes.len() > 2 {
             faults.push(Fault::new("the axes", format!("{} of them", axes.len()), "one or two"));
         }
@@ -206,21 +211,6 @@ impl Grid {
         if faults.is_empty() { Ok(Self { axes }) } else { Err(GridError(faults)) }
     }
 
-    /// Reads the axes, each as [`Axis::parse`] does.
-    ///
-    /// # Errors
-    /// [`GridError`] with every fault of every axis.
-    pub fn parse(axes: &[impl AsRef<str>]) -> Result<Self, GridError> {
-        let (mut read, mut faults) = (Vec::new(), Vec::new());
-        for text in axes {
-            match Axis::parse(text.as_ref()) {
-                Ok(axis) => read.push(axis),
-                Err(found) => faults.extend(found),
-            }
-        }
-        if faults.is_empty() { Self::new(read) } else { Err(GridError(faults)) }
-    }
-
     /// The axes.
     #[must_use]
     pub fn axes(&self) -> &[Axis] {
@@ -234,8 +224,7 @@ impl Grid {
     }
 
     /// Points along the last axis.
-    #[must_use]
-    pub fn line(&self) -> usize {
+    pub(super) fn line(&self) -> usize {
         self.axes.last().map_or(1, Axis::count)
     }
 

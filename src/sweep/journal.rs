@@ -19,15 +19,6 @@ pub(super) const NAME: &str = "sweep.journal";
 /// Every file of a sweep.
 const FILES: [&str; 4] = [NAME, RESULTS[0], RESULTS[1], RESULTS[2]];
 
-/// What a sweep writes into `folder`, over an earlier one if `force`; nothing of `input` is replaced.
-#[must_use]
-pub fn request<'a>(folder: &'a Path, input: Option<&'a Path>, begin: Begin) -> Request<'a> {
-    // The head of a journal says whose it is.
-    let files = if begin == Begin::Resume { &FILES[1..] } else { &FILES };
-    let files = files.iter().map(|name| (*name).to_owned()).collect();
-    Request { folder, command: "sweep", input, force: begin != Begin::New, files }
-}
-
 /// How a sweep begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Begin {
@@ -39,9 +30,20 @@ pub enum Begin {
     Resume,
 }
 
+impl Begin {
+    /// What a sweep that begins so writes into `folder`; nothing of `input` is replaced.
+    #[must_use]
+    pub fn request<'a>(self, folder: &'a Path, input: Option<&'a Path>) -> Request<'a> {
+        // The head of a journal says whose it is.
+        let files = if self == Self::Resume { &FILES[1..] } else { &FILES };
+        let files = files.iter().map(|name| (*name).to_owned()).collect();
+        Request { folder, command: "sweep", input, force: self != Self::New, files }
+    }
+}
+
 /// A row that has been computed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Entry<R, S> {
+pub(crate) struct Entry<R, S> {
     /// Number of the row.
     pub row: usize,
     /// What came of it.
@@ -51,7 +53,7 @@ pub struct Entry<R, S> {
 /// What came of a row.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Outcome<R, S> {
+pub(crate) enum Outcome<R, S> {
     /// It was computed.
     Done {
         /// The row.
@@ -108,7 +110,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             }
             _ => {}
         }
-        let mut outputs = request(folder, None, begin).check()?;
+        let mut outputs = begin.request(folder, None).check()?;
         if !unfinished {
             if begin == Begin::Resume && outputs.command() != "sweep" {
                 return Err(OutputError::Occupied(folder.to_owned()).into());
@@ -163,10 +165,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
     }
 
     /// Row `row`, if it is kept.
-    ///
-    /// # Errors
-    /// [`SweepError::Output`] if it cannot be read.
-    pub fn entry(&mut self, row: usize) -> Result<Option<Entry<R, S>>, SweepError> {
+    pub(crate) fn entry(&mut self, row: usize) -> Result<Option<Entry<R, S>>, SweepError> {
         let Some(at) = self.lines[row].clone() else { return Ok(None) };
         let read = |file: &mut File| {
             // OK to convert: a line that was held in memory.
@@ -178,10 +177,8 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         Ok(Some(read(&mut self.file).map_err(failed(&self.path))?))
     }
 
-    /// Keeps a row, and gives it back as a resumed sweep would read it.
-    ///
-    /// # Errors
-    /// [`SweepError::Output`] if it cannot be written; the journal ends with its last complete line then.
+    /// Keeps a row, and gives it back as a resumed sweep would read it. If it cannot be written, the journal ends with its last
+    /// complete line.
     pub(super) fn keep(&mut self, entry: Entry<R, S>) -> Result<Entry<R, S>, SweepError> {
         let row = entry.row;
         // JSON has neither infinities nor NaN.

@@ -37,7 +37,8 @@ mod run;
 
 pub use error::{GridError, SweepError};
 pub use files::Tally;
-pub use grid::{Axis, Grid, Spacing, Values};
-pub use journal::{Begin, Entry, Journal, Outcome, request};
+pub use grid::{Axis, Grid};
+pub use journal::{Begin, Journal};
+pub(crate) use journal::{Entry, Outcome};
 pub use plan::{Cell, Direction, Plan, Seeding};
 pub use run::{Ending, run};

@@ -3,17 +3,19 @@ use serde_json::{Map, Value, json};
 
 use super::Grid;
 
-/// Where the points of a sweep start.
+/// Where the points of a sweep start: fresh, or at the end of a neighbour along the last axis. Coexisting branches show where
+/// the two directions differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Seeding {
-    /// Each alone.
+    /// Each point as the scene says
     Fresh,
-    /// Each from the end of the one before it along the last axis.
+    /// Each from the one before it
     Up,
-    /// Each from the end of the one after it along the last axis.
+    /// Each from the one after it
     Down,
-    /// Up and down, two rows a point: coexisting branches show where the two differ.
+    /// Up and down, two rows a point
     Both,
 }
 
@@ -34,8 +36,6 @@ pub enum Direction {
 pub struct Cell {
     /// Number of the row in grid order, from 0.
     pub row: usize,
-    /// Index on every axis.
-    pub indices: Vec<usize>,
     /// Value on every axis.
     pub values: Vec<f64>,
     /// How the row is reached.
@@ -93,7 +93,7 @@ impl Plan {
     #[must_use]
     pub fn cell(&self, row: usize) -> Cell {
         let (point, way) = (row / self.ways().len(), row % self.ways().len());
-        Cell { row, indices: self.grid.indices(point), values: self.grid.values(point), direction: self.ways()[way] }
+        Cell { row, values: self.grid.values(point), direction: self.ways()[way] }
     }
 
     /// How many chains.

@@ -8,45 +8,52 @@ const OWN_WRONG: &str = "Flank, its own steps: not confirmed";
 /// Colour of lines and points on tiles: that of ink.
 const INK: usize = 6;
 
-/// The map as a figure, one panel a method; `name` is that of the scene.
-///
-/// The ends of a tile lie halfway to its neighbours, in ratios. The engine's own steps are at the left, as a rule: it needs
-/// a few where the others need hundreds.
-#[must_use]
-pub fn figure(name: &str, map: &Map) -> Figure {
-    let over = map.over.word();
-    let rule = &map.rule;
-    let windows: Vec<u64> = map.rows.iter().filter_map(|row| row.window.map(|w| w.cycles)).collect();
-    let (least, most) = (windows.iter().min().unwrap_or(&0), windows.iter().max().unwrap_or(&0));
-    let cycles = if least == most { format!("{most}") } else { format!("{least} to {most}") };
-    let unsettled = map.rows.iter().filter(|row| row.own.as_ref().is_some_and(|own| own.period.is_none()));
-    let unsettled = match unsettled.count() {
-        0 => String::new(),
-        count => format!(
-            " Flank's own motion does not settle for {count} of {} factors: there only statistics are compared in the long run.",
-            map.rows.len()
-        ),
-    };
-    let missing = map.rows.iter().filter(|row| row.error.is_some()).count();
-    let missing = if missing == 0 { String::new() } else { format!(" {missing} factors could not be judged.") };
-    let [first, last] = [map.steps_per_cycle.first(), map.steps_per_cycle.last()].map(|n| n.map_or(1.0, |n| *n as f64));
-    let outside = map.rows.iter().filter_map(|row| row.own.as_ref()).map(|own| own.steps_per_cycle);
-    let outside = if outside.into_iter().any(|n| !(first..=last).contains(&n)) {
-        " Some of Flank's own steps lie beyond the steps that were tried; the plane has no colour there."
-    } else {
-        ""
-    };
-    Figure {
-        id: format!("stability-{over}"),
-        title: format!("Where fixed steps give the right motion: {name}"),
-        caption: format!(
-            "Outcome of each method against Flank's motion of the same train, with the {over} of every contact multiplied. \
-             Sequences of events are compared over the first {cycles} cycles, where errors grow {:.0}-fold at most, the motion \
-             in the long run over {} cycles.{unsettled}{missing}{outside}",
-            rule.growth, rule.cycles
-        ),
-        columns: 2.min(map.methods.len()),
-        panels: (0..map.methods.len()).map(|method| panel(map, method)).collect(),
+impl Map {
+    /// The map as a figure, one panel a method; `name` is that of the scene.
+    ///
+    /// The ends of a tile lie halfway to its neighbours, in ratios. The engine's own steps are at the left, as a rule: it needs
+    /// a few where the others need hundreds.
+    #[must_use]
+    pub fn figure(&self, name: &str) -> Figure {
+        let over = self.over.word();
+        let rule = &self.rule;
+        let windows: Vec<u64> = self.rows.iter().filter_map(|row| row.window.map(|w| w.cycles)).collect();
+        let (least, most) = (windows.iter().min().unwrap_or(&0), windows.iter().max().unwrap_or(&0));
+        let cycles = if least == most { format!("{most}") } else { format!("{least} to {most}") };
+        let unsettled = self.rows.iter().filter(|row| row.own.as_ref().is_some_and(|own| own.period.is_none()));
+        let unsettled = match unsettled.count() {
+            0 => String::new(),
+            count => format!(
+                " Flank's own motion does not settle for {count} of {} factors: there only statistics are compared in the long run.",
+                self.rows.len()
+            ),
+        };
+        let missing = self.rows.iter().filter(|row| row.error.is_some()).count();
+        let missing = if missing == 0 { String::new() } else { format!(" {missing} factors could not be judged.") };
+        let [first, last] =
+            [self.steps_per_cycle.first(), self.steps_per_cycle.last()].map(|n| n.map_or(1.0, |n| *n as f64));
+        let outside = if self.own_steps().any(|n| !(first..=last).contains(&n)) {
+            " Some of Flank's own steps lie beyond the steps that were tried; the plane has no colour there."
+        } else {
+            ""
+        };
+        Figure {
+            id: format!("stability-{over}"),
+            title: format!("Where fixed steps give the right motion: {name}"),
+            caption: format!(
+                "Outcome of each method against Flank's motion of the same train, with the {over} of every contact multiplied. \
+                 Sequences of events are compared over the first {cycles} cycles, where errors grow {:.0}-fold at most, the motion \
+                 in the long run over {} cycles.{unsettled}{missing}{outside}",
+                rule.growth, rule.cycles
+            ),
+            columns: 2.min(self.methods.len()),
+            panels: (0..self.methods.len()).map(|method| panel(self, method)).collect(),
+        }
+    }
+
+    /// The engine's own steps a cycle, where it has a motion.
+    fn own_steps(&self) -> impl Iterator<Item = f64> {
+        self.rows.iter().filter_map(|row| row.own.as_ref()).map(|own| own.steps_per_cycle)
     }
 }
 
@@ -89,9 +96,8 @@ fn panel(map: &Map, method: usize) -> Panel {
         series.push(Series::line(name, INK, x, y).styled(style));
     }
     series.retain(|series| !series.x.is_empty());
-    let own = || map.rows.iter().filter_map(|row| row.own.as_ref()).map(|own| own.steps_per_cycle);
-    let least = own().map(|n| n / 1.5).fold(across.first().copied().unwrap_or(1.0), f64::min);
-    let most = own().map(|n| n * 1.5).fold(across.last().copied().unwrap_or(1.0), f64::max);
+    let least = map.own_steps().map(|n| n / 1.5).fold(across.first().copied().unwrap_or(1.0), f64::min);
+    let most = map.own_steps().map(|n| n * 1.5).fold(across.last().copied().unwrap_or(1.0), f64::max);
     let guides = map.references.iter().filter(|r| (r.steps_per_cycle as f64) < most);
     let log = |label: &str, ends: Option<[f64; 2]>| Axis { logarithmic: true, range: ends, ..Axis::new(label, "") };
     Panel {

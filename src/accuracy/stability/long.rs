@@ -12,7 +12,7 @@ use crate::{
         score::pairs,
     },
     analysis::Sections,
-    baseline::{Crossing, Crossings, Grid, Penalty, Ramp, Sample, Watch, drive},
+    baseline::{Crossing, Crossings, Grid, Penalty, Ramp, Sample, Watch},
     task::Task,
 };
 
@@ -175,7 +175,7 @@ impl Own {
             task,
         };
         let mut watch = (watcher, Crossings::new(&model, contender.interpolation));
-        let diverged = drive(&model, method, &grid, problem.coordinates(), &mut watch).is_err();
+        let diverged = model.drive(method, &grid, problem.coordinates(), &mut watch).is_err();
         if task.is_cancelled() {
             return None;
         }
@@ -249,7 +249,7 @@ impl Own {
 /// Of each contact, in each part of the second half of `cycles`: time apart over the time; impacts a cycle of a rigid one.
 fn parts(model: &Penalty, found: &[Crossing], closed: &[bool], period: f64, cycles: u64) -> Vec<[f64; PARTS as usize]> {
     let end = |part: u64| period * 0.5 * cycles as f64 * (1.0 + part as f64 / PARTS as f64);
-    let rigid: Vec<bool> = (0..model.contacts()).map(|j| model.flanks(j).2).collect();
+    let rigid = model.rigid();
     let apart: Vec<Vec<f64>> = (0..=PARTS).map(|part| time_apart(found, closed, &rigid, end(part))).collect();
     let of = |j: usize, part: u64| {
         let (from, to) = (end(part), end(part + 1));

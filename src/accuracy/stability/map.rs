@@ -1,11 +1,12 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{Outcome, Own, Rule, limit::highest_frequency};
+use super::{Own, Rule};
 use crate::{
     accuracy::{AccuracyError, Contender, Problem, Truth, Window},
+    gear::{Stiffness, contact::Law},
     simulation::{Simulation, SimulationError},
-    system::{Structure, equilibrium},
+    system::{Spec, Structure, bonded_modes, equilibrium},
     task::Task,
     train::{Quantity, TrainError},
 };
@@ -34,6 +35,64 @@ pub struct Reference {
     pub name: String,
     /// Steps a cycle, rounded up.
     pub steps_per_cycle: u64,
+}
+
+/// How a run of a fixed-step method compares with the engine's, worst last. The first that holds, from the worst on, is the
+/// cell's:
+///
+/// | outcome | rule |
+/// |---|---|
+/// | blow-up | a number that is not finite, or a coordinate or velocity beyond [`BLOWN`](Self::BLOWN) times the largest of the engine's motion |
+/// | energy growth | the motion does not settle, and the mean of its energy at the sections of the second half exceeds the largest of the engine's by 5 % |
+/// | missed | fewer passages of flanks than the truth has in its window |
+/// | spurious | more passages |
+/// | displaced | as many, but some of them not within 2 % of a cycle of those of the truth, or in another order |
+/// | attractor | the sequence is right, and the motion in the long run is another: see [`Rule`](super::Rule) |
+/// | right | the rest |
+///
+/// All energies are those of the sections, the starts of cycles: kinetic energy, supports and contact springs, sharp flanks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Outcome {
+    /// Right sequence, right motion in the long run.
+    Right,
+    /// Right sequence, other period or other attractor.
+    Attractor,
+    /// As many events, out of place.
+    Displaced,
+    /// Events that are none.
+    Spurious,
+    /// Events not seen.
+    Missed,
+    /// The method makes energy.
+    Growth,
+    /// The motion leaves every bound.
+    BlowUp,
+}
+
+impl Outcome {
+    /// A motion this many times as large as the engine's has blown up.
+    pub const BLOWN: f64 = 1e3;
+
+    /// In words.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Right => "right sequence and motion",
+            Self::Attractor => "period or attractor changed",
+            Self::Displaced => "wrong sequence: events out of place",
+            Self::Spurious => "wrong sequence: spurious events",
+            Self::Missed => "wrong sequence: missed events",
+            Self::Growth => "energy growth",
+            Self::BlowUp => "blow-up",
+        }
+    }
+
+    /// Whether the events of the window are all there, in their places, and no others.
+    #[must_use]
+    pub fn has_right_sequence(self) -> bool {
+        matches!(self, Self::Right | Self::Attractor)
+    }
 }
 
 /// One run of one method.
@@ -112,6 +171,48 @@ pub struct Map {
 }
 
 impl Map {
+    /// Length of the cycles that a map counts in, s.
+    ///
+    /// # Errors
+    /// [`SimulationError::Missing`] without a period.
+    pub fn cycle_length(simulation: &Simulation) -> Result<f64, SimulationError> {
+        simulation.settings.period.ok_or_else(|| {
+            simulation.missing("it has no cycles to compare; give it a forcing with a period, or a period of its run")
+        })
+    }
+
+    /// Makes the map; `task` hears of every cell. `None` once it is cancelled.
+    ///
+    /// A factor for which the engine has no answer (no equilibrium to start from, a motion that amplifies errors within its
+    /// first cycle) gets a row without cells that says why.
+    ///
+    /// # Errors
+    /// [`SimulationError::Missing`] without a period.
+    ///
+    /// # Panics
+    /// If a contender has no fixed step.
+    pub fn make(simulation: &Simulation, plan: &Plan, task: Task<'_>) -> Result<Option<Self>, SimulationError> {
+        let period_s = Self::cycle_length(simulation)?;
+        let row = |factor: &f64| {
+            let mut row = Row { factor: *factor, ..Row::default() };
+            match fill(&mut row, simulation, period_s, plan, task) {
+                Ok(complete) => complete.then_some(row),
+                Err(error) => Some(Row { factor: *factor, error: Some(error.to_string()), ..Row::default() }),
+            }
+        };
+        let rows: Option<Vec<Row>> = plan.factors.par_iter().map(row).collect();
+        Ok(rows.map(|rows| Self {
+            over: plan.over,
+            methods: plan.methods.iter().map(|method| method.name.clone()).collect(),
+            limits: plan.methods.iter().map(Contender::stability_limit).collect(),
+            period_s,
+            steps_per_cycle: plan.steps.clone(),
+            references: plan.references.clone(),
+            rule: plan.rule,
+            rows,
+        }))
+    }
+
     /// Fewest steps a cycle on the map from which on `method` is always at least as good as `holds` asks; none if not even the
     /// most steps are.
     #[must_use]
@@ -119,48 +220,6 @@ impl Map {
         let cells = row.cells.get(method)?;
         cells.iter().rev().take_while(|cell| holds(cell.outcome)).last().map(|cell| cell.steps_per_cycle)
     }
-}
-
-/// Length of the cycles that a map counts in, s.
-///
-/// # Errors
-/// [`SimulationError::Missing`] without a period.
-pub fn cycle_length(simulation: &Simulation) -> Result<f64, SimulationError> {
-    simulation.settings.period.ok_or_else(|| {
-        simulation.missing("it has no cycles to compare; give it a forcing with a period, or a period of its run")
-    })
-}
-
-/// Makes the map; `task` hears of every cell. `None` once it is cancelled.
-///
-/// A factor for which the engine has no answer (no equilibrium to start from, a motion that amplifies errors within its
-/// first cycle) gets a row without cells that says why.
-///
-/// # Errors
-/// [`SimulationError::Missing`] without a period.
-///
-/// # Panics
-/// If a contender has no fixed step.
-pub fn map(simulation: &Simulation, plan: &Plan, task: Task<'_>) -> Result<Option<Map>, SimulationError> {
-    let period_s = cycle_length(simulation)?;
-    let row = |factor: &f64| {
-        let mut row = Row { factor: *factor, ..Row::default() };
-        match fill(&mut row, simulation, period_s, plan, task) {
-            Ok(complete) => complete.then_some(row),
-            Err(error) => Some(Row { factor: *factor, error: Some(error.to_string()), ..Row::default() }),
-        }
-    };
-    let rows: Option<Vec<Row>> = plan.factors.par_iter().map(row).collect();
-    Ok(rows.map(|rows| Map {
-        over: plan.over,
-        methods: plan.methods.iter().map(|method| method.name.clone()).collect(),
-        limits: plan.methods.iter().map(Contender::stability_limit).collect(),
-        period_s,
-        steps_per_cycle: plan.steps.clone(),
-        references: plan.references.clone(),
-        rule: plan.rule,
-        rows,
-    }))
 }
 
 /// Fills a row; false once cancelled.
@@ -204,4 +263,23 @@ fn fill(
     }
     row.own = Some(own);
     Ok(true)
+}
+
+/// Highest natural frequency with every contact closed at its largest stiffness, rad/s; of a power law the tangent under the
+/// force given, of a rigid contact none. A step h of a method that is stable for `h ω ≤ limit` must stay below
+/// `limit/ω_max`. `None` if the structure has no natural modes.
+pub(in crate::accuracy) fn highest_frequency(spec: &Spec, forces: &[f64]) -> Option<f64> {
+    let mut closed = spec.clone();
+    for (contact, force) in closed.contacts.iter_mut().zip(forces) {
+        let k = contact.stiffness.maximum();
+        contact.stiffness = Stiffness::Constant(match contact.law {
+            Law::Power(law) => {
+                let n = law.exponent.value();
+                n * k.powf(n.recip()) * force.powf(1.0 - n.recip())
+            }
+            Law::Rigid(_) => 0.0,
+            Law::KelvinVoigt(..) | Law::Bilateral(_) => k,
+        });
+    }
+    bonded_modes(&closed).ok()?.omega.last().copied()
 }

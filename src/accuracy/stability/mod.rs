@@ -5,14 +5,10 @@
 //! every mesh closed would become unstable. Results do not depend on the number of threads.
 
 mod figure;
-mod limit;
 mod long;
 mod map;
-mod outcome;
 mod page;
 
-pub use figure::figure;
-pub use limit::highest_frequency;
 pub use long::{Own, Rule};
-pub use map::{Cell, Map, Plan, Reference, Row, cycle_length, map};
-pub use outcome::Outcome;
+pub(super) use map::highest_frequency;
+pub use map::{Cell, Map, Outcome, Plan, Reference, Row};

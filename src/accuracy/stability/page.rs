@@ -3,14 +3,12 @@
 #[cfg(feature = "plot")]
 use serde_json::json;
 
-#[cfg(feature = "plot")]
-use super::figure;
-use super::{Cell, Map, Outcome};
-use crate::output::{Table, five_digits, label, number};
+use super::{Map, Outcome};
+use crate::output::{Table, five_digits, label};
 #[cfg(feature = "plot")]
 use crate::{
-    output::{Folder, OutputError},
-    plot::{self, Item, REPORT, Report, Section, figure_files, write_figure},
+    output::{Folder, OutputError, number},
+    plot::{self, Item, Report, Section},
     simulation::Simulation,
     train::Quantity,
 };
@@ -111,8 +109,7 @@ impl Map {
     #[cfg(feature = "plot")]
     #[must_use]
     pub fn files(over: Quantity) -> Vec<String> {
-        let figure = figure_files(&format!("stability-{}", over.word()));
-        figure.into_iter().chain([TABLE, MAP, REPORT].map(String::from)).collect()
+        Report::files([format!("stability-{}", over.word()).as_str()], &[TABLE, MAP])
     }
 
     /// Writes table, figure, report and the map itself. `simulation` is what it was made of.
@@ -122,10 +119,10 @@ impl Map {
     #[cfg(feature = "plot")]
     pub fn write(&self, folder: &mut Folder, simulation: &Simulation) -> Result<(), OutputError> {
         let title = Some(simulation.title()).filter(|title| !title.is_empty());
-        let figure = figure(title.unwrap_or(&simulation.name), self);
-        folder.bytes(TABLE, self.csv().as_bytes())?;
-        write_figure(folder, &figure)?;
-        folder.bytes(REPORT, self.report(simulation, figure).html().as_bytes())?;
+        let figure = self.figure(title.unwrap_or(&simulation.name));
+        folder.bytes(TABLE, self.csv())?;
+        figure.write(folder)?;
+        self.report(simulation, figure).write(folder)?;
         let scene = json!({ "name": simulation.name, "sha256": simulation.hash() });
         folder.complete(MAP, &json!({ "flank": env!("CARGO_PKG_VERSION"), "scene": scene, "map": self }))
     }
@@ -160,8 +157,8 @@ impl Map {
     }
 
     /// One row a cell; those of the engine have the method `flank`.
-    #[must_use]
-    pub fn csv(&self) -> String {
+    #[cfg(feature = "plot")]
+    fn csv(&self) -> String {
         let mut text =
             "factor,method,steps_per_cycle,step,outcome,missed,spurious,period_cycles,distance,cycles\r\n".to_owned();
         for row in &self.rows {
@@ -177,7 +174,7 @@ impl Map {
                     let step = number(self.period_s / cell.steps_per_cycle as f64);
                     let period = cell.period.map(|period| period.to_string()).unwrap_or_default();
                     let distance = cell.distance.map(number).unwrap_or_default();
-                    let Cell { steps_per_cycle, outcome, missed, spurious, cycles, .. } = cell;
+                    let super::Cell { steps_per_cycle, outcome, missed, spurious, cycles, .. } = cell;
                     text += &format!("{factor},{method},{steps_per_cycle},{step},{},{missed},", label(outcome));
                     text += &format!("{spurious},{period},{distance},{cycles}\r\n");
                 }

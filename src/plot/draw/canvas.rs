@@ -14,8 +14,10 @@ use super::{
 
 pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// Drawing into a string does not fail.
-pub(super) type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+/// What was drawn into a string: that does not fail.
+pub(super) fn sound<T>(drawn: Result<T, DrawingAreaErrorKind<std::io::Error>>) -> T {
+    drawn.expect("drawing into a string does not fail")
+}
 
 /// A point, px from the upper left corner.
 pub(super) type Point = [f64; 2];
@@ -35,6 +37,18 @@ pub(super) enum Anchor {
     Right,
     /// Written upwards, its end here.
     UpEnd,
+}
+
+impl Anchor {
+    /// Left, top, right, bottom of a line of text put at a point, `along` px long and `across` px to either side.
+    pub fn room(self, [x, y]: Point, along: f64, across: f64) -> [f64; 4] {
+        match self {
+            Self::Left => [x, y - across, x + along, y + across],
+            Self::Middle => [x - along / 2.0, y - across, x + along / 2.0, y + across],
+            Self::Right => [x - along, y - across, x, y + across],
+            Self::UpEnd => [x - across, y, x + across, y + along],
+        }
+    }
 }
 
 /// How a line is drawn: colour, width (px), and the lengths of dashes and gaps.
@@ -74,34 +88,34 @@ pub(super) struct Canvas<'a> {
 }
 
 impl Canvas<'_> {
-    pub fn line(&self, points: &[Point], pen: Pen) -> Drawn {
+    pub fn line(&self, points: &[Point], pen: Pen) {
         let mut path: Vec<(i32, i32)> = points.iter().map(|[x, y]| (units(*x), units(*y))).collect();
         path.dedup();
         if path.len() < 2 {
-            return Ok(());
+            return;
         }
-        match pen.dash {
+        sound(match pen.dash {
             None => self.area.draw(&PathElement::new(path, pen.style())),
             Some([dash, gap]) => self.area.draw(&DashedPathElement::new(path, units(dash), units(gap), pen.style())),
-        }
+        });
     }
 
     /// A disc, or a ring if it is `open`.
-    pub fn dot(&self, [x, y]: Point, radius: f64, colour: Rgb, open: bool) -> Drawn {
+    pub fn dot(&self, [x, y]: Point, radius: f64, colour: Rgb, open: bool) {
         let style = if open { rgb(colour).stroke_width(units(1.4) as u32) } else { rgb(colour).filled() };
-        self.area.draw(&Circle::new((units(x), units(y)), units(radius), style))
+        sound(self.area.draw(&Circle::new((units(x), units(y)), units(radius), style)));
     }
 
-    pub fn rectangle(&self, [x0, y0]: Point, [x1, y1]: Point, colour: Rgb, opacity: f64) -> Drawn {
+    pub fn rectangle(&self, [x0, y0]: Point, [x1, y1]: Point, colour: Rgb, opacity: f64) {
         let corners = [(units(x0), units(y0)), (units(x1), units(y1))];
-        self.area.draw(&Rectangle::new(corners, rgb(colour).mix(opacity).filled()))
+        sound(self.area.draw(&Rectangle::new(corners, rgb(colour).mix(opacity).filled())));
     }
 
     /// A line of text; the point is at half its height.
-    pub fn text(&self, words: &str, at: Point, anchor: Anchor, size: f64, colour: Rgb, bold: bool) -> Drawn {
+    pub fn text(&self, words: &str, at: Point, anchor: Anchor, size: f64, colour: Rgb, bold: bool) {
         let words = text::clean(words);
         if words.trim().is_empty() {
-            return Ok(());
+            return;
         }
         let horizontal = match anchor {
             Anchor::Left => HPos::Left,
@@ -112,23 +126,18 @@ impl Canvas<'_> {
         if anchor == Anchor::UpEnd {
             style = style.transform(FontTransform::Rotate270);
         }
-        self.area.draw(&Text::new(words, (units(at[0]), units(at[1])), style))
+        sound(self.area.draw(&Text::new(words, (units(at[0]), units(at[1])), style)));
     }
 
     /// A line of text on a patch of paper, so that it can be read on top of curves.
-    pub fn patched(&self, words: &str, at: Point, anchor: Anchor, size: f64, colour: Rgb) -> Drawn {
+    pub fn patched(&self, words: &str, at: Point, anchor: Anchor, size: f64, colour: Rgb) {
         if words.is_empty() {
-            return Ok(());
+            return;
         }
-        let (along, across) = (text::width(&text::clean(words), size, false), 0.6 * size);
-        let [x, y] = at;
-        let corners = match anchor {
-            Anchor::Left => [[x - 1.0, y - across], [x + along + 1.0, y + across]],
-            Anchor::Middle => [[x - along / 2.0 - 1.0, y - across], [x + along / 2.0 + 1.0, y + across]],
-            Anchor::Right => [[x - along - 1.0, y - across], [x + 1.0, y + across]],
-            Anchor::UpEnd => [[x - 0.5 * size, y - 1.0], [x + 0.5 * size, y + along + 1.0]],
-        };
-        self.rectangle(corners[0], corners[1], self.colours.paper, 0.8)?;
-        self.text(words, at, anchor, size, colour, false)
+        let along = text::width(&text::clean(words), size, false);
+        let (across, [dx, dy]) = if anchor == Anchor::UpEnd { (0.5, [0.0, 1.0]) } else { (0.6, [1.0, 0.0]) };
+        let [left, top, right, bottom] = anchor.room(at, along, across * size);
+        self.rectangle([left - dx, top - dy], [right + dx, bottom + dy], self.colours.paper, 0.8);
+        self.text(words, at, anchor, size, colour, false);
     }
 }

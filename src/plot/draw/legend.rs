@@ -3,7 +3,7 @@
 use crate::plot::{Panel, Style, Tile};
 
 use super::{
-    canvas::{Anchor, Canvas, Drawn, Pen, Point},
+    canvas::{Anchor, Canvas, Pen, Point},
     palette::Rgb,
     text,
 };
@@ -76,43 +76,38 @@ pub(super) fn rows(panels: &[Panel], size: f64, room: f64) -> Vec<Vec<Entry<'_>>
 }
 
 /// Draws a row; `at` is its left end at half height.
-pub(super) fn draw(canvas: &Canvas<'_>, row: &[Entry<'_>], at: Point, size: f64) -> Drawn {
+pub(super) fn draw(canvas: &Canvas<'_>, row: &[Entry<'_>], at: Point, size: f64) {
     let [mut x, y] = at;
     for entry in row {
         for look in &entry.looks {
-            sample(canvas, *look, [x, y])?;
+            sample(canvas, *look, [x, y]);
             x += SAMPLE + GAP;
         }
-        canvas.text(entry.name, [x, y], Anchor::Left, size, canvas.colours.ink, false)?;
+        canvas.text(entry.name, [x, y], Anchor::Left, size, canvas.colours.ink, false);
         x += text::width(entry.name, size, false) + SPACE;
     }
-    Ok(())
 }
 
-fn sample(canvas: &Canvas<'_>, look: Look, [x, y]: Point) -> Drawn {
+fn sample(canvas: &Canvas<'_>, look: Look, [x, y]: Point) {
+    let colours = canvas.colours;
+    let filled = |colour, opacity| canvas.rectangle([x, y - 5.0], [x + SAMPLE, y + 5.0], colour, opacity);
     let (style, colour) = match look {
-        Look::Band(number) => {
-            let opacity = 1.6 * canvas.colours.band_opacity;
-            return canvas.rectangle([x, y - 5.0], [x + SAMPLE, y + 5.0], canvas.colours.band(number), opacity);
-        }
-        Look::Tile(number) => {
-            let (colour, opacity) = (canvas.colours.tile(number), canvas.colours.tile_opacity);
-            return canvas.rectangle([x, y - 5.0], [x + SAMPLE, y + 5.0], colour, opacity);
-        }
-        Look::Series(style, number) => (style, canvas.colours.series(number)),
+        Look::Band(number) => return filled(colours.band(number), 1.6 * colours.band_opacity),
+        Look::Tile(number) => return filled(colours.tile(number), colours.tile_opacity),
+        Look::Series(style, number) => (style, colours.series(number)),
     };
     if let Some(pen) = pen(style, colour) {
-        canvas.line(&[[x, y], [x + SAMPLE, y]], pen)?;
+        canvas.line(&[[x, y], [x + SAMPLE, y]], pen);
     }
     let middle = x + SAMPLE / 2.0;
     match style {
         Style::Points | Style::Joined => canvas.dot([middle, y], 2.4, colour, false),
         Style::Marks => canvas.dot([middle, y], 3.4, colour, true),
         Style::Stems => {
-            canvas.line(&[[middle, y + 5.0], [middle, y - 4.0]], Pen::solid(colour, 1.6))?;
-            canvas.dot([middle, y - 4.0], 1.8, colour, false)
+            canvas.line(&[[middle, y + 5.0], [middle, y - 4.0]], Pen::solid(colour, 1.6));
+            canvas.dot([middle, y - 4.0], 1.8, colour, false);
         }
-        Style::Line | Style::Hairline | Style::Dashed => Ok(()),
+        Style::Line | Style::Hairline | Style::Dashed => {}
     }
 }
 

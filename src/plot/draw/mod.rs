@@ -22,11 +22,14 @@ use resvg::{
 
 pub use self::palette::Theme;
 use self::{
-    canvas::{Anchor, Canvas, Drawn, UNIT, rgb},
+    canvas::{Anchor, Canvas, UNIT, rgb, sound},
     legend::Entry,
     panel::Sheet,
 };
-use crate::plot::Figure;
+use crate::{
+    output::{Folder, OutputError},
+    plot::Figure,
+};
 
 /// Room around the figure and between its panels, px.
 const EDGE: f64 = 14.0;
@@ -37,50 +40,70 @@ const LEGEND: f64 = 11.5;
 /// Height of a line of text over its size.
 const LEADING: f64 = 1.45;
 
-/// The figure as SVG: title, legend, panels. Equal figures give equal bytes.
-///
-/// Values without a place on their axis (not finite, above 1e300, not positive on a logarithmic axis) are left out,
-/// and the panel says how many.
-#[must_use]
-pub fn svg(figure: &Figure, theme: Theme) -> String {
-    let page = Page::new(figure);
-    let mut drawn = String::new();
-    page.draw(&mut drawn, theme).expect("drawing into a string does not fail");
-    // The backend's units become pixels; the rest of the root element is inherited by all shapes.
-    let body = drawn.split_once('>').map_or("", |(_root, body)| body);
-    let [width, height] = page.size;
-    format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {} \
-         {}\" stroke-linejoin=\"round\" stroke-linecap=\"round\">\n<title>{}</title>\n<desc>{}</desc>{body}",
-        width * UNIT,
-        height * UNIT,
-        escaped(&figure.title),
-        escaped(&figure.caption),
-    )
-}
+impl Figure {
+    /// The figure as SVG: title, legend, panels. Equal figures give equal bytes.
+    ///
+    /// Values without a place on their axis (not finite, above 1e300, not positive on a logarithmic axis) are left out,
+    /// and the panel says how many.
+    #[must_use]
+    pub fn svg(&self, theme: Theme) -> String {
+        let page = Page::new(self);
+        let mut drawn = String::new();
+        page.draw(&mut drawn, theme);
+        // The backend's units become pixels; the rest of the root element is inherited by all shapes.
+        let body = drawn.split_once('>').map_or("", |(_root, body)| body);
+        let [width, height] = page.size;
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {} \
+             {}\" stroke-linejoin=\"round\" stroke-linecap=\"round\">\n<title>{}</title>\n<desc>{}</desc>{body}",
+            width * UNIT,
+            height * UNIT,
+            escaped(&self.title),
+            escaped(&self.caption),
+        )
+    }
 
-/// The light picture of [`svg`] as PNG, `scale` pixels to one of the SVG's. The letters are those of a bundled font,
-/// DejaVu Sans: no machine needs fonts of its own.
-///
-/// # Panics
-/// If `scale` is not in 0.01..=20.
-#[must_use]
-pub fn png(figure: &Figure, scale: f64) -> Vec<u8> {
-    assert!((0.01..=20.0).contains(&scale), "a picture of scale {scale}: 0.01 to 20 are possible");
-    static FONTS: OnceLock<Arc<Database>> = OnceLock::new();
-    let fonts = FONTS.get_or_init(|| {
-        let mut fonts = Database::new();
-        fonts.load_font_data(dejavu::sans::regular().to_vec());
-        fonts.load_font_data(dejavu::sans::bold().to_vec());
-        Arc::new(fonts)
-    });
-    let options = Options { fontdb: Arc::clone(fonts), ..Options::default() };
-    let tree = Tree::from_str(&svg(figure, Theme::Light), &options).expect("an SVG of our own is sound");
-    let pixels = |length: f32| (f64::from(length) * scale).round().max(1.0) as u32;
-    let size = tree.size();
-    let mut pixmap = Pixmap::new(pixels(size.width()), pixels(size.height())).expect("the size is not zero");
-    resvg::render(&tree, Transform::from_scale(scale as f32, scale as f32), &mut pixmap.as_mut());
-    pixmap.encode_png().expect("encoding into memory does not fail")
+    /// The light picture of [`svg`](Self::svg) as PNG, `scale` pixels to one of the SVG's. The letters are those of a bundled
+    /// font, DejaVu Sans: no machine needs fonts of its own.
+    ///
+    /// # Panics
+    /// If `scale` is not in 0.01..=20.
+    #[must_use]
+    pub fn png(&self, scale: f64) -> Vec<u8> {
+        assert!((0.01..=20.0).contains(&scale), "a picture of scale {scale}: 0.01 to 20 are possible");
+        static FONTS: OnceLock<Arc<Database>> = OnceLock::new();
+        let fonts = FONTS.get_or_init(|| {
+            let mut fonts = Database::new();
+            fonts.load_font_data(dejavu::sans::regular().to_vec());
+            fonts.load_font_data(dejavu::sans::bold().to_vec());
+            Arc::new(fonts)
+        });
+        let options = Options { fontdb: Arc::clone(fonts), ..Options::default() };
+        let tree = Tree::from_str(&self.svg(Theme::Light), &options).expect("an SVG of our own is sound");
+        let pixels = |length: f32| (f64::from(length) * scale).round().max(1.0) as u32;
+        let size = tree.size();
+        let mut pixmap = Pixmap::new(pixels(size.width()), pixels(size.height())).expect("the size is not zero");
+        resvg::render(&tree, Transform::from_scale(scale as f32, scale as f32), &mut pixmap.as_mut());
+        pixmap.encode_png().expect("encoding into memory does not fail")
+    }
+
+    /// Names of the files that [`write`](Self::write) writes for the figure `id`.
+    #[must_use]
+    pub fn files(id: &str) -> [String; 4] {
+        ["csv", "json", "svg", "png"].map(|kind| format!("figures/{id}.{kind}"))
+    }
+
+    /// Writes data and pictures of the figure.
+    ///
+    /// # Errors
+    /// [`OutputError`] if a file cannot be written.
+    pub fn write(&self, folder: &mut Folder) -> Result<(), OutputError> {
+        let [csv, json, svg, png] = Self::files(&self.id);
+        folder.bytes(&csv, self.csv())?;
+        folder.bytes(&json, self.json())?;
+        folder.bytes(&svg, self.svg(Theme::Light))?;
+        folder.bytes(&png, self.png(1.5))
+    }
 }
 
 /// Where everything goes.
@@ -123,19 +146,19 @@ impl<'a> Page<'a> {
         Self { figure, size: size.map(f64::round), title, legend, top, columns, cell: [across, high] }
     }
 
-    fn draw(&self, into: &mut String, theme: Theme) -> Drawn {
+    fn draw(&self, into: &mut String, theme: Theme) {
         let [width, height] = self.size.map(|length| (length * UNIT) as u32);
         let colours = theme.colours();
         let canvas = Canvas { area: SVGBackend::with_string(into, (width, height)).into_drawing_area(), colours };
-        canvas.area.fill(&rgb(colours.paper))?;
+        sound(canvas.area.fill(&rgb(colours.paper)));
         let mut y = EDGE + TITLE * LEADING / 2.0;
         for line in &self.title {
-            canvas.text(line, [EDGE, y], Anchor::Left, TITLE, colours.ink, true)?;
+            canvas.text(line, [EDGE, y], Anchor::Left, TITLE, colours.ink, true);
             y += TITLE * LEADING;
         }
         y += (LEGEND - TITLE) * LEADING / 2.0;
         for row in &self.legend {
-            legend::draw(&canvas, row, [EDGE, y], LEGEND)?;
+            legend::draw(&canvas, row, [EDGE, y], LEGEND);
             y += LEGEND * LEADING;
         }
         // Frames start at the same x below each other, and at the same y beside each other.
@@ -147,9 +170,9 @@ impl<'a> Page<'a> {
             };
             let left = largest(0, &|other| other % self.columns == i % self.columns);
             let top = largest(1, &|other| other / self.columns == i / self.columns);
-            self.sheet(i, [left, top]).draw(&canvas)?;
+            self.sheet(i, [left, top]).draw(&canvas);
         }
-        canvas.area.present()
+        sound(canvas.area.present());
     }
 
     fn sheet(&self, i: usize, rooms: [f64; 2]) -> Sheet<'a> {

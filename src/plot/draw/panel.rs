@@ -5,7 +5,7 @@ use plotters::prelude::*;
 use crate::plot::{Guide, Panel, Series, Style};
 
 use super::{
-    canvas::{Anchor, Canvas, Drawn, Pen, Point, font, rgb, units},
+    canvas::{Anchor, Canvas, Pen, Point, font, rgb, sound, units},
     frame::Frame,
     legend,
     scale::{Scale, axis_label, drawable},
@@ -98,60 +98,59 @@ impl<'a> Sheet<'a> {
         (drawable(x, self.x.logarithmic) && drawable(y, self.y.logarithmic)).then(|| self.at(x, y))
     }
 
-    pub fn draw(&self, canvas: &Canvas<'_>) -> Drawn {
-        self.tiles(canvas)?;
-        self.bands(canvas)?;
-        self.axes(canvas)?;
-        self.guides(canvas)?;
+    pub fn draw(&self, canvas: &Canvas<'_>) {
+        self.tiles(canvas);
+        self.bands(canvas);
+        self.axes(canvas);
+        self.guides(canvas);
         let mut ink = Ink::default();
         let mut left_out = 0;
         for series in &self.panel.series {
-            left_out += self.series(canvas, series, &mut ink)?;
+            left_out += self.series(canvas, series, &mut ink);
         }
         let remark = match left_out {
             0 => String::new(),
             1 => "1 point has no place on these axes".to_owned(),
             _ => format!("{left_out} points have no place on these axes"),
         };
-        self.words(canvas, &remark, &ink)
+        self.words(canvas, &remark, &ink);
     }
 
     /// Grid, frame, ticks, labels, heading.
-    fn axes(&self, canvas: &Canvas<'_>) -> Drawn {
+    fn axes(&self, canvas: &Canvas<'_>) {
         let Frame { x0, x1, y0, y1 } = self.frame;
         let colours = canvas.colours;
         let [x, y] = self.corner;
         let [width, height] = self.cell;
         let cell = canvas.area.clone().shrink((units(x), units(y)), (units(width), units(height)));
-        let mut chart = ChartBuilder::on(&cell)
+        let mut builder = ChartBuilder::on(&cell);
+        builder
             .margin_top(units(y0 - y))
             .margin_right(units(x + width - x1))
             .x_label_area_size(units(y + height - y1))
-            .y_label_area_size(units(x0 - x))
-            .build_cartesian_2d(self.x.clone(), self.y.clone())?;
+            .y_label_area_size(units(x0 - x));
+        let mut chart = sound(builder.build_cartesian_2d(self.x.clone(), self.y.clone()));
         let x_label = axis_label(&self.panel.x, self.x.exponent);
         let y_label = axis_label(&self.panel.y, self.y.exponent);
         let size = text::fitted(&x_label, LABEL, width).min(text::fitted(&y_label, LABEL, height));
-        chart
-            .configure_mesh()
-            .bold_line_style(rgb(colours.grid).stroke_width(units(0.8) as u32))
+        let mut mesh = chart.configure_mesh();
+        mesh.bold_line_style(rgb(colours.grid).stroke_width(units(0.8) as u32))
             .axis_style(rgb(colours.muted).stroke_width(units(0.8) as u32))
             .set_all_tick_mark_size(units(3.5))
             .set_tick_mark_size(LabelAreaPosition::Left, units(if self.panel.y.places { 0.0 } else { 3.5 }))
             .label_style(font(SMALL, colours.ink, false))
             .axis_desc_style(font(size, colours.ink, false))
             .x_desc(text::clean(&x_label))
-            .y_desc(text::clean(&y_label))
-            .draw()?;
+            .y_desc(text::clean(&y_label));
+        sound(mesh.draw());
         let names = if self.panel.names_above { NAMES } else { 0.0 };
         for (line, words) in self.heading.iter().enumerate() {
             let at = [x0, y0 - names - (self.heading.len() - line) as f64 * 1.4 * LABEL + 0.4 * LABEL];
-            canvas.text(words, at, Anchor::Left, LABEL, colours.ink, true)?;
+            canvas.text(words, at, Anchor::Left, LABEL, colours.ink, true);
         }
-        Ok(())
     }
 
-    fn tiles(&self, canvas: &Canvas<'_>) -> Drawn {
+    fn tiles(&self, canvas: &Canvas<'_>) {
         for tile in &self.panel.tiles {
             let corners = [self.checked(tile.x[0], tile.y[0]), self.checked(tile.x[1], tile.y[1])];
             let [Some(a), Some(b)] = corners else { continue };
@@ -160,13 +159,12 @@ impl<'a> Sheet<'a> {
             let [top, bottom] = inside([a[1].min(b[1]), a[1].max(b[1])], [self.frame.y0, self.frame.y1]);
             if left < right && top < bottom {
                 let colours = canvas.colours;
-                canvas.rectangle([left, top], [right, bottom], colours.tile(tile.colour), colours.tile_opacity)?;
+                canvas.rectangle([left, top], [right, bottom], colours.tile(tile.colour), colours.tile_opacity);
             }
         }
-        Ok(())
     }
 
-    fn bands(&self, canvas: &Canvas<'_>) -> Drawn {
+    fn bands(&self, canvas: &Canvas<'_>) {
         let colours = canvas.colours;
         for band in &self.panel.bands {
             let ends = band.x.map(|x| drawable(x, self.x.logarithmic).then(|| self.at(x, self.y.low)[0]));
@@ -174,19 +172,13 @@ impl<'a> Sheet<'a> {
             let (from, to) = (from.max(self.frame.x0), to.min(self.frame.x1));
             if from < to {
                 let corners = [[from, self.frame.y0], [to, self.frame.y1]];
-                canvas.rectangle(corners[0], corners[1], colours.band(band.colour), colours.band_opacity)?;
+                canvas.rectangle(corners[0], corners[1], colours.band(band.colour), colours.band_opacity);
             }
         }
-        Ok(())
     }
 
     /// Draws a series and returns how many of its points have no place.
-    fn series(
-        &self,
-        canvas: &Canvas<'_>,
-        series: &Series,
-        ink: &mut Ink,
-    ) -> Result<usize, DrawingAreaErrorKind<std::io::Error>> {
+    fn series(&self, canvas: &Canvas<'_>, series: &Series, ink: &mut Ink) -> usize {
         let colour = canvas.colours.series(series.colour);
         let pairs = series.x.iter().copied().zip(series.y.iter().copied());
         let points: Vec<Option<Point>> = pairs.map(|(x, y)| self.checked(x, y)).collect();
@@ -207,7 +199,7 @@ impl<'a> Sheet<'a> {
         }
         for line in &lines {
             ink.line(line);
-            pen.map_or(Ok(()), |pen| canvas.line(line, pen))?;
+            pen.into_iter().for_each(|pen| canvas.line(line, pen));
         }
         let inside: Vec<Point> = points.iter().flatten().copied().filter(|point| self.frame.holds(*point)).collect();
         let many = inside.len() > 300;
@@ -220,9 +212,9 @@ impl<'a> Sheet<'a> {
         for point in inside {
             if let Some(radius) = radius {
                 ink.dot(point);
-                canvas.dot(point, radius, colour, series.style == Style::Marks)?;
+                canvas.dot(point, radius, colour, series.style == Style::Marks);
             }
         }
-        Ok(points.iter().filter(|point| point.is_none()).count())
+        points.iter().filter(|point| point.is_none()).count()
     }
 }

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use crate::plot::Guide;
 
 use super::{
-    canvas::{Anchor, Canvas, Drawn, Pen, Point},
+    canvas::{Anchor, Canvas, Pen, Point},
     frame::Frame,
     panel::{SMALL, Sheet},
     text,
@@ -59,14 +59,7 @@ struct Words<'a> {
 impl Words<'_> {
     /// Left, top, right, bottom.
     fn room(&self) -> [f64; 4] {
-        let (along, across) = (text::width(self.words, SMALL, false), 0.65 * SMALL);
-        let [x, y] = self.at;
-        match self.anchor {
-            Anchor::Left => [x, y - across, x + along, y + across],
-            Anchor::Middle => [x - along / 2.0, y - across, x + along / 2.0, y + across],
-            Anchor::Right => [x - along, y - across, x, y + across],
-            Anchor::UpEnd => [x - across, y, x + across, y + along],
-        }
+        self.anchor.room(self.at, text::width(self.words, SMALL, false), 0.65 * SMALL)
     }
 
     fn meets(&self, other: &Self) -> bool {
@@ -93,22 +86,21 @@ impl Sheet<'_> {
         self.frame.clip(ends[0], ends[1])
     }
 
-    pub(super) fn guides(&self, canvas: &Canvas<'_>) -> Drawn {
+    pub(super) fn guides(&self, canvas: &Canvas<'_>) {
         for guide in &self.panel.guides {
             if let Some(ends) = self.guide_ends(guide) {
                 let pen = match guide {
                     Guide::Slanted { .. } => Pen::solid(canvas.colours.muted, 0.6),
                     _ => Pen { colour: canvas.colours.muted, width: 0.9, dash: Some([4.0, 3.0]) },
                 };
-                canvas.line(&ends, pen)?;
+                canvas.line(&ends, pen);
             }
         }
-        Ok(())
     }
 
     /// The remark, the notes, and the names of the guides, on them and near their ends. A name that has no room on its
     /// guide is left out, not printed over another.
-    pub(super) fn words(&self, canvas: &Canvas<'_>, remark: &str, ink: &Ink) -> Drawn {
+    pub(super) fn words(&self, canvas: &Canvas<'_>, remark: &str, ink: &Ink) {
         let (ink_colour, muted) = (canvas.colours.ink, canvas.colours.muted);
         let corner = [self.frame.x1 - 4.0, self.frame.y1 - 9.0];
         let mut all = vec![(muted, vec![Words { words: remark, at: corner, anchor: Anchor::Right, firm: true }])];
@@ -116,7 +108,7 @@ impl Sheet<'_> {
             let at = self.checked(note.at[0], note.at[1]).filter(|at| self.frame.holds(*at));
             all.extend(at.map(|at| (ink_colour, self.beside(&note.text, at))));
         }
-        self.names_above(canvas)?;
+        self.names_above(canvas);
         let above = |guide: &&Guide| self.panel.names_above && matches!(guide, Guide::Vertical { .. });
         for guide in self.panel.guides.iter().filter(|guide| !above(guide)) {
             all.extend(self.guide_ends(guide).map(|ends| (muted, self.along(guide, ends))));
@@ -125,17 +117,16 @@ impl Sheet<'_> {
         for (colour, places) in all {
             let free = places.into_iter().filter(|place| !written.iter().any(|other| place.meets(other)));
             if let Some(best) = free.min_by_key(|place| if place.firm { 0 } else { ink.under(place.room()) }) {
-                canvas.patched(best.words, best.at, best.anchor, SMALL, colour)?;
+                canvas.patched(best.words, best.at, best.anchor, SMALL, colour);
                 written.push(best);
             }
         }
-        Ok(())
     }
 
     /// The names of upright guides in a row above the frame, if that is where they belong.
-    fn names_above(&self, canvas: &Canvas<'_>) -> Drawn {
+    fn names_above(&self, canvas: &Canvas<'_>) {
         if !self.panel.names_above {
-            return Ok(());
+            return;
         }
         let mut named: Vec<(&str, f64)> = Vec::new();
         for guide in &self.panel.guides {
@@ -148,10 +139,9 @@ impl Sheet<'_> {
         let (room, y) = ([self.frame.x0, self.frame.x1], self.frame.y0 - 0.75 * SMALL);
         for ((name, _), x) in named.iter().zip(side_by_side(&widths, room)) {
             if let Some(x) = x {
-                canvas.text(name, [x, y], Anchor::Middle, SMALL, canvas.colours.muted, false)?;
+                canvas.text(name, [x, y], Anchor::Middle, SMALL, canvas.colours.muted, false);
             }
         }
-        Ok(())
     }
 
     /// Places around a point, best first.
