@@ -36,7 +36,8 @@ fn main() -> Outcome<()> {
     let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
     let mut out = io::stdout().lock();
     if let [name, measure] = words.as_slice() {
-        let cycles = SCENES.iter().find(|(scene, _)| scene == name).map_or(100, |(_, cycles)| *cycles);
+        let cycles = SCENES.iter().find(|(scene, _)| scene == name).map(|(_, cycles)| *cycles);
+        let cycles = cycles.filter(|_| MEASURES.contains(&measure.as_str())).ok_or("no such scene or measure")?;
         let (seconds, steps) = run(&scene(name, cycles)?, measure)?;
         return Ok(writeln!(out, "{name} {measure}: {steps} steps, {seconds} s")?);
     }
@@ -80,8 +81,9 @@ fn run(simulation: &Simulation, measure: &str) -> Outcome<(f64, u64)> {
     let has = |name: &str| measure == name || measure == "all";
     let contacts = has("contacts").then(|| Contacts::new(structure, Some(from)).keep(0));
     let energy = has("energy").then(|| Ledger::new(structure));
-    // Eight harmonics of one mesh.
-    let transmission = has("transmission").then(|| TransmissionError::new(structure, [0], 8, Some(from)));
+    // Eight harmonics of each contact.
+    let contacts_of = 0..structure.contacts().len();
+    let transmission = has("transmission").then(|| TransmissionError::new(structure, contacts_of, 8, Some(from)));
     let mut engine = simulation.engine(simulation.start()?)?;
     let watch = Stopwatch::now();
     engine.run(end, &mut ((contacts, energy), transmission))?;

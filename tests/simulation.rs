@@ -63,6 +63,9 @@ fn a_run_has_measures_energy_and_events() {
     assert_eq!(run.events.len() as u64, run.work.events);
     assert_eq!(run.contacts[0].name, "wall");
     assert!(run.energy.closure() < 1e-12);
+    // Without a period there are no harmonics; the mean is that of minus the height.
+    assert_eq!((&*run.transmission[0].name, &run.transmission[0].harmonics), ("wall", &None));
+    assert!(run.transmission[0].mean < 0.0);
     let first = (2.0_f64 / 9.81).sqrt();
     assert!((run.events[0].seconds - first).abs() < 1e-15);
     assert!(run.failure.is_none());

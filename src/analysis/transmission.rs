@@ -17,8 +17,8 @@ use crate::{
 
 /// Gauss nodes on a part of a step.
 const NODES: usize = 16;
-/// The largest angle, rad, through which the highest harmonic turns on a part: with 16 nodes the rule is wrong for `exp(i 16 θ)` by
-/// `16³² (16!)⁴/(33 (32!)³)` = 1e-16 at most.
+/// The largest angle, rad, through which the highest harmonic turns on a part: the rule of 16 nodes is exact to degree 31, and wrong for
+/// `exp(i 16 θ)` by `16³² (16!)⁴/(33 (32!)³)` = 1e-16. A row's own terms, which fall fast, add a few digits to that.
 const LARGEST_ANGLE: f64 = 16.0;
 
 /// Measures the dynamic transmission error `gᵀq = δ + e` of contacts: its mean, the RMS value of its fluctuation, and its harmonics

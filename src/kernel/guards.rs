@@ -22,6 +22,8 @@ impl Motion<'_> {
         let force = |a: &Acting| match (a.force, &s.contacts[a.contact]) {
             (Force::Linear { damping, .. }, c) => c.stiffest * s.deflection_size(c, x) + damping * s.rate_size(c, x),
             (Force::Held, c) => c.effective_mass() * s.acceleration_size(a.contact, &self.mode, x, |_| 0.0),
+            // In plain time it is just leaving.
+            (Force::Power { .. }, _) if step.time.is_empty() => 0.0,
             (Force::Power { .. }, _) => step.work[self.layout.of(a.contact, FORCE)],
         };
         let c = &s.contacts[j];

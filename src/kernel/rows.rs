@@ -2,9 +2,7 @@
 //!
 //! They are products of series that the recurrence has formed; a series without terms is None.
 
-use super::{
-    CARRIED, FACTOR, FORCE, LANES, Layout, Motion, PENETRATION, POWER, RATE, ROW, STIFFNESS, motion::Part, waves,
-};
+use super::{CARRIED, FORCE, LANES, Layout, Motion, POWER, RATE, ROW, STIFFNESS};
 use crate::{
     hybrid::{Jet, Shown},
     system::{Elasticity, Force, Spring, Wave},
@@ -94,14 +92,14 @@ struct Rows<'a> {
 }
 
 impl Rows<'_> {
-    fn part(&self, j: usize) -> Option<(&Part, Force)> {
-        let part = &self.motion.parts[j];
-        part.acting.filter(|a| a.is_carried).map(|a| (part, a.force))
+    /// The force of contact `j`, if it is carried.
+    fn force_of(&self, j: usize) -> Option<Force> {
+        self.motion.parts[j].acting.filter(|a| a.is_carried).map(|a| a.force)
     }
 
     fn work(&self, j: usize, which: usize) -> Series {
         let start = self.motion.layout.of(j, which);
-        self.step.work[start..].first_chunk().copied().unwrap_or([0.0; ROW])
+        every(1, &self.step.work[start..])
     }
 
     fn deflection(&self, j: usize) -> Series {
@@ -131,12 +129,12 @@ impl Rows<'_> {
     }
 
     fn force(&self, j: usize) -> Option<Series> {
-        let (_, force) = self.part(j)?;
-        match force {
+        match self.force_of(j)? {
             Force::Linear { stiffness, damping } if self.motion.is_linear => {
                 let mut series = match stiffness {
                     Elasticity::Constant(k) => scaled(k, self.stretch(j)),
-                    _ => gather(times(&self.work(j, STIFFNESS), &self.work(j, PENETRATION)).into_iter()),
+                    // The linear recurrence ends without the last order of these forces.
+                    _ => gather(times(&self.stiffness(j, stiffness), &self.stretch(j)).into_iter()),
                 };
                 if damping != 0.0 {
                     series.iter_mut().zip(self.rate(j)).for_each(|(f, r)| *f += damping * r);
@@ -151,17 +149,24 @@ impl Rows<'_> {
         }
     }
 
+    /// A stiffness that varies, in plain time.
+    fn stiffness(&self, j: usize, stiffness: Elasticity) -> Series {
+        let Spring::Waves(mean, waves) = &self.motion.structure.contacts[j].spring else {
+            debug_assert!(stiffness.varies(), "a ramp is written whole");
+            return self.work(j, STIFFNESS);
+        };
+        let mut series = self.follow(waves.iter().copied()).unwrap_or([0.0; ROW]);
+        series[0] += mean;
+        series
+    }
+
     /// `c δ̇²`, or `K pⁿ χ ṗ²`.
     fn loss(&self, j: usize) -> Option<Product> {
-        let (part, force) = self.part(j)?;
-        match force {
+        match self.force_of(j)? {
             Force::Linear { damping, .. } if damping != 0.0 => Some(scaled(damping, square(&self.rate(j)))),
-            Force::Power { stiffness, .. } if self.is_rooted && force.chi(&self.step.state) != 0.0 => {
-                // `1 + χ ṗ` less one.
-                let mut hysteresis = self.work(j, FACTOR);
-                hysteresis[0] -= 1.0;
-                let power = times(&hysteresis, &self.work(j, RATE));
-                Some(scaled(part.side * stiffness, times(&self.work(j, POWER), &power)))
+            force @ Force::Power { stiffness, .. } if self.is_rooted && force.chi(&self.step.state) != 0.0 => {
+                let lost = force.chi(&self.step.state) * stiffness;
+                Some(scaled(lost, times(&self.work(j, POWER), &square(&self.work(j, RATE)))))
             }
             _ => None,
         }
@@ -170,19 +175,18 @@ impl Rows<'_> {
     /// `−F ė`.
     fn error(&self, j: usize) -> Option<Product> {
         let contact = &self.motion.structure.contacts[j];
-        let rate = self.follow(&contact.error_rate)?;
+        let rate = self.follow(contact.error_rate.iter().copied())?;
         Some(scaled(-1.0, times(&self.force(j)?, &rate)))
     }
 
     /// `½ k̇ (δ − σ b)²`.
     fn parametric(&self, j: usize) -> Option<Product> {
         let s = self.motion.structure;
-        let Some((_, Force::Linear { stiffness, .. })) = self.part(j) else { return None };
+        let Some(Force::Linear { stiffness, .. }) = self.force_of(j) else { return None };
         let rate = match (stiffness, &s.contacts[j].spring) {
             (Elasticity::Ramp { slope, .. }, _) => std::array::from_fn(|k| if k == 0 { slope } else { 0.0 }),
             (Elasticity::Waves, Spring::Waves(_, waves)) => {
-                let rates: Vec<Wave> = waves.iter().map(|w| w.rate(s.oscillators[w.index].omega)).collect();
-                self.follow(&rates)?
+                self.follow(waves.iter().map(|w| w.rate(s.oscillators[w.index].omega)))?
             }
             _ => return None,
         };
@@ -206,7 +210,7 @@ impl Rows<'_> {
         power[..ROW].copy_from_slice(&self.along(&s.spec.load));
         for (load, wave) in s.spec.load_harmonics.iter().zip(&s.load_waves) {
             let (sin, cos) = load.phase.sin_cos();
-            if let Some(force) = self.follow(&[Wave { index: wave.index, cosine: cos, sine: -sin }]) {
+            if let Some(force) = self.follow([Wave { index: wave.index, cosine: cos, sine: -sin }].into_iter()) {
                 let work = times(&force, &self.along(&load.vector));
                 power.iter_mut().zip(&work).for_each(|(p, w)| *p += w);
             }
@@ -225,17 +229,18 @@ impl Rows<'_> {
     }
 
     /// A sum of oscillators. The linear recurrence does not keep them: in plain time each order follows from the one before.
-    fn follow(&self, list: &[Wave]) -> Option<Series> {
-        let omega = |w: &Wave| self.motion.structure.oscillators[w.index].omega;
-        if self.is_rooted {
-            return (!list.is_empty()).then(|| std::array::from_fn(|k| waves(0.0, list, k, &self.step.work)));
-        }
-        sum(list.iter().map(|w| {
+    fn follow(&self, waves: impl Iterator<Item = Wave>) -> Option<Series> {
+        let work = &self.step.work;
+        sum(waves.map(|w| {
             let o = Layout::oscillator(w.index);
-            let (mut cos, mut sin) = (self.step.work[o], self.step.work[o + ROW]);
+            if self.is_rooted {
+                return std::array::from_fn(|k| w.cosine * work[o + k] + w.sine * work[o + ROW + k]);
+            }
+            let omega = self.motion.structure.oscillators[w.index].omega;
+            let (mut cos, mut sin) = (work[o], work[o + ROW]);
             std::array::from_fn(|k| {
                 let value = w.cosine * cos + w.sine * sin;
-                let f = self.step.span * omega(w) / (k + 1) as f64;
+                let f = self.step.span * omega / (k + 1) as f64;
                 (cos, sin) = (-f * sin, f * cos);
                 value
             })

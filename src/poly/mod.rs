@@ -61,10 +61,7 @@ static INTEGRALS: [f64; 2 * MAX_DEGREE + 1] = {
     table
 };
 
-/// `∫₀¹ p q dx`.
-///
-/// # Panics
-/// If a degree is above [`MAX_DEGREE`].
+/// `∫₀¹ p q dx`, of degrees that are 80 at most together.
 #[must_use]
 pub fn integral(p: &[f64], q: &[f64]) -> f64 {
     p.iter().enumerate().fold(0.0, |sum, (i, c)| {

@@ -12,7 +12,7 @@ mod summary;
 
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 pub use error::SimulationError;
 pub use job::{Job, RunRecord};
@@ -126,9 +126,12 @@ impl Simulation {
         Self::from_built(name, Built { spec, q0, v0, run, dimensionless: false, carrier_speed: None, meshes, warnings })
     }
 
-    /// Starts at these coordinates and velocities, `[n]` each.
+    /// Starts at these coordinates, m, and velocities, m/s, `[n]` each; its scene then says so.
     #[must_use]
-    pub fn starting_at(self, q0: Vec<f64>, v0: Vec<f64>) -> Self {
+    pub fn starting_at(mut self, q0: Vec<f64>, v0: Vec<f64>) -> Self {
+        if !self.scene.is_null() {
+            self.scene["initial"] = json!({ "q": q0, "v": v0 });
+        }
         Self { q0, v0, is_static: false, ..self }
     }
 

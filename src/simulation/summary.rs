@@ -44,7 +44,8 @@ impl Summary {
         let energy = [("the energy at the start", self.energy.start), ("the energy ledger", self.energy.residual)];
         let forces =
             self.contacts.iter().flat_map(|c| [c.force_mean, c.force_abs_max, c.energy_lost].map(|v| (&*c.name, v)));
-        let first = energy.into_iter().chain(forces).find(|(_, value)| !value.is_finite());
+        let transmission = self.transmission.iter().flat_map(|t| [t.mean, t.rms].map(|v| (&*t.name, v)));
+        let first = energy.into_iter().chain(forces).chain(transmission).find(|(_, value)| !value.is_finite());
         first.map(|(name, _)| format!("a measure of the run ({name})"))
     }
 }

@@ -82,6 +82,8 @@ impl Spec {
         if (0..n).any(|i| (0..i).any(|j| differ(i, j))) {
             return Err(AssembleError::Mass);
         }
+        // Guards are numbered in 16 bits.
+        shape("list of contacts", self.contacts.len(), self.contacts.len().min(usize::from(u16::MAX) / 3))?;
         for c in &self.contacts {
             shape(&format!("direction of {}", c.name), c.direction.len(), n)?;
             self.check_contact(c)?;

@@ -2,10 +2,12 @@
 
 use flank::{
     analysis::{Balance, Contacts, Ledger},
+    engine::{Engine, Options, State},
     gear::{
         Harmonic, Stiffness,
         contact::{Law, Linear},
     },
+    integrate::Taylor,
     system::{ContactSpec, Structure},
     train::KahramanSingh,
 };
@@ -129,4 +131,40 @@ fn stays_closed_over_four_thousand_cycles() {
     assert!((report.force_mean - 0.1).abs() < 1e-14);
     let spread = report.durations.max.unwrap() - report.durations.min.unwrap();
     assert!(spread < 1e-3 * period, "{spread}");
+}
+
+/// Steps far shorter than those before them, as where a run is continued in small pieces: no order of a series may be left over from
+/// a longer step. The impulse of the contact is what the momentum, the load and the damper leave over.
+#[test]
+fn measures_of_short_steps_after_long_ones_are_right() {
+    // With the amplitude and the frequency of the load.
+    let cases = [
+        (trains::parametric(), 0.0, 1.0),
+        (trains::rectangular(), 0.12, 0.75),
+        (trains::hertz_pair(), 0.8, 0.9),
+        (trains::single_sided(), 0.081, 0.9),
+    ];
+    for (case, amplitude, omega) in cases {
+        let structure = Structure::new(case.spec.clone()).unwrap();
+        let clock = structure.clock();
+        let start = structure.start(clock.instant(0.0), &case.q, &case.v).unwrap();
+        let state = State { at: clock.instant(0.0), x: start.x, jump: start.jump };
+        let mut engine = Engine::new(&structure, Box::new(Taylor::default()), Options::default(), state);
+        let (mut ledger, mut contacts) = (Ledger::new(&structure), Contacts::new(&structure, None));
+        let mut end = 0.0;
+        for i in 0..10 {
+            // A step is asked for all that is left: first for 30 s, then for 0.02 s.
+            end = f64::from(30 * (i / 2 + 1)) + if i % 2 == 0 { 0.0 } else { 0.02 };
+            engine.run(clock.instant(end), &mut (&mut ledger, &mut contacts)).unwrap();
+        }
+        let balance = ledger.balance();
+        assert!(balance.closure() < 1e-14, "{:e}", balance.closure());
+        let report = contacts.report(0);
+        let x = &engine.state().x;
+        let load = case.spec.load[0] * end + amplitude / omega * (omega * end).sin();
+        let exact = load - case.spec.damping[(0, 0)] * (x[0] - case.q[0]) - (x[1] - case.v[0]);
+        // Some roundings of the largest force for each of some hundred steps.
+        let (impulse, tolerance) = (report.force_mean * report.time, 1e-14 * report.force_abs_max * end);
+        assert!((impulse - exact).abs() <= tolerance, "{impulse} {exact}: {:e}", impulse - exact);
+    }
 }

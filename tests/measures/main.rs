@@ -7,6 +7,7 @@ mod ledger;
 mod rows;
 mod scaled;
 mod settle;
+mod shown;
 mod spectrum;
 mod trains;
 mod transmission;
