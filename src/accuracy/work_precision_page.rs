@@ -96,7 +96,7 @@ impl WorkPrecision<'_> {
     fn report(&self, summaries: &[ContenderSummary], figures: [Figure; 2]) -> Report {
         let simulation = self.problem.simulation;
         let runs = self.run_table().titled("Runs", self.failures().join("; "));
-        let note = "Costs are times over Flank's; in brackets: not reached, told from the order seen.";
+        let note = "Costs are times over Flank's; in brackets: not reached, extrapolated with the order seen.";
         let orders = self.order_table(summaries).titled("Orders and costs", note);
         Report {
             title: format!("Accuracy against work: {}", simulation.title()),
@@ -105,8 +105,8 @@ impl WorkPrecision<'_> {
                 Section::new("Charts", "", figures.map(Item::Figure).to_vec()),
                 Section::new(
                     "Orders",
-                    "The order seen is the slope of the error of event times on the finest steps. What it falls short of is said \
-                     beside it.",
+                    "The order seen is the slope of the error of event times on the finest steps. The last \
+                     column says why it falls short of the order on a smooth motion.",
                     vec![orders.into()],
                 ),
                 Section::new("All runs", "", vec![runs.into()]),

@@ -18,7 +18,7 @@ use crate::{
 /// Gauss nodes on a part of a step.
 const NODES: usize = 16;
 /// The largest angle, rad, through which the highest harmonic turns on a part: the rule of 16 nodes is exact to degree 31, and wrong for
-/// `exp(i 16 θ)` by `16³² (16!)⁴/(33 (32!)³)` = 1e-16. A row's own terms, which fall fast, add a few digits to that.
+/// `exp(i 16 θ)` by `16³² (16!)⁴/(33 (32!)³)` = 1e-16. Beside a power of θ in a row the error is larger.
 const LARGEST_ANGLE: f64 = 16.0;
 
 /// Measures the dynamic transmission error `gᵀq = δ + e` of contacts: its mean, the RMS value of its fluctuation, and its harmonics
@@ -45,7 +45,7 @@ pub struct TransmissionError<'s, S: ?Sized> {
 #[derive(Clone, Debug)]
 struct Track {
     contact: usize,
-    /// A value of it: what it turns around it does not cost digits.
+    /// Its first value. All sums are of differences from it, so a large mean costs no digits.
     origin: Option<f64>,
     sum: Sum,
     squares: Sum,
@@ -77,7 +77,8 @@ pub struct TransmissionHarmonic {
 }
 
 impl<'s, S: HybridSystem + ContactView + ?Sized> TransmissionError<'s, S> {
-    /// Measures `contacts` from `from` on (from the start, if none), with so many `harmonics`.
+    /// Measures `contacts` from `from` on (from the start, if none), with the harmonics 1 to `harmonics` of the forcing; with none
+    /// where the forcing has no period.
     #[must_use]
     pub fn new(
         system: &'s S,
@@ -107,7 +108,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> TransmissionError<'s, S> {
         }
     }
 
-    /// The measures so far, in the order of the contacts asked for; none before any time was measured.
+    /// The measures so far, in the order of the given contacts; empty before the measured time begins.
     #[must_use]
     pub fn reports(&self) -> Vec<TransmissionReport> {
         let time = self.time.value();

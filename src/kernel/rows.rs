@@ -134,7 +134,7 @@ impl Rows<'_> {
                 let mut series = match stiffness {
                     Elasticity::Constant(k) => scaled(k, self.stretch(j)),
                     // The linear recurrence ends without the last order of these forces.
-                    _ => gather(times(&self.stiffness(j, stiffness), &self.stretch(j)).into_iter()),
+                    _ => gather(times(&self.stiffness(j), &self.stretch(j)).into_iter()),
                 };
                 if damping != 0.0 {
                     series.iter_mut().zip(self.rate(j)).for_each(|(f, r)| *f += damping * r);
@@ -150,9 +150,9 @@ impl Rows<'_> {
     }
 
     /// A stiffness that varies, in plain time.
-    fn stiffness(&self, j: usize, stiffness: Elasticity) -> Series {
+    fn stiffness(&self, j: usize) -> Series {
         let Spring::Waves(mean, waves) = &self.motion.structure.contacts[j].spring else {
-            debug_assert!(stiffness.varies(), "a ramp is written whole");
+            // A ramp is written with all its orders.
             return self.work(j, STIFFNESS);
         };
         let mut series = self.follow(waves.iter().copied()).unwrap_or([0.0; ROW]);

@@ -3,11 +3,16 @@
 use flank::{
     gear::Stiffness,
     hybrid::ContactMode::{Back, Drive, Separated},
-    system::contact_mode,
+    system::{Structure, contact_mode},
     train::{Walled, Walls},
 };
 
-use crate::support::{Course, ghost, modes, run, thrown, walled};
+use crate::support::{Course, ghost, modes, run, walled};
+
+/// `ẍ = −1` (with mass one) below a flank that is only watched, at `position`.
+fn thrown(position: f64) -> Structure {
+    walled(&Walled { load: -1.0, ..Walled::new(1.0, Walls::Above { position }, ghost(), Stiffness::Constant(0.0)) })
+}
 
 #[test]
 fn l5_both_crossings_within_one_step_are_found() {

@@ -119,11 +119,6 @@ pub fn ball(restitution: f64) -> Structure {
     })
 }
 
-/// `ẍ = −1` (with mass one) below a flank that is only watched, at `position`.
-pub fn thrown(position: f64) -> Structure {
-    walled(&Walled { load: -1.0, ..Walled::new(1.0, Walls::Above { position }, ghost(), Stiffness::Constant(0.0)) })
-}
-
 /// One-flank contacts `directions` at zero gap between free masses under constant loads.
 pub fn masses(masses: &[f64], load: &[f64], directions: &[Vec<f64>], law: Law) -> Structure {
     let n = masses.len();

@@ -7,6 +7,5 @@ mod laws;
 mod long_runs;
 mod ordering;
 mod reports;
-#[allow(dead_code)] // shared with the tests of the event semantics
 #[path = "../events/support.rs"]
 mod support;

@@ -98,9 +98,9 @@ fn rows_of_steps_equal_values_at_their_points() {
             engine.run(clock.instant(end), &mut compare).unwrap();
         }
         for kind in 0..9 {
-            // Rounding of stiff springs' deflections, some thousand times that of a value.
+            // Some roundings for each of the 25 orders; 15 are met at most. An order left over from another step is off by any factor.
             let (worst, largest) = (compare.worst[kind], compare.largest[kind]);
-            assert!(worst <= 4e-13 * largest, "case {number}, row {kind}: {worst:e} of {largest:e}");
+            assert!(worst <= 64.0 * f64::EPSILON * largest, "case {number}, row {kind}: {worst:e} of {largest:e}");
         }
     }
 }
