@@ -195,8 +195,9 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
             }
             None if before.is_closed() && !after.is_closed() => {
                 let release = -before.side() * rate;
-                let dropped = system.stored(j, &record.from, record.at, &record.x_minus)
-                    - system.stored(j, &record.to, record.at, &record.x_minus);
+                // The work of a switch of this instant is no loss.
+                let stored = |mode| system.stored(j, mode, record.at, &record.x_minus);
+                let dropped = stored(&system.switched(&record.from, record.at)) - stored(&record.to);
                 let track = &mut self.tracks[j];
                 if let Some(mut spell) = track.spell.take() {
                     spell.lost.add(dropped);

@@ -204,9 +204,8 @@ impl Structure {
         match c.spec.law {
             Law::Bilateral(_) => &[],
             // The force reaches zero no later than the deflection does.
-            Law::KelvinVoigt(_, Release::Force) if state.is_closed() => &[(Watch::Force, 1.0)],
-            Law::KelvinVoigt(_, Release::Force) => watches(state, true, c.has_back()),
-            Law::KelvinVoigt(_, Release::Deflection) => watches(state, false, c.has_back()),
+            Law::KelvinVoigt(..) if state.is_closed() && c.release_damping().is_some() => &[(Watch::Force, 1.0)],
+            Law::KelvinVoigt(..) => watches(state, c.release_damping().is_some(), c.has_back()),
             Law::Power(_) => watches(state, c.latch.is_some(), c.has_back()),
             Law::Rigid(_) if state.is_closed() => &[(Watch::Force, 1.0)],
             // Held on its flank by others.
@@ -217,9 +216,13 @@ impl Structure {
 }
 
 impl Contact {
-    /// The damping of a contact that lets go where its force is zero.
+    /// The damping of a contact that lets go where its force is zero. Undamped, `F = k p` is zero on the flank, and
+    /// all along where k is: the deflection is watched, which tells the flank in both.
     pub(crate) fn release_damping(&self) -> Option<f64> {
-        if let Law::KelvinVoigt(l, Release::Force) = self.spec.law { Some(l.damping) } else { None }
+        match self.spec.law {
+            Law::KelvinVoigt(l, Release::Force) if l.damping > 0.0 => Some(l.damping),
+            _ => None,
+        }
     }
 
     /// The stiffness in piece `number` of its schedule.

@@ -35,6 +35,27 @@ fn l25_a_contact_released_by_force_leaves_the_zone_twice_the_damping_ratio_later
 }
 
 #[test]
+fn l25_an_undamped_contact_without_stiffness_opens_on_its_flank() {
+    // p = sin t − (1 − cos t) until 1, where the stiffness drops to zero and the mass is free: −t²/2 from there.
+    for levels in [[1.0, 0.0], [1.0, 1e-9]] {
+        for release in [Release::Force, Release::Deflection] {
+            let law = Law::KelvinVoigt(Linear { damping: 0.0 }, release);
+            let stiffness = Stiffness::Switched { times: vec![[1.0, 0.0]], levels };
+            let wall = Walls::Above { position: 0.0 };
+            let run =
+                run(&walled(&Walled { load: -1.0, ..Walled::new(1.0, wall, law, stiffness) }), &[0.0], &[1.0], 6.0);
+            let events: Vec<_> = run.events().into_iter().filter(|r| r.from != r.to && !r.fired.is_empty()).collect();
+            assert_eq!(modes(&events, 0), [Separated]);
+            let (p, v) = (1f64.sin() + 1f64.cos() - 1.0, 1f64.cos() - 1f64.sin());
+            // The weak spring adds an acceleration of 1e-9 p, and p < 0.4, over less than 0.7 s.
+            let (exact, weak) = (1.0 + v + (v * v + 2.0 * p).sqrt(), 1e-9 * f64::from(levels[1] > 0.0));
+            let time = run.clock.time(events[0].at).value();
+            assert!((time - exact).abs() <= 8.0 * f64::EPSILON + weak, "{levels:?} {release:?}: {:e}", time - exact);
+        }
+    }
+}
+
+#[test]
 fn l26_a_load_that_presses_again_closes_the_contact_inside_the_zone() {
     // k = c = f = 1 from p = 1.5 with speed −1.5, where the force is zero and falling:
     // detached, F = −t/2 + t²/2 returns at t = 1, with p = ½ > 0.

@@ -5,10 +5,10 @@ use flank::{
     engine::{Engine, Options, State},
     gear::{
         Harmonic, Stiffness,
-        contact::{Law, Linear},
+        contact::{Law, Linear, Release},
     },
     integrate::Taylor,
-    system::{ContactSpec, Structure},
+    system::{ContactSpec, Flanks, Structure},
     train::KahramanSingh,
 };
 
@@ -95,6 +95,22 @@ fn a_switch_under_a_held_deflection_does_half_the_stiffness_step_times_its_squar
     let b = balance(&Case { spec, q: vec![0.3], v: vec![0.0], end: 1.0 });
     let exact = 0.5 * 3.0 * (0.3 * 0.25f64.cos()).powi(2);
     assert!((b.parametric - exact).abs() < 1e-16, "{} {exact}", b.parametric);
+}
+
+#[test]
+fn a_contact_that_a_switch_opens_loses_what_its_spring_holds_after_the_switch() {
+    // Struck at t = 1, the mass leaves at t = 3 with p ≈ 0.54, ṗ ≈ −0.34. There k drops from 1 to 0.04, and k p + 0.6 ṗ is a pull.
+    let stiffness = Stiffness::Switched { times: vec![[3.0, 0.0]], levels: [1.0, 0.04] };
+    let law = Law::KelvinVoigt(Linear { damping: 0.6 }, Release::Force);
+    let contact = ContactSpec { stiffness, law, flanks: Flanks::Drive, ..trains::mesh(&[1.0]) };
+    let case = Case { spec: trains::single(0.0, 0.0, None, vec![contact]), q: vec![0.0], v: vec![1.0], end: 4.0 };
+    let b = balance(&case);
+    let structure = Structure::new(case.spec.clone()).unwrap();
+    let mut contacts = Contacts::new(&structure, None);
+    run(&structure, &case, &mut contacts);
+    assert!(b.switches < -0.1 && b.release > 0.001, "{b:?}");
+    let lost = contacts.report(0).energy_lost;
+    assert!((lost - b.contact - b.release).abs() <= 1e-15, "{lost} {b:?}");
 }
 
 #[test]
