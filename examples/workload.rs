@@ -154,6 +154,10 @@ struct Crossings<'w> {
 }
 
 impl Observer for Crossings<'_> {
+    fn wants_steps(&self) -> bool {
+        false
+    }
+
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
         let structure = &self.of.structure;
         if record.graze || record.start || record.accumulation.is_some() {

@@ -291,6 +291,7 @@ fn the_defect_bounds_the_error() {
             pinned: &pinned,
             still: GuardSet::none(),
             bound: end,
+            before: (0, &[]),
         };
 
         let outcome = Taylor::default().integrate_arc(&s, &arc, &mut truth, &mut [], &mut |step| {
@@ -455,6 +456,7 @@ fn guards_have_derivatives_in_time() {
                 pinned: &pinned,
                 still: GuardSet::none(),
                 bound: s.clock().instant(1e-2),
+                before: (0, &[]),
             };
             let mut found = None;
             let mut visit = |step: &dyn flank::integrate::DenseStep| {

@@ -103,6 +103,10 @@ impl<'p> Passages<'p> {
 }
 
 impl Observer for Passages<'_> {
+    fn wants_steps(&self) -> bool {
+        false
+    }
+
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
         if record.graze || record.start || record.accumulation.is_some() {
             return ControlFlow::Continue(());

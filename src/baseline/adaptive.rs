@@ -128,6 +128,7 @@ impl Penalty {
             pinned: &none,
             still: &none,
             bound,
+            before: (0, &[]),
         };
         let (mut integrator, _) = build(solver, rtol, &through)?;
         let (mut x, mut next) = (start.clone(), 1);

@@ -7,6 +7,7 @@ use super::{
     alarm::Alarm,
     chatter::Chatter,
     instant::EventIteration,
+    leap::Leaps,
     state::{Counters, Options, Point, State},
     visit::{Arrival, Core, End, Place},
 };
@@ -19,12 +20,19 @@ use crate::{
 /// Motions that are kept: some kilobytes each, and more modes than most trains come back to.
 const MAX_MOTIONS: usize = 256;
 
+/// A motion that was met, and whether it may tell its way at once.
+struct Known<'s> {
+    motion: Option<Box<dyn JetField + 's>>,
+    leaps: bool,
+}
+
 /// Drives a hybrid system from event to event.
 pub struct Engine<'s> {
     integrator: Box<dyn Integrator + 's>,
     point: Point,
     /// The motions of the modes met.
-    motions: BTreeMap<Mode, Option<Box<dyn JetField + 's>>>,
+    motions: BTreeMap<Mode, Known<'s>>,
+    leaps: Leaps,
     /// Scratch for the state at the end of an arc, and for its low part.
     end: [Vec<f64>; 2],
     core: Core<'s>,
@@ -53,7 +61,7 @@ impl<'s> Engine<'s> {
             left: Point::new(state.clone()),
         };
         let end = [state.x.clone(), state.x.clone()];
-        Self { integrator, point: Point::new(state), motions: BTreeMap::new(), end, core }
+        Self { integrator, point: Point::new(state), motions: BTreeMap::new(), leaps: Leaps::default(), end, core }
     }
 
     /// Where the run stands.
@@ -119,13 +127,28 @@ impl<'s> Engine<'s> {
 
     /// One smooth arc up to `bound`; leaves the state where it ended, in the mode it ran in.
     fn arc(&mut self, bound: Instant, arrival: Arrival, observer: &mut dyn Observer) -> Result<End, EngineError> {
-        let Self { integrator, point: Point { state, low, carried }, motions, end: [end, end_low], core } = self;
-        core.counters.arcs += 1;
-        let mode = &state.jump.mode;
-        if motions.len() >= MAX_MOTIONS && !motions.contains_key(mode) {
-            motions.clear();
+        let Self { integrator, point, motions, leaps, end: [end, end_low], core } = self;
+        let mode = &point.state.jump.mode;
+        if !motions.contains_key(mode) {
+            if motions.len() >= MAX_MOTIONS {
+                motions.clear();
+            }
+            let arc = core.system.clock().between(point.state.at, bound);
+            let leaps = integrator.is_exact(core.system, mode, arc) && !crate::old_steps();
+            motions.insert(mode.clone(), Known { motion: core.system.motion(mode), leaps });
         }
-        let motion = motions.entry(mode.clone()).or_insert_with(|| core.system.motion(mode));
+        let known = &motions[mode];
+        let motion = &known.motion;
+        let mut before = (0, &[][..]);
+        if let Some(motion) = motion.as_deref().filter(|_| known.leaps) {
+            if let Some(end) = leaps.arc(core, motion, point, bound, arrival, observer)? {
+                return Ok(end);
+            }
+            before = leaps.before();
+        }
+        let Point { state, low, carried } = point;
+        let mode = &state.jump.mode;
+        core.counters.arcs += u64::from(before.0 == 0);
         // Stands if the arc ends before its first step.
         core.left.carried.clone_from(carried);
         let arc = Arc {
@@ -138,6 +161,7 @@ impl<'s> Engine<'s> {
             pinned: &state.jump.pinned,
             still: &state.jump.still,
             bound,
+            before,
         };
         let place = Place { state, bound, arrival };
         let (mut ended, mut first) = (Ok(None), true);

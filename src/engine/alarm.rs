@@ -14,7 +14,7 @@
 use super::EngineError;
 use crate::{
     event::Located,
-    hybrid::{GuardId, GuardSet, HybridSystem, Instant, Mode},
+    hybrid::{GuardId, GuardSet, HybridSystem, Instant, Known, Leap, Mode, Passage},
     integrate::DenseStep,
     poly,
 };
@@ -77,34 +77,93 @@ impl Alarm {
     pub fn start(&mut self, system: &dyn HybridSystem, step: &dyn DenseStep, first: bool) -> Result<(), EngineError> {
         let tests = on() && !step.is_estimate();
         for (i, guard) in step.guards().iter().enumerate() {
-            let slot = usize::from(guard.0);
-            if self.rounding.len() <= slot {
-                self.rounding.resize(slot + 1, 0.0);
-            }
-            let rounding = &mut self.rounding[slot];
-            *rounding = rounding.max(step.guard_rounding(i));
-            let is_continuous = system.is_continuous(*guard);
-            if is_continuous {
-                self.length = Some(self.length.map_or(*rounding, |length| length.max(*rounding)));
-            }
-            if !tests || first && !is_continuous {
-                continue;
-            }
-            // Most often the guards are those of the last step.
-            let same = self.ends.get(i).filter(|end| end.0 == *guard);
-            let end = same.or_else(|| self.ends.iter().find(|end| end.0 == *guard));
-            let Some((_, value, error)) = end else { continue };
             let row = step.guard(i);
-            let amount = (row[0] - value).abs();
-            let added = |bound| bound + TERMS * poly::terms(row, 1.0);
-            if let Some(limit) = exceeded(amount, error + *rounding, added) {
-                let what = "the end of a step differs from the start of the next";
-                return Err(raise(system, step.start(), *guard, what, amount, limit));
-            }
+            let start = (i, *guard, row[0], step.guard_rounding(i));
+            self.start_of(system, step.start(), start, tests, first, || poly::terms(row, 1.0))?;
         }
+        self.started(first);
+        Ok(())
+    }
+
+    /// As [`start`](Self::start), of a leap.
+    pub fn start_leap(
+        &mut self,
+        system: &dyn HybridSystem,
+        at: Instant,
+        leap: &Leap,
+        first: bool,
+    ) -> Result<(), EngineError> {
+        for (i, Known { guard, value, error, terms, .. }) in leap.starts.iter().copied().enumerate() {
+            self.start_of(system, at, (i, guard, value, error), on(), first, || terms)?;
+        }
+        self.started(first);
+        Ok(())
+    }
+
+    fn started(&mut self, first: bool) {
         self.ends.clear();
         if !first {
             self.waited = 0.0;
+        }
+    }
+
+    /// One guard at the start of a step: its place among the guards, value and rounding.
+    fn start_of(
+        &mut self,
+        system: &dyn HybridSystem,
+        at: Instant,
+        (i, guard, value, rounded): (usize, GuardId, f64, f64),
+        tests: bool,
+        first: bool,
+        terms: impl FnOnce() -> f64,
+    ) -> Result<(), EngineError> {
+        let slot = usize::from(guard.0);
+        if self.rounding.len() <= slot {
+            self.rounding.resize(slot + 1, 0.0);
+        }
+        let rounding = &mut self.rounding[slot];
+        *rounding = rounding.max(rounded);
+        let is_continuous = system.is_continuous(guard);
+        if is_continuous {
+            self.length = Some(self.length.map_or(*rounding, |length| length.max(*rounding)));
+        }
+        if !tests || first && !is_continuous {
+            return Ok(());
+        }
+        // Most often the guards are those of the last step.
+        let same = self.ends.get(i).filter(|end| end.0 == guard);
+        let Some((_, end, error)) = same.or_else(|| self.ends.iter().find(|end| end.0 == guard)) else { return Ok(()) };
+        let amount = (value - end).abs();
+        let Some(limit) = exceeded(amount, error + *rounding, |bound| bound + TERMS * terms()) else { return Ok(()) };
+        Err(raise(system, at, guard, "the end of a step differs from the start of the next", amount, limit))
+    }
+
+    /// Remembers the end of a leap that goes on; `gathered` is the rounding that a guard has gathered there.
+    pub fn end_leap(&mut self, mode: &Mode, leap: &Leap, gathered: impl Fn(GuardId) -> f64) {
+        self.mode = mode.clone();
+        for Known { guard, value, error, terms, .. } in leap.ends.iter().copied() {
+            let error = error + self.rounding[usize::from(guard.0)] + gathered(guard) + TERMS * terms;
+            self.ends.push((guard, value, error));
+        }
+    }
+
+    /// Tests the event that a leap ends at against the state there.
+    pub fn event_leap(
+        &mut self,
+        system: &dyn HybridSystem,
+        mode: &Mode,
+        passage: &Passage,
+        gathered: f64,
+        (at, x): (Instant, &[f64]),
+    ) -> Result<(), EngineError> {
+        let rounding = self.rounding[usize::from(passage.guard.0)];
+        let limit = MOVED * passage.error + GATHERED * rounding + self.waited;
+        self.move_limit = self.length.map_or(f64::INFINITY, |length| (GATHERED * length).max(limit));
+        let amount = (passage.residual - system.guard(mode, passage.guard, at, x)).abs();
+        let limit = APART * (passage.error + rounding + gathered);
+        if on() && amount > limit {
+            let what = "the series and the state differ at an event";
+            return Err(raise(system, at, passage.guard, what, amount, limit));
         }
         Ok(())
     }

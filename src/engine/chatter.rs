@@ -17,7 +17,6 @@ use super::Options;
 use crate::{
     event::Accumulation,
     hybrid::{GuardId, GuardSet, HybridSystem, Instant},
-    integrate::DenseStep,
 };
 
 /// Impacts of one guard in a row.
@@ -34,6 +33,19 @@ struct Sequence {
     interval: f64,
     /// The last rebound speed over the one before, and that one over the one before it.
     ratios: [f64; 2],
+}
+
+/// How the motion goes on after impacts.
+pub(super) struct Flight<'a> {
+    pub start: Instant,
+    /// The guards that are watched.
+    pub guards: &'a [GuardId],
+    /// The first three derivatives in time of one of them at the start, where they are known.
+    pub derivatives: &'a dyn Fn(usize) -> Option<[f64; 3]>,
+    /// Rounding of its value, formed from the state alone.
+    pub rounding: &'a dyn Fn(usize) -> f64,
+    /// All that is an estimate.
+    pub is_estimate: bool,
 }
 
 /// Watches impact sequences.
@@ -59,34 +71,34 @@ impl Chatter {
         self.sequences.clear();
     }
 
-    /// Called on the first step after the impacts `fired`: which of them end here, and when.
+    /// Called with the flight after the impacts `fired`: which of them end here, and when.
     ///
     /// A sequence ends when the rebound speed has fallen far enough and ε is small.
     pub fn ends(
         &mut self,
         system: &dyn HybridSystem,
-        step: &dyn DenseStep,
+        flight: &Flight<'_>,
         fired: &GuardSet,
         options: &Options,
     ) -> Option<(GuardSet, Accumulation)> {
         let mut ending = GuardSet::default();
         let mut end = Accumulation { resolved: 0, remaining: 0.0 };
-        for (i, guard) in step.guards().iter().enumerate() {
+        for (i, guard) in flight.guards.iter().enumerate() {
             if !fired.contains(*guard) {
                 continue;
             }
             let Some(e) = system.restitution(*guard).filter(|e| *e < 1.0) else { continue };
-            let Some([u, falling, j]) = step.guard_derivatives_in_time(i) else { continue };
+            let Some([u, falling, j]) = (flight.derivatives)(i) else { continue };
             let a = -falling;
             let epsilon = j * u / (a * a);
             // On estimated steps a rebound is not known well enough to test this.
-            let others = if step.is_estimate() { f64::INFINITY } else { OTHERS * e };
-            let now = step.start();
+            let others = if flight.is_estimate { f64::INFINITY } else { OTHERS * e };
+            let now = flight.start;
             let since = |before| system.clock().between(before, now);
             let sequence = self.record(*guard, (now, since), u, e, others);
             let slow = u <= options.chatter_fraction * sequence.fastest || u <= options.chatter_speed;
             // The height of a flight is `u²/2A`.
-            let is_flat = u * u <= 2.0 * a.abs() * step.guard_rounding(i);
+            let is_flat = u * u <= 2.0 * a.abs() * (flight.rounding)(i);
             let [ratio, before] = sequence.ratios;
             let remaining = if sequence.own >= IN_A_ROW {
                 let is_small = slow && a > 0.0 && epsilon.abs() <= SMALL * (1.0 - e);
@@ -103,7 +115,7 @@ impl Chatter {
             end.remaining = end.remaining.max(remaining);
             end.resolved = end.resolved.max(sequence.impacts);
             if sequence.own < IN_A_ROW {
-                let watched = |id: GuardId| step.guards().contains(&id);
+                let watched = |id: GuardId| flight.guards.contains(&id);
                 self.alternating(system, now, &sequence)
                     .iter()
                     .filter(|id| watched(*id))

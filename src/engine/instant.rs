@@ -6,6 +6,7 @@
 
 use super::{
     EngineError, Observer, Outcome,
+    chatter::Flight,
     state::{Point, State},
     visit::{Arrival, Core, End, Place},
 };
@@ -199,19 +200,42 @@ impl Core<'_> {
         if let Some(located) = located.take_if(|l| l.theta == 0.0) {
             return Some(End::Event(located));
         }
+        match self.pass(place, observer) {
+            Ok(true) => {}
+            Ok(false) => return None,
+            Err(outcome) => return Some(End::Stop(outcome)),
+        }
+        let flight = Flight {
+            start: step.start(),
+            guards: step.guards(),
+            derivatives: &|i| step.guard_derivatives_in_time(i),
+            rounding: &|i| step.guard_rounding(i),
+            is_estimate: step.is_estimate(),
+        };
+        self.rests(&flight, left)
+    }
+
+    /// The end of an impact sequence whose last impacts have just been recorded, if it comes before the arc ends, `left` later: a switch or
+    /// the run's end may not fall inside.
+    pub fn rests(&mut self, flight: &Flight<'_>, left: f64) -> Option<End> {
+        let impacts = &self.iteration.record.fired;
+        let (guards, accumulation) = self.chatter.ends(self.system, flight, impacts, &self.options)?;
+        (accumulation.remaining < left).then_some(End::Rest(guards, accumulation))
+    }
+
+    /// Closes the instant that is open, if any: no guard fires there again. Whether its record has just been closed and tells of guards
+    /// that fired; or what ends the run there.
+    pub fn pass(&mut self, place: Place<'_>, observer: &mut dyn Observer) -> Result<bool, Outcome> {
         if self.iteration.is_open() {
             let outcome = self.close(place.state, observer);
             let outcome = outcome.or((place.arrival == Arrival::Record).then_some(Outcome::ReachedEnd));
             let is_spent = self.counters.events >= self.options.max_events;
             if let Some(outcome) = outcome.or(is_spent.then_some(Outcome::EventBudgetSpent)) {
-                return Some(End::Stop(outcome));
+                return Err(outcome);
             }
         }
         let stage = std::mem::replace(&mut self.iteration.stage, Stage::Past);
-        let impacts = Some(&self.iteration.record.fired).filter(|fired| stage == Stage::Closed && !fired.is_empty())?;
-        let (guards, accumulation) = self.chatter.ends(self.system, step, impacts, &self.options)?;
-        // A sequence is summed only if it ends before the arc does: a switch or the run's end may not fall inside.
-        (accumulation.remaining < left).then_some(End::Rest(guards, accumulation))
+        Ok(stage == Stage::Closed && !self.iteration.record.fired.is_empty())
     }
 }
 

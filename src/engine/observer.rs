@@ -4,6 +4,11 @@ use crate::{event::EventRecord, hybrid::Mode, integrate::DenseStep};
 
 /// Watches a run. Every method may break it off; the run then ends with an outcome, not an error.
 pub trait Observer {
+    /// Whether it looks at steps. A run that shows none takes larger ones; its motion is the same.
+    fn wants_steps(&self) -> bool {
+        true
+    }
+
     /// A piece of smooth motion: the step, valid on `[0, until]`.
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let _ = (mode, step, until);
@@ -18,10 +23,18 @@ pub trait Observer {
 }
 
 /// Watches nothing.
-impl Observer for () {}
+impl Observer for () {
+    fn wants_steps(&self) -> bool {
+        false
+    }
+}
 
 /// Both watch; either may break off.
 impl<A: Observer, B: Observer> Observer for (A, B) {
+    fn wants_steps(&self) -> bool {
+        self.0.wants_steps() || self.1.wants_steps()
+    }
+
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let first = self.0.step(mode, step, until);
         self.1.step(mode, step, until)?;
@@ -37,6 +50,10 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
 
 /// Watches, or not.
 impl<T: Observer> Observer for Option<T> {
+    fn wants_steps(&self) -> bool {
+        self.as_ref().is_some_and(Observer::wants_steps)
+    }
+
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         self.as_mut().map_or(ControlFlow::Continue(()), |observer| observer.step(mode, step, until))
     }
@@ -47,6 +64,10 @@ impl<T: Observer> Observer for Option<T> {
 }
 
 impl<T: Observer + ?Sized> Observer for &mut T {
+    fn wants_steps(&self) -> bool {
+        (**self).wants_steps()
+    }
+
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         (**self).step(mode, step, until)
     }

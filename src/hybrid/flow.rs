@@ -28,6 +28,12 @@ pub trait JetField {
     /// guards in the step's own clock `θ`, and the largest `θ` up to which they hold to tolerance.
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet);
 
+    /// The way to the next event at once, into `leap`: to the one guard that falls, to the end of `request.span`, or as far as the field
+    /// knows it. `false` where it does not know, or where more than one guard may have to do with it: the series decide then.
+    fn leap(&self, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
+        false
+    }
+
     /// Puts the state at the end of a step back onto what the mode holds fixed, where rounding has moved it: contacts at rest.
     fn restore(&self, at: Instant, x: &mut [f64]) {}
 
@@ -48,6 +54,55 @@ pub trait JetField {
     fn show(&self, step: &Jet, what: Shown, series: &mut Vec<f64>) -> bool {
         false
     }
+}
+
+/// A guard's value and its error, in the guard's units, and the size of the terms it is the sum of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Known {
+    /// Which.
+    pub guard: GuardId,
+    /// Its value.
+    pub value: f64,
+    /// Bound on its error.
+    pub error: f64,
+    /// Size of the terms.
+    pub terms: f64,
+    /// At the start, its first three derivatives in time.
+    pub derivatives: [f64; 3],
+}
+
+/// A guard falls through zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passage {
+    /// Which.
+    pub guard: GuardId,
+    /// Its value at the place found.
+    pub residual: f64,
+    /// Its rate in time there, below zero.
+    pub slope: f64,
+    /// Bound on the error of its value.
+    pub error: f64,
+}
+
+/// What [`JetField::leap`] tells.
+#[derive(Clone, Debug, Default)]
+pub struct Leap {
+    /// How far, s.
+    pub time: f64,
+    /// The state there, `[dim]`.
+    pub x: Vec<f64>,
+    /// The largest size of each component on the way, `[dim]`: an estimate.
+    pub sizes: Vec<f64>,
+    /// As of [`JetField::carry`].
+    pub carried: Vec<f64>,
+    /// The guards at the start.
+    pub starts: Vec<Known>,
+    /// The guards at the end, where none falls there.
+    pub ends: Vec<Known>,
+    /// The guard that falls at the end, if one does. No other is near zero on the way.
+    pub passage: Option<Passage>,
+    /// The end is that of `request.span`.
+    pub is_bound: bool,
 }
 
 /// A quantity that measures ask of a step as a polynomial. Contacts by their number; units and signs as in

@@ -4,7 +4,7 @@ use std::ops::{BitAnd, BitOr, BitOrAssign, Sub};
 ///
 /// It is oriented: the interior of the mode is `g > 0`, and the guard fires where `g` falls through zero. What only
 /// watches is an observer, not a guard.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct GuardId(pub u16);
 
 /// Bits of a word of a [`GuardSet`].

@@ -74,6 +74,14 @@ impl Sub for Wide {
     }
 }
 
+impl Mul for Wide {
+    type Output = Self;
+    fn mul(self, o: Self) -> Self {
+        let p = Self::product(self.hi, o.hi);
+        Self::sum(p.hi, self.hi.mul_add(o.lo, self.lo.mul_add(o.hi, p.lo)))
+    }
+}
+
 impl Mul<f64> for Wide {
     type Output = Self;
     fn mul(self, b: f64) -> Self {

@@ -126,11 +126,23 @@ impl PerMode {
         let time = system.clock().period().map_or(arc, |t| t.value());
         rates.damped * time > STIFF_STEPS * PER_STEP && rates.oscillating < SLOWER * rates.damped
     }
+
+    /// Whether `mode` counts as stiff, once and for all.
+    fn pick(&mut self, system: &dyn HybridSystem, mode: &Mode, arc: f64) -> bool {
+        match self.picks.get(mode) {
+            Some(stiff) => *stiff,
+            None => *self.picks.entry(mode.clone()).or_insert(Self::is_stiff(system, mode, arc)),
+        }
+    }
 }
 
 impl Integrator for PerMode {
     fn name(&self) -> &'static str {
         "auto"
+    }
+
+    fn is_exact(&mut self, system: &dyn HybridSystem, mode: &Mode, arc: f64) -> bool {
+        !self.pick(system, mode, arc) && self.usual.is_exact(system, mode, arc)
     }
 
     fn integrate_arc(
@@ -142,11 +154,7 @@ impl Integrator for PerMode {
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError> {
         let time = system.clock().between(arc.at, arc.bound);
-        let stiff = match self.picks.get(arc.mode) {
-            Some(stiff) => *stiff,
-            None => *self.picks.entry(arc.mode.clone()).or_insert(Self::is_stiff(system, arc.mode, time)),
-        };
-        let chosen = if stiff { &mut self.stiff } else { &mut self.usual };
+        let chosen = if self.pick(system, arc.mode, time) { &mut self.stiff } else { &mut self.usual };
         chosen.integrate_arc(system, arc, end, low, visit)
     }
 

@@ -21,6 +21,7 @@ pub use choice::{Choice, PerMode, build};
 pub use radau::Tableau;
 use relay::Relay;
 pub use taylor::Taylor;
+pub(crate) use taylor::gathered;
 
 /// One accepted step with its dense output, in the step's own clock `θ ∈ [0, 1]`.
 #[allow(unused_variables, reason = "defaults that do nothing")]
@@ -113,6 +114,8 @@ pub struct Arc<'a> {
     pub still: &'a GuardSet,
     /// Where it ends unless the visitor stops it.
     pub bound: Instant,
+    /// Steps that the same arc has made before, and the largest size of each component at their starts; empty without any.
+    pub before: (u32, &'a [f64]),
 }
 
 /// Why an arc could not be integrated.
@@ -155,6 +158,7 @@ pub enum IntegrateError {
 }
 
 /// Integrates smooth arcs.
+#[allow(unused_variables, reason = "defaults that do nothing")]
 pub trait Integrator {
     /// Name for logs.
     fn name(&self) -> &'static str;
@@ -171,6 +175,11 @@ pub trait Integrator {
         low: &mut [f64],
         visit: &mut dyn FnMut(&dyn DenseStep) -> ControlFlow<()>,
     ) -> Result<(), IntegrateError>;
+    /// Whether `mode` is left to the series of its motion, to rounding: the motion may then tell its way to the next event at once.
+    /// `arc` is how long the arc at hand is at most, s.
+    fn is_exact(&mut self, system: &dyn HybridSystem, mode: &Mode, arc: f64) -> bool {
+        false
+    }
     /// The integrator each mode met so far got, where the choice is made mode by mode; empty elsewhere.
     fn chosen(&self) -> Vec<(Mode, &'static str)> {
         Vec::new()

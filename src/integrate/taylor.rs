@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::{Arc, DenseStep, IntegrateError, Integrator, in_plain_time};
 use crate::{
-    hybrid::{GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Shown, Wide},
+    hybrid::{GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Shown, Wide},
     poly,
 };
 
@@ -90,6 +90,15 @@ const ARC_ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// step, and each term of an acceleration is a product.
 const WEIGHTS: [f64; 3] = [4.0, 2.0, 2.0];
 
+/// Rounding that a guard may have gathered at the time `t` of an arc's step number `count`: see [`DenseStep::gathered`]. `sizes` are those
+/// of the terms of its value, rate and acceleration.
+pub(crate) fn gathered([value, rate, acceleration]: [f64; 3], count: u32, t: f64, zeros: usize) -> f64 {
+    let terms = [WEIGHTS[0] * value, WEIGHTS[1] * rate * t, WEIGHTS[2] * 0.5 * acceleration * t * t];
+    // The third derivative is never known exactly: the time at which an acceleration is zero is rounded.
+    let known = if count == 1 { zeros.min(2) } else { 0 };
+    ARC_ROUNDING * f64::from(count).sqrt() * terms.iter().skip(known).sum::<f64>()
+}
+
 struct Step<'a> {
     start: Instant,
     jet: &'a Jet,
@@ -147,12 +156,8 @@ impl DenseStep for Step<'_> {
         }
     }
     fn gathered(&self, i: usize, theta: f64, zeros: usize) -> f64 {
-        let [value, rate, acceleration] = self.field.term_sizes(self.jet.guards[i], self.jet, self.extent);
-        let t = self.time(theta);
-        let terms = [WEIGHTS[0] * value, WEIGHTS[1] * rate * t, WEIGHTS[2] * 0.5 * acceleration * t * t];
-        // The third derivative is never known exactly: the time at which an acceleration is zero is rounded.
-        let known = if self.count == 1 { zeros.min(2) } else { 0 };
-        ARC_ROUNDING * f64::from(self.count).sqrt() * terms.iter().skip(known).sum::<f64>()
+        let sizes = self.field.term_sizes(self.jet.guards[i], self.jet, self.extent);
+        gathered(sizes, self.count, self.time(theta), zeros)
     }
     fn carry(&self, theta: f64, carried: &mut Vec<f64>) {
         carried.clear();
@@ -182,6 +187,10 @@ impl Integrator for Taylor {
         "taylor"
     }
 
+    fn is_exact(&mut self, _: &dyn HybridSystem, _: &Mode, _: f64) -> bool {
+        !self.varied
+    }
+
     fn integrate_arc(
         &mut self,
         system: &dyn HybridSystem,
@@ -201,9 +210,10 @@ impl Integrator for Taylor {
         low.fill(0.0);
         low[..arc.low.len()].copy_from_slice(arc.low);
         let (mut at, mut pinned, mut still) = (arc.at, arc.pinned, arc.still);
+        let (mut count, before) = arc.before;
         extent.clear();
+        extent.extend_from_slice(before);
         extent.resize(x.len(), 0.0);
-        let mut count = 0;
         loop {
             let span = clock.between(at, arc.bound);
             // Instants are pairs of doubles: what is left below their rounding is no time at all.

@@ -193,6 +193,18 @@ impl Growth {
     }
 }
 
+impl Growth {
+    /// Ω, 1/s.
+    pub fn frequency(&self) -> f64 {
+        self.norms[0].sqrt()
+    }
+
+    /// L, 1/s.
+    pub fn rate(&self) -> f64 {
+        self.frequency() + self.norms[1]
+    }
+}
+
 /// Sums `term` over the contacts at rest; `norm` is the weighted acceleration that the multipliers answer a unit of
 /// contact `k`'s free acceleration with, `max_i Σ_j √M_ii |M⁻¹g_j|_i |W⁻¹|_jk`.
 fn project_norms(s: &Structure, held: &Sticking, term: impl Fn(usize, f64) -> f64) -> f64 {

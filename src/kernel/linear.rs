@@ -8,14 +8,9 @@
 use super::{Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STIFFNESS, motion::Part, product, waves};
 use crate::{
     hybrid::Jet,
+    poly::fused,
     system::{Elasticity, Force, Spring, Watch},
 };
-
-/// `a b + c`, in one instruction where there is one.
-#[inline(always)]
-fn fused(a: f64, b: f64, c: f64) -> f64 {
-    if cfg!(target_feature = "fma") { a.mul_add(b, c) } else { a * b + c }
-}
 
 /// The laws of four contacts, as `F = stiffness · (δ − σ b) + damping · δ̇`; zero where none is carried.
 #[derive(Clone, Copy, Debug, Default)]

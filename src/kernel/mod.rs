@@ -14,17 +14,19 @@
 mod bound;
 mod defect;
 mod guards;
+mod leap;
 mod linear;
 mod low;
 mod motion;
 mod plain;
+mod propagator;
 mod rooted;
 mod rows;
 
 use bound::Tail;
 use motion::Motion;
 
-use crate::hybrid::{GuardId, Instant, Jet, JetField, JetRequest, Shown};
+use crate::hybrid::{GuardId, Instant, Jet, JetField, JetRequest, Leap, Shown};
 use crate::system::{ContactMode, Elasticity, Force, Structure, Watch, Wave, dot, guard_id};
 
 /// Highest power of a step.
@@ -165,6 +167,11 @@ impl JetField for Motion<'_> {
         e.guards(owner, &tail, out);
     }
 
+    fn leap(&self, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
+        let propagator = self.propagator.get_or_init(|| self.propagate());
+        propagator.as_ref().is_some_and(|propagator| propagator.leap(self, request, leap))
+    }
+
     fn term_sizes(&self, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
         self.guard_sizes(id, step, x)
     }
@@ -200,6 +207,19 @@ impl JetField for Motion<'_> {
             let is_small = stretch.abs() < SMALL_STRETCH * self.structure.deflection_size(c, &step.state);
             if is_small { stretch } else { f64::NAN }
         }));
+    }
+}
+
+impl Motion<'_> {
+    /// `δ − σ b` of contact `j` where its force is exactly zero, for the `stretch` that the state gives to within `rounding`.
+    fn forceless(&self, j: usize, at: Instant, stretch: f64, rounding: f64, rate: impl FnOnce() -> f64) -> f64 {
+        let Some(Force::Linear { stiffness, damping }) = self.parts[j].force() else { return stretch };
+        let k = self.structure.stiffness_at(j, stiffness, at).0;
+        if k <= 0.0 {
+            return stretch;
+        }
+        let forceless = -damping * rate() / k;
+        if damping == 0.0 || (forceless - stretch).abs() <= rounding { forceless } else { stretch }
     }
 }
 
@@ -263,14 +283,8 @@ impl Expansion<'_> {
     fn forceless(&self, j: usize, side: f64, work: &[f64]) -> f64 {
         let (c, request) = (&self.s.contacts[j], self.request);
         let stretch = work[self.layout.deflection(j, 0)] - side * c.offset();
-        let Some(Force::Linear { stiffness, damping }) = self.motion.parts[j].force() else { return stretch };
-        let k = self.s.stiffness_at(j, stiffness, request.at).0;
-        if k <= 0.0 {
-            return stretch;
-        }
-        let forceless = -damping * self.rate(j, 0, &request.x[self.s.n..], work) / k;
         let rounding = guards::ROUNDING * self.s.deflection_size(c, request.x);
-        if damping == 0.0 || (forceless - stretch).abs() <= rounding { forceless } else { stretch }
+        self.motion.forceless(j, request.at, stretch, rounding, || self.rate(j, 0, &request.x[self.s.n..], work))
     }
 
     fn pinned(&self, j: usize, watch: Watch) -> bool {

@@ -1,9 +1,12 @@
 //! A mode, compiled: what every contact does, what is watched, and how fast it can move. An arc reads this and no law.
 
+use std::cell::OnceCell;
+
 use super::{
     Layout,
     bound::{Forcing, Growth},
     linear::{Four, LARGEST},
+    propagator::Propagator,
 };
 use crate::{
     hybrid::{GuardId, JetField, Mode},
@@ -72,6 +75,8 @@ pub(super) struct Motion<'s> {
     pub(super) is_varying: bool,
     /// The contacts four at a time.
     pub(super) fours: Box<[Four]>,
+    /// Formed when it is first asked for.
+    pub(super) propagator: OnceCell<Option<Propagator>>,
 }
 
 impl<'s> Motion<'s> {
@@ -100,6 +105,7 @@ impl<'s> Motion<'s> {
             fours: Four::all(&parts),
             held,
             parts,
+            propagator: OnceCell::new(),
         }
     }
 }

@@ -59,7 +59,7 @@ pub(super) struct Bernstein {
 }
 
 /// `1/C(n, k)`.
-static INVERSE_BINOMIALS: [[f64; MAX_DEGREE + 1]; MAX_DEGREE + 1] = {
+pub(super) static INVERSE_BINOMIALS: [[f64; MAX_DEGREE + 1]; MAX_DEGREE + 1] = {
     let mut table = [[0.0; MAX_DEGREE + 1]; MAX_DEGREE + 1];
     let mut n = 0;
     while n <= MAX_DEGREE {

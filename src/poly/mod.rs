@@ -6,11 +6,19 @@
 mod bernstein;
 mod chebyshev;
 mod extremes;
+mod falling;
 mod first_root;
 
 pub(crate) use chebyshev::{CHEBYSHEV, Chebyshev, DEGREE};
 pub use extremes::extremes;
+pub(crate) use falling::{LENGTH, Pattern, Place, Row, fall, halve, pattern};
 pub use first_root::{FirstRoot, Isolation, first_root};
+
+/// `a b + c`, in one instruction where there is one.
+#[inline(always)]
+pub(crate) fn fused(a: f64, b: f64, c: f64) -> f64 {
+    if cfg!(target_feature = "fma") { a.mul_add(b, c) } else { a * b + c }
+}
 
 /// `p(x)` by Horner's rule.
 #[must_use]

@@ -83,6 +83,10 @@ impl Modes<'_> {
 }
 
 impl Observer for Modes<'_> {
+    fn wants_steps(&self) -> bool {
+        false
+    }
+
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
         self.turn(record.at, &record.to, &record.x_plus);
         ControlFlow::Continue(())

@@ -227,6 +227,10 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
 }
 
 impl<S: HybridSystem + ContactView> Observer for Verifier<'_, S> {
+    fn wants_steps(&self) -> bool {
+        false
+    }
+
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
         (0..CHECKS.len()).for_each(|check| self.take(check, record));
         if self.difference.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }

@@ -10,6 +10,7 @@ mod endings;
 mod first_root;
 mod frequencies;
 mod isolation;
+mod leaps;
 mod release;
 mod rest;
 mod schedule;

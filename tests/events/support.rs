@@ -27,6 +27,10 @@ pub struct Log {
 }
 
 impl Observer for Log {
+    fn wants_steps(&self) -> bool {
+        false
+    }
+
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
         self.records.push(record.clone());
         if self.stop_after.is_some_and(|n| self.records.len() >= n) {

@@ -38,10 +38,16 @@ fn l11_equal_contacts_that_meet_together_are_one_record() {
         let one = run(&copies(1, law), &[-1.0], &[0.2], 12.0);
         for n in [2, 3, 5, 8] {
             let many = run(&copies(n, law), &vec![-1.0; n], &vec![0.2; n], 12.0);
-            assert_eq!(many.times(), one.times());
-            for (a, b) in many.events().iter().zip(one.events()) {
+            assert_eq!(many.events().len(), one.events().len());
+            for (i, (a, b)) in many.events().iter().zip(one.events()).enumerate() {
                 assert_eq!(a.fired.len(), n);
-                assert!(a.x_plus[..n].iter().all(|x| *x == b.x_plus[0]));
+                assert!(a.x_plus[..n].iter().all(|x| *x == a.x_plus[0]));
+                // One mass alone may leap where many take steps: each event rounds once more.
+                let rounding = 8.0 * (i + 1) as f64 * f64::EPSILON;
+                assert!(
+                    (a.x_plus[0] - b.x_plus[0]).abs() <= rounding
+                        && (many.times()[i] - one.times()[i]).abs() <= 12.0 * rounding
+                );
             }
         }
     }

@@ -1,0 +1,189 @@
+//! Arcs whose motion tells its way at once: no series, no search, one guard that falls alone.
+//!
+//! What happens at an instant is decided as on any step ([`visit`](super::visit)): a leap is taken where nothing is left to decide, because
+//! exactly one guard falls and all others are clear of zero. Everything else is left to the steps.
+
+use std::ops::ControlFlow;
+
+use smallvec::SmallVec;
+
+use super::{
+    EngineError, Observer, Outcome,
+    chatter::Flight,
+    state::Point,
+    visit::{Arrival, Core, End, Place},
+};
+use crate::{
+    event::{Conditioning, Located},
+    hybrid::{GuardId, GuardSet, Instant, Jet, JetField, JetRequest, Leap, Passage},
+    integrate::{Arc, Integrator, Taylor, gathered},
+};
+
+/// What leaps need.
+#[derive(Default)]
+pub(super) struct Leaps {
+    leap: Leap,
+    /// The largest size of each component on the arc's leaps so far.
+    extent: Vec<f64>,
+    /// Leaps of the arc so far.
+    count: u32,
+    /// Shows observers the steps that a leap has not made.
+    shown: Taylor,
+    end: [Vec<f64>; 2],
+}
+
+impl Leaps {
+    /// Leaps from `point` up to `bound`, as far as `motion` tells its way. What ends the arc; `None` where steps have to go on, from
+    /// where `point` is then.
+    pub fn arc(
+        &mut self,
+        core: &mut Core<'_>,
+        motion: &dyn JetField,
+        point: &mut Point,
+        bound: Instant,
+        arrival: Arrival,
+        observer: &mut dyn Observer,
+    ) -> Result<Option<End>, EngineError> {
+        let clock = *core.system.clock();
+        if arrival == Arrival::Record || !point.state.jump.still.is_empty() {
+            return Ok(None);
+        }
+        self.count = 0;
+        self.extent.clear();
+        self.extent.resize(point.state.x.len(), 0.0);
+        loop {
+            let Point { state, low, carried } = &mut *point;
+            let (pinned, still) = (&state.jump.pinned, &state.jump.still);
+            let (at, span) = (state.at, clock.between(state.at, bound));
+            let request = JetRequest { at, x: &state.x, low, pinned, still, carried, span, tolerance: 0.0 };
+            if !motion.leap(&request, &mut self.leap) {
+                return Ok(None);
+            }
+            self.extent.iter_mut().zip(&self.leap.sizes).for_each(|(e, size)| *e = e.max(*size));
+            core.counters.steps += 1;
+            core.counters.arcs += u64::from(self.count == 0);
+            core.alarm.start_leap(core.system, at, &self.leap, self.count == 0)?;
+            if self.count == 0 {
+                match core.pass(Place { state, bound, arrival }, observer) {
+                    Ok(true) => {
+                        if let Some(end) = self.rests(core, at, span) {
+                            return Ok(Some(end));
+                        }
+                    }
+                    Ok(false) => {}
+                    Err(outcome) => return Ok(Some(End::Stop(outcome))),
+                }
+            }
+            self.count += 1;
+            let end = if self.leap.is_bound { bound } else { clock.advance(at, self.leap.time) };
+            if observer.wants_steps()
+                && let Some(end) = self.show(core, motion, point, end, observer)?
+            {
+                return Ok(Some(end));
+            }
+            let (leap, Point { state, carried, .. }) = (&mut self.leap, &mut *point);
+            let mode = &state.jump.mode;
+            // From an exact zero on, the error of the arc's first leap says it all.
+            let is_zero = |id| leap.starts.iter().any(|known| known.guard == id && known.value == 0.0);
+            let gathered = |id| {
+                if self.count == 1 && is_zero(id) {
+                    return 0.0;
+                }
+                gathered(motion.term_sizes(id, &Jet::default(), &self.extent), self.count, leap.time, 0)
+            };
+            let ended = match leap.passage {
+                Some(passage) => {
+                    let gathered = gathered(passage.guard);
+                    core.alarm.event_leap(core.system, mode, &passage, gathered, (end, &leap.x))?;
+                    Some(End::Event(located(&passage, leap.time, gathered)))
+                }
+                None => {
+                    core.alarm.end_leap(mode, leap, gathered);
+                    leap.is_bound.then_some(End::Bound)
+                }
+            };
+            state.at = end;
+            std::mem::swap(&mut state.x, &mut leap.x);
+            std::mem::swap(carried, &mut leap.carried);
+            state.jump.pinned = GuardSet::default();
+            if ended.is_some() {
+                return Ok(ended);
+            }
+        }
+    }
+
+    /// The end of an impact sequence, `span` before the arc ends.
+    fn rests(&self, core: &mut Core<'_>, start: Instant, span: f64) -> Option<End> {
+        let starts = &self.leap.starts;
+        let guards: SmallVec<[GuardId; 8]> = starts.iter().map(|known| known.guard).collect();
+        let flight = Flight {
+            start,
+            guards: &guards,
+            derivatives: &|i| Some(starts[i].derivatives),
+            rounding: &|i| starts[i].error,
+            is_estimate: false,
+        };
+        core.rests(&flight, span)
+    }
+
+    /// What the last arc has behind it, for the steps that go on with it.
+    pub fn before(&self) -> (u32, &[f64]) {
+        if self.count == 0 { (0, &[]) } else { (self.count, &self.extent) }
+    }
+
+    /// Shows the observer the motion up to `end`.
+    fn show(
+        &mut self,
+        core: &mut Core<'_>,
+        motion: &dyn JetField,
+        point: &mut Point,
+        end: Instant,
+        observer: &mut dyn Observer,
+    ) -> Result<Option<End>, EngineError> {
+        let Point { state, low, carried } = point;
+        let jump = &state.jump;
+        let arc = Arc {
+            mode: &jump.mode,
+            motion: Some(motion),
+            at: state.at,
+            x: &state.x,
+            low: &[],
+            carried,
+            pinned: &jump.pinned,
+            still: &jump.still,
+            bound: end,
+            before: (0, &[]),
+        };
+        let [x, rest] = &mut self.end;
+        x.clone_from(&state.x);
+        rest.clone_from(low);
+        let mut stopped = None;
+        let shown = self.shown.integrate_arc(core.system, &arc, x, rest, &mut |step| {
+            if observer.step(&jump.mode, step, 1.0).is_continue() {
+                return ControlFlow::Continue(());
+            }
+            stopped = Some(core.system.clock().advance(step.start(), step.time(1.0)));
+            step.state(1.0, &mut self.leap.x);
+            ControlFlow::Break(())
+        });
+        shown.map_err(|source| EngineError::Integrate { mode: core.system.mode_in_words(&jump.mode), source })?;
+        let Some(at) = stopped else { return Ok(None) };
+        state.at = at;
+        std::mem::swap(&mut state.x, &mut self.leap.x);
+        carried.clear();
+        (state.jump.pinned, state.jump.still) = Default::default();
+        Ok(Some(End::Stop(Outcome::StoppedByObserver)))
+    }
+}
+
+/// The event at the end of a leap of `time` seconds.
+fn located(passage: &Passage, time: f64, gathered: f64) -> Located {
+    let guard = GuardSet::from_iter([passage.guard]);
+    let conditioning = Conditioning {
+        residual: passage.residual,
+        slope: passage.slope,
+        time: f64::EPSILON * time + (passage.error + gathered) / passage.slope.abs(),
+        estimated: false,
+    };
+    Located { theta: 1.0, fired: guard.clone(), zero: guard, near: GuardSet::default(), conditioning }
+}

@@ -1,0 +1,342 @@
+//! The way of a linear mode to its next event, by its propagator: `docs/EVENTS.md`, line 38.
+//!
+//! A guard is a value at the start and a row that is added to it. From an exact zero on the row alone is searched. Where the signs of
+//! all guards' coefficients are those of no zero or of one fall, the first fall is the event, unless another one or the bound is too near
+//! to tell which comes first. In every other case the series of the mode decide.
+#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
+
+use smallvec::SmallVec;
+
+use super::{
+    Motion, SMALL_STRETCH,
+    guards::ROUNDING,
+    motion::Watched,
+    propagator::{COUNT, DEGREE, Input, MOST, Propagator, WHOLE},
+};
+use crate::{
+    hybrid::{JetRequest, Known, Leap, Passage},
+    poly::{self, LENGTH, Pattern, Place, Row, fused},
+    system::{ContactMode, Elasticity, Force, Watch, Wave, dot, guard_id},
+};
+
+/// Times a span is halved before the signs count as undecided.
+const HALVINGS: usize = 3;
+/// Contacts that need no allocation.
+const FEW: usize = 4;
+/// Widest fall that counts as decided, in spans.
+const SHARP: f64 = 1e-6;
+/// Times their widths that two falls, or a fall and the bound, are apart.
+const APART: f64 = 8.0;
+/// Times the error of a row that values formed afresh at its ends may differ.
+const AFRESH: f64 = 4.0;
+
+/// `Σ columns_i z_i`.
+#[inline(always)]
+fn combine(columns: &[[f64; COUNT]], z: &[f64]) -> Row {
+    let mut sum = [0.0; COUNT];
+    for (column, z) in columns.iter().zip(z) {
+        for i in 0..COUNT {
+            sum[i] = fused(column[i], *z, sum[i]);
+        }
+    }
+    let mut row = [0.0; LENGTH];
+    row[..COUNT].copy_from_slice(&sum);
+    row
+}
+
+/// Where a contact is at the start of a span.
+struct Start {
+    deflection: f64,
+    /// `δ − σ b` from its own flank; of a separated contact from the flank that it has left, where that is known (else NaN).
+    stretch: f64,
+    /// What the stretch is known to.
+    error: f64,
+}
+
+/// A guard on a span: Bernstein coefficients on the part of it that is looked at, of the guard over θ if it starts at an exact zero.
+struct Guard {
+    b: Row,
+    degree: usize,
+    /// Its value at the start, and the sign that its row has in it.
+    start: f64,
+    sign: f64,
+    /// Error of the value at the start, and of the coefficients that are added to it.
+    errors: [f64; 2],
+    pattern: Pattern,
+}
+
+impl Guard {
+    #[inline(always)]
+    fn new(start: f64, sign: f64, row: &Row, errors: [f64; 2]) -> Self {
+        let mut b = [0.0; LENGTH];
+        let degree = if start == 0.0 { DEGREE } else { WHOLE };
+        if start == 0.0 {
+            b.iter_mut().zip(row).for_each(|(b, d)| *b = sign * d);
+        } else {
+            // θ Σ d_i B_i raises the degree by one: coefficient i is i/n of d_{i−1}.
+            b[0] = start;
+            for (i, (b, d)) in b[1..=WHOLE].iter_mut().zip(row).enumerate() {
+                *b = start + sign * d * SHARES[i];
+            }
+        }
+        let pattern = poly::pattern(&b[..=degree], errors[0] + errors[1]);
+        Self { b, degree, start, sign, errors, pattern }
+    }
+
+    fn halve(&mut self) {
+        if self.pattern != Pattern::Clear {
+            let b = &mut self.b[..=self.degree];
+            poly::halve(b);
+            self.pattern = poly::pattern(b, self.errors[0] + self.errors[1]);
+        }
+    }
+
+    /// Where on the span the guard falls, on the first `part` of it.
+    fn fall(&self, index: usize, part: f64) -> Option<Fall> {
+        let (place, [value, slope]) = poly::fall(&self.b, self.degree)?;
+        let (theta, slope) = (place * part, slope / part);
+        let error = self.errors[0] + theta * self.errors[1];
+        let is_deflated = self.degree == DEGREE;
+        let [value, slope] = if is_deflated { [theta * value, value + theta * slope] } else { [value, slope] };
+        Some(Fall { index, theta, value, slope, error })
+    }
+}
+
+/// `(i + 1)/WHOLE`.
+const SHARES: [f64; WHOLE] = {
+    let mut shares = [0.0; WHOLE];
+    let mut i = 0;
+    while i < WHOLE {
+        shares[i] = (i + 1) as f64 / WHOLE as f64;
+        i += 1;
+    }
+    shares
+};
+
+/// A guard falls through zero: value and slope by θ, and the error of the value.
+#[derive(Clone, Copy)]
+struct Fall {
+    index: usize,
+    theta: f64,
+    value: f64,
+    slope: f64,
+    error: f64,
+}
+
+impl Fall {
+    fn width(&self) -> f64 {
+        self.error / self.slope.abs()
+    }
+}
+
+/// The first fall on the first `part` of a span and before the `bound`, and where the leap ends; `None` if that is not decided.
+fn first_fall(guards: &[Guard], part: f64, bound: f64) -> Option<(Option<Fall>, f64)> {
+    let (mut first, mut later): (Option<Fall>, f64) = (None, f64::INFINITY);
+    let earliest = |fall: &Fall| fall.theta - APART * fall.width();
+    for (i, guard) in guards.iter().enumerate() {
+        let fall = match guard.pattern {
+            Pattern::Clear => continue,
+            Pattern::Unclear => return None,
+            Pattern::Falls => guard.fall(i, part),
+        };
+        let fall = fall.filter(|fall| fall.slope < 0.0 && fall.width() <= SHARP)?;
+        match &mut first {
+            Some(first) if fall.theta >= first.theta => later = later.min(earliest(&fall)),
+            first => {
+                later = first.as_ref().map_or(later, |other| later.min(earliest(other)));
+                *first = Some(fall);
+            }
+        }
+    }
+    let limit = part.min(bound);
+    match first.filter(|fall| earliest(fall) <= limit) {
+        None => Some((None, limit)),
+        // At the instant of another one, or of the bound, it is not decided here what happens.
+        Some(fall) if fall.theta + APART * fall.width() >= later.min(bound) || fall.theta > limit => None,
+        Some(fall) => Some((Some(fall), fall.theta)),
+    }
+}
+
+impl Propagator {
+    /// The first three derivatives in time of `θ Σ d_i B_i` at the start.
+    fn derivatives(&self, d: &Row) -> [f64; 3] {
+        let (n, rate) = (DEGREE as f64, self.span.recip());
+        let [first, second] = [d[1] - d[0], d[2] - 2.0 * d[1] + d[0]];
+        [d[0] * rate, 2.0 * n * first * rate * rate, 3.0 * n * (n - 1.0) * second * rate * rate * rate]
+    }
+
+    /// Where contact `j` starts, `deflection` away from its middle by the state.
+    fn start(&self, motion: &Motion, request: &JetRequest<'_>, j: usize, deflection: f64) -> Start {
+        let (c, part) = (&motion.structure.contacts[j], &motion.parts[j]);
+        let is_open = part.state == ContactMode::Separated;
+        let flank = |watch: Watch| request.pinned.contains(guard_id(j, watch)).then_some(watch.side() * c.gap());
+        if let Some(flank) = flank(Watch::DriveFlank).or_else(|| flank(Watch::BackFlank)) {
+            let stretch = if is_open { 0.0 } else { flank - part.side * c.offset() };
+            return Start { deflection: flank, stretch, error: 0.0 };
+        }
+        let size = motion.structure.deflection_size(c, request.x);
+        match request.carried.get(j).copied().filter(|stretch| !stretch.is_nan()) {
+            Some(stretch) => Start { deflection, stretch, error: ROUNDING * stretch.abs() },
+            None if is_open => Start { deflection, stretch: f64::NAN, error: ROUNDING * size },
+            None => Start { deflection, stretch: deflection - part.side * c.offset(), error: ROUNDING * size },
+        }
+    }
+
+    /// Value of a guard at the start, the sign of its row, and the error of the value.
+    fn guard(
+        &self,
+        motion: &Motion,
+        request: &JetRequest<'_>,
+        watched: &Watched,
+        start: &Start,
+        rate: f64,
+    ) -> [f64; 3] {
+        let Watched { id, contact: j, watch, sign } = *watched;
+        let (s, part) = (motion.structure, &motion.parts[j]);
+        let c = &s.contacts[j];
+        if watch == Watch::Force {
+            let Some(Force::Linear { stiffness: Elasticity::Constant(k), damping }) = part.force() else {
+                return [f64::NAN; 3];
+            };
+            let along = sign * part.side;
+            if request.pinned.contains(id) {
+                return [0.0, along, 0.0];
+            }
+            let error = k * start.error + ROUNDING * damping * s.rate_size(c, request.x);
+            return [along * (k * start.stretch + damping * rate), along, error];
+        }
+        let along = if watch == Watch::DriveFlank { -sign } else { sign };
+        if part.side != 0.0 {
+            return [part.side * start.stretch, along, start.error];
+        }
+        if request.pinned.contains(id) {
+            return [0.0, along, 0.0];
+        }
+        let by_state = c.gap() + along * start.deflection;
+        // Of two flanks it is the near one that the distance is known of.
+        let known = along * start.stretch;
+        let is_known = (known - by_state).abs() < c.gap() || !c.has_back();
+        if is_known && known != 0.0 && !known.is_nan() {
+            [known, along, start.error]
+        } else {
+            [by_state, along, ROUNDING * s.deflection_size(c, request.x)]
+        }
+    }
+
+    /// The way from `request` to the first event, to the bound or to the end of the span; `false` where the signs do not decide.
+    pub fn leap(&self, motion: &Motion, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
+        let s = motion.structure;
+        let (n, x) = (s.n, request.x);
+        let mut oscillators = [[0.0; 2]; MOST];
+        s.oscillate(request.at, |i, cosine, sine| oscillators[i] = [cosine, sine]);
+        let wave = |w: &[Wave]| {
+            w.iter().fold(0.0, |sum, w| sum + w.cosine * oscillators[w.index][0] + w.sine * oscillators[w.index][1])
+        };
+        let rate = |j: usize| dot(&s.contacts[j].direction, &x[n..]) - wave(&s.contacts[j].error_rate);
+        let mut starts: SmallVec<[Start; FEW]> = SmallVec::new();
+        for (j, c) in s.contacts.iter().enumerate() {
+            let deflection = dot(&c.direction, x) - (c.spec.error_offset + wave(&c.error));
+            starts.push(self.start(motion, request, j, deflection));
+            if request.pinned.contains(guard_id(j, Watch::Force)) {
+                let (start, error) = (&mut starts[j], ROUNDING * s.deflection_size(c, x));
+                let stretch = start.deflection - motion.parts[j].side * c.offset();
+                (start.stretch, start.error) = (motion.forceless(j, request.at, stretch, error, || rate(j)), error);
+            }
+        }
+        let mut z = [0.0; MOST];
+        for (z, input) in z.iter_mut().zip(&self.inputs) {
+            *z = match *input {
+                Input::Displacement(i) => x[i],
+                Input::Velocity(i) => x[n + i],
+                Input::Stretch(j) => starts[j].stretch,
+                Input::One => 1.0,
+                Input::Cosine(i) => oscillators[i][0],
+                Input::Sine(i) => oscillators[i][1],
+            };
+        }
+        let z = &z[..self.inputs.len()];
+        let mut rows: SmallVec<[(Row, f64); FEW]> = SmallVec::new();
+        for row in &self.rows {
+            let error = row.errors.iter().zip(z).fold(0.0, |sum, (e, z)| sum + e * z.abs());
+            rows.push((combine(&row.columns, z), error));
+        }
+        let mut guards: SmallVec<[Guard; FEW]> = SmallVec::new();
+        for (watched, row) in motion.guards.iter().zip(&self.guards) {
+            let (j, (row, error)) = (watched.contact, &rows[*row]);
+            let rate = if watched.watch == Watch::Force { rate(j) } else { 0.0 };
+            let [start, sign, rounding] = self.guard(motion, request, watched, &starts[j], rate);
+            // A zero by chance is no exact one.
+            if start == 0.0 && rounding > 0.0 {
+                return false;
+            }
+            guards.push(Guard::new(start, sign, row, [rounding, *error]));
+        }
+        let mut part = 1.0;
+        for _ in 0..HALVINGS {
+            if guards.iter().all(|g| g.pattern != Pattern::Unclear) {
+                break;
+            }
+            guards.iter_mut().for_each(Guard::halve);
+            part *= 0.5;
+        }
+        let bound = request.span / self.span;
+        let Some((fall, end)) = first_fall(&guards, part, bound) else { return false };
+        leap.is_bound = fall.is_none() && bound <= part;
+        leap.passage = fall.map(|fall| Passage {
+            guard: motion.guards[fall.index].id,
+            residual: fall.value,
+            slope: fall.slope / self.span,
+            error: fall.error,
+        });
+        let place = Place::new(end, DEGREE);
+        let weight = end * place.weight();
+        leap.x.clear();
+        leap.x.extend_from_slice(x);
+        leap.sizes.clear();
+        let reached = ((end * WHOLE as f64) as usize + 1).min(COUNT);
+        for (x, columns) in leap.x.iter_mut().zip(&self.state) {
+            let row = combine(columns, z);
+            // By its control points, coefficient i of degree n lying at i/n.
+            let points = row[..reached].iter().zip(&SHARES).map(|(d, share)| (*x + share * d).abs());
+            leap.sizes.push(points.fold(x.abs(), f64::max));
+            *x += weight * place.value(&row);
+        }
+        leap.time = end * self.span;
+        let added = |row: &Row| weight * place.value(row);
+        leap.starts.clear();
+        leap.starts.extend(motion.guards.iter().zip(&guards).zip(&self.guards).map(|((watched, guard), row)| {
+            let (c, size) = (&s.contacts[watched.contact], s.deflection_size(&s.contacts[watched.contact], x));
+            let size = match motion.parts[watched.contact].force() {
+                Some(Force::Linear { damping, .. }) if watched.watch == Watch::Force => {
+                    c.stiffest * size + damping * s.rate_size(c, x)
+                }
+                _ => size,
+            };
+            // As if nothing were known but the state: what follows from that over the span counts too.
+            let error = ROUNDING * size + AFRESH * guard.errors[1];
+            let derivatives = self.derivatives(&rows[*row].0).map(|d| guard.sign * d);
+            Known { guard: watched.id, value: guard.start, error, terms: guard.start.abs(), derivatives }
+        }));
+        leap.ends.clear();
+        leap.carried.clear();
+        if fall.is_none() || starts.len() > 1 {
+            leap.carried.extend(starts.iter().zip(&rows).enumerate().map(|(j, (start, (row, _)))| {
+                if start.stretch.is_nan() || motion.parts[j].is_bilateral() {
+                    return f64::NAN;
+                }
+                let stretch = start.stretch + added(row);
+                let is_small = stretch.abs() < SMALL_STRETCH * s.deflection_size(&s.contacts[j], &leap.x);
+                if is_small { stretch } else { f64::NAN }
+            }));
+        }
+        if fall.is_none() {
+            leap.ends.extend(motion.guards.iter().zip(&guards).zip(&self.guards).map(|((watched, guard), row)| {
+                let added = guard.sign * added(&rows[*row].0);
+                let terms = guard.start.abs() + added.abs();
+                let (value, error) = (guard.start + added, guard.errors[1]);
+                Known { guard: watched.id, value, error, terms, ..Known::default() }
+            }));
+        }
+        true
+    }
+}

@@ -1,0 +1,133 @@
+//! Arcs that a propagator covers at once: line 38.
+
+use std::ops::ControlFlow;
+
+use flank::{
+    engine::{Engine, Observer, Options},
+    event::EventRecord,
+    gear::{
+        Harmonic, Stiffness,
+        contact::{Law, Linear, Release, Rigid},
+    },
+    hybrid::Mode,
+    integrate::{DenseStep, Taylor},
+    system::Structure,
+    train::{Walled, Walls},
+};
+use proptest::prelude::*;
+
+use crate::support::{engine, run, state, walled};
+
+/// A mass between or before walls, driven at 1 rad/s.
+fn driven(law: Law, load: f64, amplitude: f64, phase: f64, damping: f64) -> Structure {
+    let walls = Walls::Above { position: 0.1 };
+    let load_harmonics = vec![Harmonic { omega: 1.0, amplitude, phase }];
+    walled(&Walled { load, load_harmonics, damping, ..Walled::new(1.0, walls, law, Stiffness::Constant(4.0)) })
+}
+
+fn laws() -> [Law; 4] {
+    [
+        Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection),
+        Law::KelvinVoigt(Linear { damping: 0.3 }, Release::Deflection),
+        Law::KelvinVoigt(Linear { damping: 0.3 }, Release::Force),
+        Law::Rigid(Rigid { restitution: 0.7 }),
+    ]
+}
+
+/// Keeps records, and compares the end of what it was shown with them.
+#[derive(Default)]
+struct Shown {
+    records: Vec<EventRecord>,
+    end: Vec<f64>,
+    worst: f64,
+}
+
+impl Observer for Shown {
+    fn step(&mut self, _: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        self.end.resize(2, 0.0);
+        step.state(until, &mut self.end);
+        ControlFlow::Continue(())
+    }
+
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        if !record.start {
+            let off = self.end.iter().zip(&record.x_minus).map(|(a, b)| (a - b).abs());
+            self.worst = off.fold(self.worst, f64::max);
+        }
+        self.records.push(record.clone());
+        ControlFlow::Continue(())
+    }
+}
+
+#[test]
+fn l38_an_arc_that_a_span_covers_is_one_step() {
+    for law in laws() {
+        let run = run(&driven(law, 0.3, 1.0, 0.4, 0.05), &[0.0], &[0.2], 100.0);
+        assert!(run.counters.events > 10, "{law:?}");
+        // A flight of a period is two spans of 4.5 rad; series of order 24 hold for 2.3 rad, of 4 rad/s in the contact.
+        assert!(run.counters.steps <= run.counters.arcs + run.counters.arcs / 2 + 16, "{law:?} {:?}", run.counters);
+    }
+}
+
+#[test]
+fn l38_an_observer_of_steps_changes_no_bit_of_the_motion() {
+    for law in laws() {
+        let system = driven(law, 0.3, 1.0, 0.4, 0.05);
+        let plain = run(&system, &[0.0], &[0.2], 100.0);
+        let mut shown = Shown::default();
+        let mut engine = engine(&system, state(&system, &[0.0], &[0.2]), Options::default());
+        engine.run(system.clock().instant(100.0), &mut shown).unwrap();
+        assert_eq!(shown.records, plain.records, "{law:?}");
+        assert_eq!(engine.state(), &plain.state);
+        // Displacements and speeds are of order one; two ways over an arc of some radians, a few units in the last place each.
+        assert!(shown.worst <= 64.0 * f64::EPSILON, "{law:?} {:e}", shown.worst);
+    }
+}
+
+/// One arc from the start, by series of another order and step rule.
+fn by_series(system: &Structure, q: f64, v: f64, end: f64) -> Option<EventRecord> {
+    let mut first = First(None);
+    let start = state(system, &[q], &[v]);
+    let mut engine = Engine::new(system, Box::new(Taylor::varied()), Options::default(), start);
+    engine.run(system.clock().instant(end), &mut first).unwrap();
+    first.0
+}
+
+struct First(Option<EventRecord>);
+
+impl Observer for First {
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        if record.start || record.graze {
+            return ControlFlow::Continue(());
+        }
+        self.0 = Some(record.clone());
+        ControlFlow::Break(())
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
+
+    /// The first event of a leap is that of the series, within the uncertainties that both state.
+    #[test]
+    fn l38_leaps_end_where_series_end(
+        which in 0..4usize, load in -0.5..1.5, amplitude in 0.0..3.0, phase in 0.0..6.3, damping in 0.001..0.5,
+        q in -0.5..0.1, v in -1.0..1.0,
+    ) {
+        let system = driven(laws()[which], load, amplitude, phase, damping);
+        let mut first = First(None);
+        let mut engine = engine(&system, state(&system, &[q], &[v]), Options::default());
+        engine.run(system.clock().instant(12.0), &mut first).unwrap();
+        let other = by_series(&system, q, v, 12.0);
+        match (first.0, other) {
+            (None, None) => {}
+            (Some(a), Some(b)) => {
+                prop_assert_eq!(&a.fired, &b.fired);
+                prop_assert_eq!(&a.to, &b.to);
+                let apart = system.clock().between(a.at, b.at).abs();
+                prop_assert!(apart <= a.conditioning.time + b.conditioning.time, "{:e} {:e} {:e}", apart, a.conditioning.time, b.conditioning.time);
+            }
+            (a, b) => prop_assert!(false, "{:?} {:?}", a.map(|a| a.at), b.map(|b| b.at)),
+        }
+    }
+}
