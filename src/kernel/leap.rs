@@ -3,9 +3,9 @@
 //! A guard is a value at the start and a row that is added to it. From an exact zero on the row alone is searched. Where the signs of
 //! all guards' coefficients are those of no zero or of one fall, the first fall is the event, unless another one or the bound is too near
 //! to tell which comes first. In every other case the series of the mode decide.
-#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
 use smallvec::SmallVec;
+use wide::f64x4;
 
 use super::{
     Motion, SMALL_STRETCH,
@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     hybrid::{JetRequest, Known, Leap, Passage},
-    poly::{self, LENGTH, Pattern, Place, Row, fused},
+    poly::{self, LENGTH, Pattern, Place, Row},
     system::{ContactMode, Elasticity, Force, Watch, Wave, dot, guard_id},
 };
 
@@ -33,14 +33,15 @@ const AFRESH: f64 = 4.0;
 /// `Σ columns_i z_i`.
 #[inline(always)]
 fn combine(columns: &[[f64; COUNT]], z: &[f64]) -> Row {
-    let mut sum = [0.0; COUNT];
+    let mut sum = [f64x4::ZERO; COUNT / 4];
     for (column, z) in columns.iter().zip(z) {
-        for i in 0..COUNT {
-            sum[i] = fused(column[i], *z, sum[i]);
+        let z = f64x4::splat(*z);
+        for (sum, four) in sum.iter_mut().zip(column.as_chunks::<4>().0) {
+            *sum = f64x4::new(*four).mul_add(z, *sum);
         }
     }
     let mut row = [0.0; LENGTH];
-    row[..COUNT].copy_from_slice(&sum);
+    row.as_chunks_mut::<4>().0.iter_mut().zip(sum).for_each(|(row, sum)| *row = sum.to_array());
     row
 }
 

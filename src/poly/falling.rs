@@ -1,7 +1,9 @@
 //! Bernstein polynomials on `[0, 1]` in rows of fixed length: their values, and the zero of one that falls once, told by the signs of its
 //! coefficients.
 
-use super::{bernstein::INVERSE_BINOMIALS, fused};
+use wide::f64x4;
+
+use super::bernstein::INVERSE_BINOMIALS;
 
 /// Room of a row: whole vectors of four. A row of degree n has n + 1 coefficients, the others are zero.
 pub(crate) const LENGTH: usize = 24;
@@ -56,7 +58,6 @@ static BINOMIALS: [Row; LENGTH] = {
 
 /// The Bernstein polynomials of one degree at a place: `B_i(t) = C(n, i) tⁱ (1 − t)ⁿ⁻ⁱ`.
 pub(crate) struct Place {
-    t: f64,
     /// Without the factor that is `weight`.
     basis: Row,
     nearer: f64,
@@ -72,64 +73,47 @@ impl Place {
         let (is_left, t) = (t <= 0.5, 1.0 - rest);
         let (u, nearer) = if is_left { (t / rest, rest) } else { (rest / t, t) };
         let square = u * u;
-        let mut powers = [1.0, u, square, square * u];
-        let fourth = square * square;
+        let (mut powers, fourth) = (f64x4::new([1.0, u, square, square * u]), f64x4::splat(square * square));
         let mut basis = [0.0; LENGTH];
         for four in basis.as_chunks_mut::<4>().0 {
-            *four = powers;
-            powers.iter_mut().for_each(|p| *p *= fourth);
+            *four = powers.to_array();
+            powers *= fourth;
         }
         if !is_left {
             basis[..=n].reverse();
         }
         basis.iter_mut().zip(&BINOMIALS[n]).for_each(|(b, binomial)| *b *= binomial);
-        Self { t, basis, nearer, n }
+        Self { basis, nearer, n }
     }
 
-    /// What [`value`](Self::value) leaves out: `(1 − t)ⁿ`, or `tⁿ` nearer to that end, by squares, each with its rounding.
+    /// What [`value`](Self::value) leaves out: `(1 − t)ⁿ`, or `tⁿ` nearer to that end.
     pub fn weight(&self) -> f64 {
-        let product = |a: [f64; 2], b: [f64; 2]| {
-            let high = a[0] * b[0];
-            [high, a[0].mul_add(b[0], -high) + (a[0] * b[1] + a[1] * b[0])]
-        };
-        let (mut power, mut square, mut n) = ([1.0, 0.0], [self.nearer, 0.0], self.n);
-        while n > 0 {
-            if n % 2 == 1 {
-                power = product(power, square);
-            }
-            square = product(square, square);
-            n /= 2;
-        }
-        power[0] + power[1]
+        power(self.nearer, self.n)
     }
 
     /// `Σ b_i B_i(t)` over the weight.
     #[inline(always)]
     pub fn value(&self, b: &Row) -> f64 {
-        let mut sums = [0.0; 4];
-        for (b, basis) in b.as_chunks::<4>().0.iter().zip(self.basis.as_chunks::<4>().0) {
-            for l in 0..4 {
-                sums[l] = fused(b[l], basis[l], sums[l]);
-            }
-        }
-        (sums[0] + sums[1]) + (sums[2] + sums[3])
+        let fours = b.as_chunks::<4>().0.iter().zip(self.basis.as_chunks::<4>().0);
+        fours.fold(f64x4::ZERO, |sum, (b, basis)| f64x4::new(*b).mul_add(f64x4::new(*basis), sum)).reduce_add()
     }
+}
 
-    /// Value and slope, both over the weight: `B_i′ = B_i (i − n t)/(t (1 − t))`.
-    #[inline(always)]
-    fn value_with_slope(&self, b: &Row) -> [f64; 2] {
-        let (mut sums, mut moments, mut index) = ([0.0; 4], [0.0; 4], [0.0, 1.0, 2.0, 3.0]);
-        for (b, basis) in b.as_chunks::<4>().0.iter().zip(self.basis.as_chunks::<4>().0) {
-            for l in 0..4 {
-                let term = b[l] * basis[l];
-                sums[l] += term;
-                moments[l] = fused(index[l], term, moments[l]);
-                index[l] += 4.0;
-            }
+/// `xⁿ` by squares, each with its rounding.
+fn power(x: f64, mut n: usize) -> f64 {
+    let product = |a: [f64; 2], b: [f64; 2]| {
+        let high = a[0] * b[0];
+        [high, a[0].mul_add(b[0], -high) + (a[0] * b[1] + a[1] * b[0])]
+    };
+    let (mut power, mut square) = ([1.0, 0.0], [x, 0.0]);
+    while n > 0 {
+        if n % 2 == 1 {
+            power = product(power, square);
         }
-        let [value, moment] = [sums, moments].map(|s| (s[0] + s[1]) + (s[2] + s[3]));
-        [value, (moment - self.n as f64 * self.t * value) / (self.t * (1.0 - self.t))]
+        square = product(square, square);
+        n /= 2;
     }
+    power[0] + power[1]
 }
 
 /// Iterations of Newton's method: from the zero of the control polygon three or four are enough.
@@ -137,20 +121,49 @@ const NEWTON: usize = 24;
 /// A step this short, relative to the place, is the last one: its square is below rounding.
 const SETTLED: f64 = 1e-10;
 
-/// The zero of a polynomial of degree `n` that [`Falls`](Pattern::Falls), by its Bernstein coefficients, and its value and slope there;
+/// `Σ c_i uⁱ` and `Σ i c_i uⁱ`.
+#[inline(always)]
+fn sums(c: &Row, u: f64) -> [f64; 2] {
+    let square = u * u;
+    let (mut powers, fourth) = (f64x4::new([1.0, u, square, square * u]), f64x4::splat(square * square));
+    let (mut sums, mut moments, mut index) = (f64x4::ZERO, f64x4::ZERO, f64x4::new([0.0, 1.0, 2.0, 3.0]));
+    for four in c.as_chunks::<4>().0 {
+        let term = f64x4::new(*four) * powers;
+        sums += term;
+        moments = index.mul_add(term, moments);
+        powers *= fourth;
+        index += f64x4::splat(4.0);
+    }
+    [sums.reduce_add(), moments.reduce_add()]
+}
+
+/// The zero of a polynomial of degree `n` that [`Falls`](Pattern::Falls), by its Bernstein coefficients, and value and slope there;
 /// `None` if Newton's method does not settle.
 pub(crate) fn fall(b: &Row, n: usize) -> Option<(f64, [f64; 2])> {
     // Where the control polygon falls through zero.
     let i = b.iter().position(|c| *c < 0.0)?.max(1);
     let mut t = ((i - 1) as f64 + b[i - 1] / (b[i - 1] - b[i])) / n as f64;
+    // From the nearer end: `p = (1 − t)ⁿ Σ c_i uⁱ`, `u = t/(1 − t)`, and `p′ t (1 − t) = (1 − t)ⁿ Σ (i − n t) c_i uⁱ`.
+    let is_left = t <= 0.5;
+    let mut c = *b;
+    if !is_left {
+        c[..=n].reverse();
+    }
+    c.iter_mut().zip(&BINOMIALS[n]).for_each(|(c, binomial)| *c *= binomial);
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..NEWTON {
-        let place = Place::new(t, n);
-        let [value, slope] = place.value_with_slope(b);
-        let next = place.t - value / slope;
+        // As in `Place`.
+        let rest = 1.0 - t;
+        let at = 1.0 - rest;
+        let (near, far) = if is_left { (at, rest) } else { (rest, at) };
+        let [value, moment] = sums(&c, near / far);
+        let slope = (moment - n as f64 * near * value) / (at * rest);
+        let slope = if is_left { slope } else { -slope };
+        let next = at - value / slope;
         if (next - t).abs() <= SETTLED * t {
             // What is left is of second order in the last step, and its value of first order.
-            return Some((next, [value + slope * (next - place.t), slope].map(|v| v * place.weight())));
+            let weight = power(far, n);
+            return Some((next, [value + slope * (next - at), slope].map(|v| v * weight)));
         }
         if value > 0.0 {
             low = t
