@@ -23,8 +23,10 @@ use crate::{
 const HALVINGS: usize = 3;
 /// Contacts that need no allocation.
 const FEW: usize = 4;
-/// Widest fall that counts as decided, in spans.
-const SHARP: f64 = 1e-6;
+/// Widest fall that counts as decided, relative to the time to it.
+const SHARP: f64 = 1e-11;
+/// Shortest leap, in spans. A row is rounded, and cut, in units of what it is over the whole span; over much shorter times it is less.
+const SHORTEST: f64 = 1.0 / 256.0;
 /// Times their widths that two falls, or a fall and the bound, are apart.
 const APART: f64 = 8.0;
 /// Times the error of a row that values formed afresh at its ends may differ.
@@ -140,7 +142,7 @@ fn first_fall(guards: &[Guard], part: f64, bound: f64) -> Option<(Option<Fall>, 
             Pattern::Unclear => return None,
             Pattern::Falls => guard.fall(i, part),
         };
-        let fall = fall.filter(|fall| fall.slope < 0.0 && fall.width() <= SHARP)?;
+        let fall = fall.filter(|fall| fall.slope < 0.0 && fall.width() <= SHARP * fall.theta)?;
         match &mut first {
             Some(first) if fall.theta >= first.theta => later = later.min(earliest(&fall)),
             first => {
@@ -281,7 +283,8 @@ impl Propagator {
             part *= 0.5;
         }
         let bound = request.span / self.span;
-        let Some((fall, end)) = first_fall(&guards, part, bound) else { return false };
+        let decided = first_fall(&guards, part, bound).filter(|(_, end)| *end >= SHORTEST);
+        let Some((fall, end)) = decided else { return false };
         leap.is_bound = fall.is_none() && bound <= part;
         leap.passage = fall.map(|fall| Passage {
             guard: motion.guards[fall.index].id,

@@ -194,8 +194,8 @@ fn taylor(motion: &Motion, span: f64, input: Input, outputs: &[Output]) -> Taylo
                 a[*i as usize] = a[*i as usize] - force * *p;
             }
         }
-        let next = (order + 1) as f64;
-        let step = |y: Wide| Wide::quotient(y * span, next);
+        let share = Wide::quotient(span.into(), (order + 1) as f64);
+        let step = |y: Wide| y * share;
         let after: Vec<Wide> = v.iter().chain(&a).map(|y| step(*y)).collect();
         x = after;
         for (w, o) in waves.iter_mut().zip(&s.oscillators) {
@@ -208,16 +208,26 @@ fn taylor(motion: &Motion, span: f64, input: Input, outputs: &[Output]) -> Taylo
 
 /// Bernstein coefficients of `Σ series_k θᵏ⁻¹` cut after T₁₉, and a bound on what is cut of them.
 fn column(series: &[Wide]) -> ([f64; COUNT], f64) {
+    if series.iter().all(|a| a.hi == 0.0) {
+        return ([0.0; COUNT], 0.0);
+    }
     let powers = &**POWERS;
     let (mut sum, mut low, mut cut) = ([0.0; COUNT], [0.0; COUNT], 0.0);
     for (m, a) in series.iter().enumerate() {
+        cut += a.hi.abs() * powers.cut[m];
+        // From here on terms are below 4.5²⁰/20!, 5e-6, and so is their part in the rounding.
+        if m >= COUNT {
+            for i in 0..COUNT {
+                low[i] += a.hi * powers.high[m][i];
+            }
+            continue;
+        }
         for i in 0..COUNT {
             let product = Wide::product(a.hi, powers.high[m][i]);
             let next = Wide::sum(sum[i], product.hi);
             sum[i] = next.hi;
             low[i] += next.lo + product.lo + a.hi * powers.low[m][i] + a.lo * powers.high[m][i];
         }
-        cut += a.hi.abs() * powers.cut[m];
     }
     sum.iter_mut().zip(low).for_each(|(s, low)| *s += low);
     (sum, cut)

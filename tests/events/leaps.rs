@@ -105,6 +105,27 @@ impl Observer for First {
     }
 }
 
+/// A ball with a slow drag, whose span of 4.5/c seconds is far longer than its flights, bounces until it rests: each approach is e times
+/// the one before, but for what the drag takes, and it comes to rest where the ball without drag does, but for the same.
+#[test]
+fn l38_flights_much_shorter_than_a_span_keep_their_digits() {
+    for damping in [0.3, 0.01, 1e-4, 1e-8, 1e-14] {
+        let law = Law::Rigid(Rigid { restitution: 0.5 });
+        let walls = Walls::Below { position: 0.0 };
+        let ball = Walled { load: -1.0, damping, ..Walled::new(1.0, walls, law, Stiffness::Constant(1.0)) };
+        let run = run(&walled(&ball), &[0.5], &[0.0], 30.0);
+        let speeds: Vec<f64> = run.events().iter().map(|r| -r.x_minus[1]).collect();
+        let rest = run.events().iter().position(|r| r.accumulation.is_some()).unwrap();
+        assert!(rest > 30, "{damping} {rest}");
+        for i in 1..rest {
+            // Over a flight from u the drag takes c u²/(3 A) of an approach, A = 1, relative to it 2 c u/3 and less than c u.
+            let ratio = speeds[i] / (0.5 * speeds[i - 1]);
+            let u = 0.5 * speeds[i - 1];
+            assert!((1.0 - ratio).abs() <= damping * u + 1e-14, "{damping} {i} {ratio}");
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
 
