@@ -21,7 +21,7 @@ use crate::{
 const MAX_MOTIONS: usize = 256;
 
 /// A motion that was met, and whether it may tell its way at once.
-struct Known<'s> {
+struct Met<'s> {
     motion: Option<Box<dyn JetField + 's>>,
     leaps: bool,
 }
@@ -31,7 +31,7 @@ pub struct Engine<'s> {
     integrator: Box<dyn Integrator + 's>,
     point: Point,
     /// The motions of the modes met.
-    motions: BTreeMap<Mode, Known<'s>>,
+    motions: BTreeMap<Mode, Met<'s>>,
     leaps: Leaps,
     /// Scratch for the state at the end of an arc, and for its low part.
     end: [Vec<f64>; 2],
@@ -135,12 +135,12 @@ impl<'s> Engine<'s> {
             }
             let arc = core.system.clock().between(point.state.at, bound);
             let leaps = integrator.is_exact(core.system, mode, arc) && !crate::old_steps();
-            motions.insert(mode.clone(), Known { motion: core.system.motion(mode), leaps });
+            motions.insert(mode.clone(), Met { motion: core.system.motion(mode), leaps });
         }
-        let known = &motions[mode];
-        let motion = &known.motion;
+        let met = &motions[mode];
+        let motion = &met.motion;
         let mut before = (0, &[][..]);
-        if let Some(motion) = motion.as_deref().filter(|_| known.leaps) {
+        if let Some(motion) = motion.as_deref().filter(|_| met.leaps) {
             if let Some(end) = leaps.arc(core, motion, point, bound, arrival, observer)? {
                 return Ok(end);
             }

@@ -20,7 +20,7 @@ use crate::{
 };
 
 /// Leaps that an arc may take: where more are needed, something is much faster than the motion, and series hold for longer.
-const MOST: u32 = 4;
+const MOST_LEAPS: u32 = 4;
 
 /// What leaps need.
 #[derive(Default)]
@@ -59,7 +59,7 @@ impl Leaps {
             let (pinned, still) = (&state.jump.pinned, &state.jump.still);
             let (at, span) = (state.at, clock.between(state.at, bound));
             let request = JetRequest { at, x: &state.x, low, pinned, still, carried, span, tolerance: 0.0 };
-            if self.count >= MOST || !motion.leap(&request, &mut self.leap) {
+            if self.count >= MOST_LEAPS || !motion.leap(&request, &mut self.leap) {
                 return Ok(None);
             }
             self.extent.iter_mut().zip(&self.leap.sizes).for_each(|(e, size)| *e = e.max(*size));

@@ -4,7 +4,8 @@ use crate::{event::EventRecord, hybrid::Mode, integrate::DenseStep};
 
 /// Watches a run. Every method may break it off; the run then ends with an outcome, not an error.
 pub trait Observer {
-    /// Whether it looks at steps. A run that shows none takes larger ones; its motion is the same.
+    /// Whether it looks at steps. Where it does not, the run does not form those that it can do without. The motion is the same, bit for
+    /// bit.
     fn wants_steps(&self) -> bool {
         true
     }

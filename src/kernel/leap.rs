@@ -11,7 +11,7 @@ use super::{
     Motion, SMALL_STRETCH,
     guards::ROUNDING,
     motion::Watched,
-    propagator::{COUNT, DEGREE, Input, MOST, Propagator, WHOLE},
+    propagator::{COUNT, DEGREE, Input, MOST_INPUTS, Propagator, WHOLE},
 };
 use crate::{
     hybrid::{JetRequest, Known, Leap, Passage},
@@ -89,6 +89,9 @@ impl Guard {
     fn halve(&mut self) {
         if self.pattern != Pattern::Clear {
             let b = &mut self.b[..=self.degree];
+            // A coefficient is a mean of means, each rounded by half a unit of the largest.
+            let largest = b.iter().fold(0.0, |m: f64, b| m.max(b.abs()));
+            self.errors[1] += 0.5 * f64::EPSILON * self.degree as f64 * largest;
             poly::halve(b);
             self.pattern = poly::pattern(b, self.errors[0] + self.errors[1]);
         }
@@ -230,7 +233,7 @@ impl Propagator {
     pub fn leap(&self, motion: &Motion, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
         let s = motion.structure;
         let (n, x) = (s.n, request.x);
-        let mut oscillators = [[0.0; 2]; MOST];
+        let mut oscillators = [[0.0; 2]; MOST_INPUTS];
         s.oscillate(request.at, |i, cosine, sine| oscillators[i] = [cosine, sine]);
         let wave = |w: &[Wave]| {
             w.iter().fold(0.0, |sum, w| sum + w.cosine * oscillators[w.index][0] + w.sine * oscillators[w.index][1])
@@ -246,7 +249,7 @@ impl Propagator {
                 (start.stretch, start.error) = (motion.forceless(j, request.at, stretch, error, || rate(j)), error);
             }
         }
-        let mut z = [0.0; MOST];
+        let mut z = [0.0; MOST_INPUTS];
         for (z, input) in z.iter_mut().zip(&self.inputs) {
             *z = match *input {
                 Input::Displacement(i) => x[i],

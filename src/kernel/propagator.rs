@@ -22,12 +22,13 @@ pub(super) const COUNT: usize = 20;
 /// Degree of a row, and of one that is not zero at its start.
 pub(super) const DEGREE: usize = COUNT - 1;
 pub(super) const WHOLE: usize = COUNT;
-/// Powers of θ in the Taylor series that a row is made from. The rest is below `TERMS·4.5^TERMS/TERMS!`, 1e-21 of the first.
+/// Powers of θ in the Taylor series that a row is made from. The rest is below 2e-21 of the first,
+/// `40·4.5⁴⁰/40!` over 4.5.
 const TERMS: usize = 40;
 /// The span times the mode's fastest rate, rad: what the series cut after T₁₉ leave out is below 1e-17 of the first terms.
 const REACH: f64 = 4.5;
 /// Most components that a span may start from.
-pub(super) const MOST: usize = 16;
+pub(super) const MOST_INPUTS: usize = 16;
 /// Degrees of freedom up to which a product with all columns is cheaper than a recurrence.
 const MOST_FREEDOMS: usize = 3;
 /// Roundings of a value of a row in units of ε, besides half a unit for each input that its coefficients are summed over: half for the
@@ -127,13 +128,13 @@ pub(super) struct Propagator {
 }
 
 /// Taylor coefficients of the state, and of deflections and forces, from order 1 on, for one unit input.
-struct Taylor {
+struct Series {
     state: Vec<Vec<Wide>>,
     rows: Vec<Vec<Wide>>,
 }
 
 /// The series of a motion with `input` one and all else zero, over `span`.
-fn taylor(motion: &Motion, span: f64, input: Input, outputs: &[Output]) -> Taylor {
+fn taylor(motion: &Motion, span: f64, input: Input, outputs: &[Output]) -> Series {
     let s = motion.structure;
     let n = s.n;
     let mut state = vec![Vec::with_capacity(TERMS); 2 * n];
@@ -203,7 +204,7 @@ fn taylor(motion: &Motion, span: f64, input: Input, outputs: &[Output]) -> Taylo
             *w = [step(sine * -o.omega), step(cosine * o.omega)];
         }
     }
-    Taylor { state, rows }
+    Series { state, rows }
 }
 
 /// Bernstein coefficients of `Σ series_k θᵏ⁻¹` cut after T₁₉, and a bound on what is cut of them.
@@ -215,7 +216,7 @@ fn column(series: &[Wide]) -> ([f64; COUNT], f64) {
     let (mut sum, mut low, mut cut) = ([0.0; COUNT], [0.0; COUNT], 0.0);
     for (m, a) in series.iter().enumerate() {
         cut += a.hi.abs() * powers.cut[m];
-        // From here on terms are below 4.5²⁰/20!, 5e-6, and so is their part in the rounding.
+        // From here on terms are below 4.5²¹/21!, 1e-6, and so is their part in the rounding.
         if m >= COUNT {
             for i in 0..COUNT {
                 low[i] += a.hi * powers.high[m][i];
@@ -268,7 +269,7 @@ impl Motion<'_> {
     /// The propagator of the mode, where it pays: few degrees of freedom, linear laws, constant stiffnesses, nothing at rest.
     pub(super) fn propagate(&self) -> Option<Propagator> {
         let s = self.structure;
-        let few = s.n <= MOST_FREEDOMS && s.oscillators.len() <= MOST && s.symmetry.is_empty();
+        let few = s.n <= MOST_FREEDOMS && s.oscillators.len() <= MOST_INPUTS && s.symmetry.is_empty();
         let is_simple = self.is_linear && !self.is_varying && self.held.is_none() && !s.is_conservative;
         (few && is_simple).then(|| Propagator::new(self))?
     }
@@ -331,7 +332,7 @@ impl Propagator {
                 errors.push(cut + rest + summed * size);
             }
         }
-        if kept.len() > MOST {
+        if kept.len() > MOST_INPUTS {
             return None;
         }
         let rows = rows.into_iter().map(|(columns, errors)| Columns { columns: columns.into(), errors: errors.into() });

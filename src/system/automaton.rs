@@ -213,14 +213,6 @@ impl Structure {
         }
     }
 
-    /// The guard of a compliant contact that fires alone, where nothing else is known to be zero and no two bodies are equal.
-    fn is_alone(&self, from: &Jump, fired: &GuardSet) -> Option<GuardId> {
-        let id = fired.iter().next().filter(|_| fired.len() == 1)?;
-        let is_compliant = !self.contacts[guard_of(id).0].spec.law.is_rigid();
-        let is_all = (from.pinned == *fired || from.pinned.is_empty()) && from.still.is_empty();
-        (is_compliant && is_all && self.symmetry.is_empty()).then_some(id)
-    }
-
     /// What still stands of `from` at the same instant: the zeros of the contacts that do not fire again.
     fn standing(from: &Jump, fired: &GuardSet) -> Jump {
         let Jump { mode, pinned, still, .. } = from.clone();
@@ -291,15 +283,6 @@ impl HybridSystem for Structure {
         low: &mut [f64],
     ) -> Result<Jump, ModelError> {
         let low = if self.is_conservative { low } else { &mut [] };
-        if let Some(id) = self.is_alone(from, fired).filter(|_| low.is_empty()) {
-            let mut jump = Jump { mode: from.mode.clone(), ..Jump::default() };
-            let (j, watch) = guard_of(id);
-            if watch.side() != 0.0 {
-                jump.projected = self.project([(j, watch.side())].into_iter(), at, x, low);
-            }
-            self.follow(&mut jump, (j, watch), from.pinned.contains(id), at, x)?;
-            return Ok(jump);
-        }
         let mut jump = Self::standing(from, fired);
         let equal = self.equal(x);
         let mut rigid = false;

@@ -105,8 +105,8 @@ impl Observer for First {
     }
 }
 
-/// A ball with a slow drag, whose span of 4.5/c seconds is far longer than its flights, bounces until it rests: each approach is e times
-/// the one before, but for what the drag takes, and it comes to rest where the ball without drag does, but for the same.
+/// A ball with a slow drag c bounces until it rests. The span is 4.5/c, far longer than a flight. Each approach is e times the one
+/// before, less what the drag takes.
 #[test]
 fn l38_flights_much_shorter_than_a_span_keep_their_digits() {
     for damping in [0.3, 0.01, 1e-4, 1e-8, 1e-14] {
