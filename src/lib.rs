@@ -66,6 +66,7 @@ pub mod sweep;
 pub mod system;
 mod task;
 pub mod train;
+mod vectors;
 pub mod verify;
 
 // Public for the program and the tests, without a promise.
@@ -82,6 +83,7 @@ pub mod poly;
 
 pub use simulation::Simulation;
 pub use task::{Progress, Task};
+pub use vectors::Instructions;
 
 /// Whether the step rule of old is restored: asked for by a variable, in a build that has it, so that a build with every feature is
 /// right.

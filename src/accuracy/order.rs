@@ -136,7 +136,7 @@ fn slope(runs: &[(u64, f64)]) -> Option<f64> {
     if finest.len() + 1 < FITTED {
         return None;
     }
-    let points: Vec<(f64, f64)> = finest.iter().map(|(n, e)| ((*n as f64).ln(), e.ln())).collect();
+    let points: Vec<(f64, f64)> = finest.iter().map(|(n, e)| (libm::log(*n as f64), libm::log(*e))).collect();
     let count = points.len() as f64;
     let (x, y) = points.iter().fold((0.0, 0.0), |(x, y), p| (x + p.0 / count, y + p.1 / count));
     let (xx, xy) = points.iter().fold((0.0, 0.0), |(xx, xy), p| {
@@ -158,13 +158,13 @@ pub fn reached(runs: &[(Option<f64>, f64)], target: f64, order: Option<f64>) -> 
         let (error, cost) = runs.last().and_then(|(e, cost)| Some(((*e)?, *cost)))?;
         // An order near zero is a plateau: no step helps.
         let order = order.filter(|p| *p > 0.5)?;
-        return Some((cost * (error / target).powf(order.recip()), false));
+        return Some((cost * libm::pow(error / target, order.recip()), false));
     }
     let (Some(e1), c1) = runs[first] else { return None };
     Some(match first.checked_sub(1).map(|i| runs[i]) {
         Some((Some(e0), c0)) if e1 > 0.0 => {
-            let slope = (c1 / c0).ln() / (e1 / e0).ln();
-            ((c1.ln() + slope * (target / e1).ln()).exp(), true)
+            let slope = libm::log(c1 / c0) / libm::log(e1 / e0);
+            (libm::exp(libm::log(c1) + slope * libm::log(target / e1)), true)
         }
         _ => (c1, true),
     })

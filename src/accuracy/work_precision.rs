@@ -368,7 +368,7 @@ fn times(x: f64) -> String {
     if !(0.01..1e5).contains(&x) {
         return format!("{x:.2e}");
     }
-    let decimals = (2 - x.log10().floor() as i32).clamp(0, 4) as usize;
+    let decimals = (2 - libm::log10(x).floor() as i32).clamp(0, 4) as usize;
     format!("{x:.decimals$}")
 }
 

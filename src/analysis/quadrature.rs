@@ -15,7 +15,7 @@ impl Rule {
         let (mut nodes, mut weights) = (Vec::with_capacity(n), Vec::with_capacity(n));
         for i in 0..n {
             // Tricomi's estimate of the root, then Newton on P_n by its recurrence.
-            let mut x = -(std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
+            let mut x = -libm::cos(std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5));
             let mut slope = 1.0;
             for _ in 0..8 {
                 let (mut low, mut high) = (1.0, x);

@@ -154,7 +154,7 @@ impl Sections {
             let left = match (distance, distances.front()) {
                 (d, _) if d <= ROUNDING => d,
                 (d, Some(&first)) if distances.len() == DECAY && d < first => {
-                    let ratio = (d / first).powf(1.0 / DECAY as f64).max(FASTEST);
+                    let ratio = libm::pow(d / first, 1.0 / DECAY as f64).max(FASTEST);
                     d * ratio / (1.0 - ratio)
                 }
                 _ => f64::INFINITY,

@@ -46,7 +46,7 @@ impl Window {
     pub fn weight(self, i: usize, n: usize) -> f64 {
         let turn = TAU * i as f64 / n as f64;
         let signs = [1.0, -1.0, 1.0, -1.0];
-        self.coefficients().iter().zip(signs).enumerate().map(|(k, (c, s))| s * c * (k as f64 * turn).cos()).sum()
+        self.coefficients().iter().zip(signs).enumerate().map(|(k, (c, s))| s * c * libm::cos(k as f64 * turn)).sum()
     }
 }
 

@@ -119,8 +119,8 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> TransmissionError<'s, S> {
             let mean = track.sum.value() / time;
             let harmonic = |([c, s], order): (&[f64; 2], u32)| TransmissionHarmonic {
                 order,
-                amplitude: 2.0 / time * c.hypot(*s),
-                phase: (-s).atan2(*c),
+                amplitude: 2.0 / time * libm::hypot(*c, *s),
+                phase: libm::atan2(-s, *c),
             };
             Some(TransmissionReport {
                 name: self.system.contact_name(track.contact).to_owned(),
@@ -139,16 +139,16 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> TransmissionError<'s, S> {
         let omega = TAU / period.value();
         let phase = |theta: f64| omega * (step.start().phase.value() + step.time(theta));
         if step.plain_span().is_some() {
-            let (sin, cos) = phase(low + 0.5 * (high - low)).sin_cos();
+            let (sin, cos) = libm::sincos(phase(low + 0.5 * (high - low)));
             for (i, node) in self.rule.nodes.iter().enumerate().take(NODES / 2) {
-                let (s, c) = (omega * self.piece.length * (0.5 - node)).sin_cos();
+                let (s, c) = libm::sincos(omega * self.piece.length * (0.5 - node));
                 let j = NODES - 1 - i;
                 (cosines[i], sines[i]) = (cos * c + sin * s, sin * c - cos * s);
                 (cosines[j], sines[j]) = (cos * c - sin * s, sin * c + cos * s);
             }
         } else {
             for (i, node) in self.rule.nodes.iter().enumerate() {
-                (sines[i], cosines[i]) = phase(low + (high - low) * node).sin_cos();
+                (sines[i], cosines[i]) = libm::sincos(phase(low + (high - low) * node));
             }
         }
         [cosines, sines]

@@ -13,7 +13,7 @@ pub(super) fn wave(h: &Harmonic, scale: f64, frequencies: &mut Vec<f64>) -> Wave
         frequencies.push(h.omega);
         frequencies.len() - 1
     });
-    (index, scale * h.amplitude * h.phase.cos(), -scale * h.amplitude * h.phase.sin())
+    (index, scale * h.amplitude * libm::cos(h.phase), -scale * h.amplitude * libm::sin(h.phase))
 }
 
 /// A stiffness at time `t`; `waves` are its harmonics.
@@ -95,7 +95,7 @@ impl Forcing {
                 .then_some(h as u32)
         };
         let phasor = |omega: &f64| {
-            let (sin, cos) = (omega * stride).sin_cos();
+            let (sin, cos) = libm::sincos(omega * stride);
             Phasor { omega: *omega, order: order(*omega), cos: 1.0, sin: 0.0, turn: (cos, sin) }
         };
         let mut forcing = Self {
@@ -115,7 +115,7 @@ impl Forcing {
     fn stand(&mut self, at: Instant) {
         self.t = self.clock.time(at).value();
         for p in &mut self.phasors {
-            (p.sin, p.cos) = self.clock.angle(p.omega, p.order, at).sin_cos();
+            (p.sin, p.cos) = libm::sincos(self.clock.angle(p.omega, p.order, at));
         }
     }
 

@@ -248,7 +248,7 @@ impl Penalty {
                 let depth = depth.max(0.0);
                 let n = l.exponent.value();
                 // OK to compare: a scene says 1.5.
-                let lower = if n == 1.5 { depth.sqrt() } else { depth.powf(n - 1.0) };
+                let lower = if n == 1.5 { depth.sqrt() } else { libm::pow(depth, n - 1.0) };
                 let chi = if l.hysteresis > 0.0 { l.hysteresis / latch } else { 0.0 };
                 let factor = 1.0 + chi * rate;
                 if factor < 0.0 {
@@ -364,7 +364,7 @@ impl Penalty {
             match c.law {
                 Law::Bilateral(_) => 0.5 * k * d * d,
                 Law::KelvinVoigt(..) => 0.5 * k * p * p,
-                Law::Power(l) => k * p.powf(l.exponent.value() + 1.0) / (l.exponent.value() + 1.0),
+                Law::Power(l) => k * libm::pow(p, l.exponent.value() + 1.0) / (l.exponent.value() + 1.0),
                 Law::Rigid(_) => 0.0,
             }
         });

@@ -25,12 +25,12 @@ impl Ramp {
             Self::Sharp if p > 0.0 => [p, 1.0, 0.0],
             Self::Sharp => [0.0; 3],
             Self::Tanh(s) => {
-                let t = (s * p).tanh();
+                let t = libm::tanh(s * p);
                 let slope = 0.5 * (1.0 + t + s * p * (1.0 - t * t));
                 [0.5 * p * (1.0 + t), slope, s * (1.0 - t * t) * (1.0 - s * p * t)]
             }
             Self::SquareRoot(s) => {
-                let root = p.hypot(s.recip());
+                let root = libm::hypot(p, s.recip());
                 [0.5 * (p + root), 0.5 * (1.0 + p / root), 0.5 / (s * s * root * root * root)]
             }
             Self::Polynomial(s) => {

@@ -39,7 +39,7 @@ impl Gear {
     /// Base radius `m Z cos α/2`, m.
     #[must_use]
     pub fn base_radius(&self, rack: &BasicRack) -> f64 {
-        self.pitch_radius(rack) * rack.pressure_angle.cos()
+        self.pitch_radius(rack) * libm::cos(rack.pressure_angle)
     }
 
     /// Tip radius of an external gear, `r + m (h_a + x)`, m.
@@ -57,7 +57,7 @@ impl Gear {
     /// Tooth thickness on the pitch circle, `π m/2 + 2 x m tan α`, m.
     #[must_use]
     pub fn tooth_thickness(&self, rack: &BasicRack) -> f64 {
-        rack.module * (0.5 * PI + 2.0 * self.shift * rack.pressure_angle.tan())
+        rack.module * (0.5 * PI + 2.0 * self.shift * libm::tan(rack.pressure_angle))
     }
 }
 
@@ -153,11 +153,11 @@ impl MeshGeometry {
             alpha
         } else {
             let teeth = f64::from(wheel.teeth) + sign * f64::from(pinion.teeth);
-            let inv = involute(alpha) + 2.0 * alpha.tan() * shifts / teeth;
+            let inv = involute(alpha) + 2.0 * libm::tan(alpha) * shifts / teeth;
             inverse_involute(inv).ok_or(GeometryError::PressureAngle(inv))?
         };
         let base_radii = [pinion.base_radius(rack), wheel.base_radius(rack)];
-        let base_pitch = PI * rack.module * alpha.cos();
+        let base_pitch = PI * rack.module * libm::cos(alpha);
         let tip_radii = [
             pinion.tip_radius(rack),
             match kind {
@@ -165,7 +165,7 @@ impl MeshGeometry {
                 MeshKind::Internal => wheel.ring_tip_radius(rack),
             },
         ];
-        let tangents = base_radii.map(|r| r * pressure_angle.tan());
+        let tangents = base_radii.map(|r| r * libm::tan(pressure_angle));
         let reach = |gear: usize| (tip_radii[gear].powi(2) - base_radii[gear].powi(2)).max(0.0).sqrt();
         // Beyond the base-circle tangent point of the mating gear there is no involute to touch.
         let recess_limit = if kind == MeshKind::External { tangents[1] } else { f64::INFINITY };
@@ -180,21 +180,21 @@ impl MeshGeometry {
             approach: part(1, "approach", sign * (reach(1) - tangents[1]), tangents[0])?,
             recess: part(0, "recess", reach(0) - tangents[0], recess_limit)?,
         };
-        let centre_distance = (base_radii[1] + sign * base_radii[0]) / pressure_angle.cos();
+        let centre_distance = (base_radii[1] + sign * base_radii[0]) / libm::cos(pressure_angle);
         Ok(Self { kind, pressure_angle, centre_distance, base_pitch, base_radii, tip_radii, path })
     }
 
     /// Radii of curvature of the two flanks at the pitch point, `r_b tan α_w`, m.
     #[must_use]
     pub fn curvature_radii(&self) -> [f64; 2] {
-        self.base_radii.map(|r| r * self.pressure_angle.tan())
+        self.base_radii.map(|r| r * libm::tan(self.pressure_angle))
     }
 }
 
 /// `inv α = tan α − α`.
 #[must_use]
 pub fn involute(angle: f64) -> f64 {
-    angle.tan() - angle
+    libm::tan(angle) - angle
 }
 
 /// The angle in `(0, π/2)` with the given involute (> 0), by Newton's method.
@@ -204,15 +204,15 @@ pub fn inverse_involute(value: f64) -> Option<f64> {
         return None;
     }
     // In t = tan α the function t − atan t is convex with slope t²/(1 + t²): from above, Newton falls to the root.
-    let mut tangent = (3.0 * value).cbrt() + value + 1.0;
+    let mut tangent = libm::cbrt(3.0 * value) + value + 1.0;
     for _ in 0..100 {
-        let next = tangent - (tangent - tangent.atan() - value) * (1.0 + tangent.powi(-2));
+        let next = tangent - (tangent - libm::atan(tangent) - value) * (1.0 + tangent.powi(-2));
         if next.is_nan() || next >= tangent || next <= 0.0 {
             break;
         }
         tangent = next;
     }
-    Some(tangent.atan())
+    Some(libm::atan(tangent))
 }
 
 /// Elastic material.
@@ -289,7 +289,7 @@ pub fn iso_mesh_stiffness(
 /// `line_load` F/b, N/m, ≥ 0.
 #[must_use]
 pub fn low_load_factor(line_load: f64) -> f64 {
-    (line_load / 1.0e5).powf(0.25).min(1.0)
+    libm::pow(line_load / 1.0e5, 0.25).min(1.0)
 }
 
 /// Radius of gyration `√(I/m)`, m; no body has one beyond its own outer radius.

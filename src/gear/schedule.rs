@@ -169,7 +169,7 @@ impl Stiffness {
                         let argument = PI * f64::from(l) * ratio;
                         MeshHarmonic {
                             order: f64::from(l),
-                            amplitude: 2.0 * modulation * argument.sin() / argument,
+                            amplitude: 2.0 * modulation * libm::sin(argument) / argument,
                             phase: -PI * f64::from(l) * (path.recess - path.approach),
                         }
                         .cosine(period.recip(), phase)

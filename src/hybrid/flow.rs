@@ -247,7 +247,7 @@ impl Jet {
             for ((x, low), (c, l)) in x.iter_mut().zip(&mut *low).zip(row.iter().zip(lows)) {
                 let product = Wide::product(*x, s);
                 let sum = Wide::sum(product.hi, *c);
-                (*x, *low) = (sum.hi, low.mul_add(s, product.lo + sum.lo + l));
+                (*x, *low) = (sum.hi, *low * s + (product.lo + sum.lo + l));
             }
         }
         normalise(x, low);

@@ -153,7 +153,7 @@ impl Start {
         let d2 = size(&f1) / trial;
         let harshness = (d1 * tau).max(d2 * tau * tau);
         let step = |order: f64| {
-            let reach = tau * (0.01 / harshness).powf(1.0 / (order + 1.0));
+            let reach = tau * libm::pow(0.01 / harshness, 1.0 / (order + 1.0));
             let step = reach.min(100.0 * trial).min(span);
             if step.is_finite() && step > 0.0 { step } else { 1e-6 * span }
         };

@@ -48,7 +48,7 @@ fn nodes() -> [f64; STAGES] {
     };
     let mut found = [1.0; STAGES];
     for i in 0..STAGES - 1 {
-        let mut x = -(std::f64::consts::PI * (i as f64 + 0.5) / STAGES as f64).cos();
+        let mut x = -libm::cos(std::f64::consts::PI * (i as f64 + 0.5) / STAGES as f64);
         for _ in 0..50 {
             let (p, slope) = value(x);
             // Newton's method on what is left when the zeros found are divided out.
@@ -95,7 +95,7 @@ impl Default for Tableau {
         let mut basis = SMatrix::<f64, NODES, NODES>::zeros();
         for i in 0..NODES {
             for k in 0..NODES {
-                basis[(i, k)] = (k as f64 * (2.0 * at(i) - 1.0).clamp(-1.0, 1.0).acos()).cos();
+                basis[(i, k)] = libm::cos(k as f64 * libm::acos((2.0 * at(i) - 1.0).clamp(-1.0, 1.0)));
             }
         }
         Self { weights: over(&integrals, &values), chebyshev: over(&SMatrix::identity(), &basis), nodes }

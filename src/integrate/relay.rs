@@ -101,7 +101,7 @@ impl Trial<'_> {
 
 /// By how much the next step may be longer: the last coefficient is as h⁹; a tenth less for safety, and no leap.
 fn next(share: f64) -> f64 {
-    (0.9 * share.max(1e-9).powf(-1.0 / 9.0)).clamp(0.3, 2.0)
+    (0.9 * libm::pow(share.max(1e-9), -1.0 / 9.0)).clamp(0.3, 2.0)
 }
 
 impl Integrator for Relay {

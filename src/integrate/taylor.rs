@@ -47,7 +47,7 @@ fn holds(jet: &Jet) -> f64 {
         let size = (0..4).map(term).fold(0.0, f64::max);
         for k in (VARIED_ORDER..=jet.order).filter(|_| size > 0.0) {
             if term(k) > TOLERANCE * size {
-                part = part.min((TOLERANCE * size / term(k)).powf(1.0 / k as f64));
+                part = part.min(libm::pow(TOLERANCE * size / term(k), 1.0 / k as f64));
             }
         }
     }

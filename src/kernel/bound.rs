@@ -50,7 +50,7 @@ pub(super) fn root_below(x: f64, k: usize) -> f64 {
 /// Bound on `Σ_{l≥m} zˡ/l!`, given its first term.
 fn exponential_tail(z: f64, m: usize, first: f64) -> f64 {
     let ratio = z / (m + 1) as f64;
-    first * if ratio < 0.5 { 1.0 / (1.0 - ratio) } else { z.exp() }
+    first * if ratio < 0.5 { 1.0 / (1.0 - ratio) } else { libm::exp(z) }
 }
 
 /// Sums over the harmonics `a cos(ωt + φ)` of one row.
@@ -99,14 +99,14 @@ impl Forcing {
         for c in &s.contacts {
             let mut sums = [Amplitude::default(); 3];
             for w in &c.error {
-                let (size, o) = (w.cosine.hypot(w.sine), oscillators[w.index]);
+                let (size, o) = (libm::hypot(w.cosine, w.sine), oscillators[w.index]);
                 for (power, sum) in sums.iter_mut().enumerate() {
                     sum.add(size * o.omega.powi(power as i32), o, fastest);
                 }
             }
             for w in c.error.iter().filter(|_| !c.spec.law.is_bilateral()) {
-                let share = sums[0].sum / w.cosine.hypot(w.sine);
-                span = span.min(share.powf(1.0 / ROW as f64) / oscillators[w.index].omega);
+                let share = sums[0].sum / libm::hypot(w.cosine, w.sine);
+                span = span.min(libm::pow(share, 1.0 / ROW as f64) / oscillators[w.index].omega);
             }
             errors.push(sums);
         }
@@ -228,6 +228,7 @@ impl Expansion<'_> {
         })
     }
 
+    #[inline]
     pub(super) fn velocity_size(&self, k: usize, out: &Jet) -> f64 {
         let s = self.s;
         let v = &out.state[k * s.dim + s.n..k * s.dim + 2 * s.n];
@@ -236,6 +237,7 @@ impl Expansion<'_> {
 
     /// The longest `θ ≤ 1` on which the series hold to the tolerance, and what they leave out there; `None` if the coefficients
     /// overflowed. Plain time.
+    #[inline(always)]
     pub(super) fn plain_reach(&self, out: &Jet) -> Option<(f64, Tail)> {
         let flow = &self.motion.growth;
         let tolerance = self.request.tolerance * if out.low.is_empty() { 1.0 } else { FINER };
@@ -315,6 +317,7 @@ impl Expansion<'_> {
         self.velocity_size(ORDER, out).max(displacement * self.motion.growth.norms[0].sqrt())
     }
 
+    #[inline(always)]
     fn tail(&self, growth: f64, last: f64, reach: f64, out: &Jet) -> Tail {
         let flow = &self.motion.growth;
         let h = self.h * reach;

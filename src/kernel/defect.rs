@@ -100,7 +100,7 @@ struct Forces {
 impl Structure {
     /// `Σ ωᵏ |amplitude|`.
     pub(super) fn wave_size(&self, waves: &[Wave], k: i32) -> f64 {
-        waves.iter().map(|w| self.oscillators[w.index].omega.powi(k) * w.cosine.hypot(w.sine)).sum()
+        waves.iter().map(|w| self.oscillators[w.index].omega.powi(k) * libm::hypot(w.cosine, w.sine)).sum()
     }
 }
 
@@ -124,11 +124,11 @@ impl Expansion<'_> {
             if let Some((t, s)) = before
                 && t != theta
             {
-                let slope = f64::ln(share / s) / f64::ln(theta / t);
+                let slope = libm::log(share / s) / libm::log(theta / t);
                 order = if slope.is_finite() { slope.clamp(2.0, 4.0 * ROW as f64) } else { order };
             }
             before = Some((theta, share));
-            let next = theta * (0.3 * goal / share).powf(1.0 / order).clamp(1e-6, 1e3);
+            let next = theta * libm::pow(0.3 * goal / share, 1.0 / order).clamp(1e-6, 1e3);
             let lower = low.map_or(0.0, |(t, _)| t);
             theta = if next.is_finite() && lower < next && next < high {
                 next.min(1.0)
@@ -249,13 +249,13 @@ impl Expansion<'_> {
                     k * f64::from(a) * p.total.powi(a - 1) * y.total.powi(r as i32) * factor.total * c.across;
             } else {
                 power.missing = missing_power(&p.sizes, &power.sizes, e);
-                forces.by_stretch += k * e * p.total.powf(e - 1.0) * factor.total * c.across;
+                forces.by_stretch += k * e * libm::pow(p.total, e - 1.0) * factor.total * c.across;
             }
-            forces.by_rate += k * p.total.powf(e) * chi * c.across;
-            forces.by_time += k * p.total.powf(e) * chi * s.wave_size(&c.error, 2);
+            forces.by_rate += k * libm::pow(p.total, e) * chi * c.across;
+            forces.by_time += k * libm::pow(p.total, e) * chi * s.wave_size(&c.error, 2);
             forces.missing += k * power.product(&factor);
             // Below its own rounding a penetration p cannot show speeds: p times the contact's frequency.
-            size = size.max((e * c.spec.stiffness.mean() * p.total.powf(e + 1.0)).sqrt());
+            size = size.max((e * c.spec.stiffness.mean() * libm::pow(p.total, e + 1.0)).sqrt());
             least = least.min(p.total / c.across);
         }
         let held = self.projector(&mut forces);
@@ -299,7 +299,7 @@ impl Expansion<'_> {
         let first: [f64; 17] = std::array::from_fn(|k| if k <= owner.root as usize { size(k) } else { 0.0 });
         let window = ((owner.law.exponent.p + owner.root) as usize).min(ORDER);
         let last: [f64; ROW] = std::array::from_fn(|k| if k + window > ORDER { size(k) } else { 0.0 });
-        let shrink = self.request.tolerance.powf(1.0 / ORDER as f64);
+        let shrink = libm::pow(self.request.tolerance, 1.0 / ORDER as f64);
         let mut reach: f64 = 1.0;
         for _ in 0..4 {
             let allowed = first.iter().rev().fold((0.0, reach.powi(16)), |(m, t), a| (f64::max(m, a * t), t / reach)).0;
@@ -381,11 +381,11 @@ fn missing_power(p: &Sizes, power: &Sizes, n: f64) -> f64 {
     let others: f64 = p[zeros + 1..].iter().sum();
     if power.iter().all(|c| *c == 0.0) {
         // Of order mn in θ in place of N, so that its integral is that much larger.
-        return (first + others).powf(n) * ROW as f64 / (zeros as f64 * n + 1.0);
+        return libm::pow(first + others, n) * ROW as f64 / (zeros as f64 * n + 1.0);
     }
     let (least, most) = (first - others, first + others);
     if least <= 0.0 {
         return f64::INFINITY;
     }
-    n * beyond(p, power, ORDER + 1 + zeros) * (most / least).powf(n) / least
+    n * beyond(p, power, ORDER + 1 + zeros) * libm::pow(most / least, n) / least
 }

@@ -50,6 +50,7 @@ impl Motion<'_> {
 
 impl Expansion<'_> {
     /// Writes the guards of the mode and their errors.
+    #[inline(always)]
     pub(super) fn guards(&self, owner: Option<Owner>, tail: &Tail, out: &mut Jet) {
         let reach = out.reach;
         let mut force_tails = zeros(self.s.contacts.len());

@@ -5,7 +5,6 @@
 //! to tell which comes first. In every other case the series of the mode decide.
 
 use smallvec::SmallVec;
-use wide::f64x4;
 
 use super::{
     Motion, SMALL_STRETCH,
@@ -17,6 +16,7 @@ use crate::{
     hybrid::{JetRequest, Known, Leap, Passage},
     poly::{self, LENGTH, Pattern, Place, Row},
     system::{ContactMode, Elasticity, Force, Watch, Wave, dot, guard_id},
+    vectors::{Path, fused},
 };
 
 /// Times a span is halved before the signs count as undecided.
@@ -34,16 +34,15 @@ const AFRESH: f64 = 4.0;
 
 /// `Σ columns_i z_i`.
 #[inline(always)]
-fn combine(columns: &[[f64; COUNT]], z: &[f64]) -> Row {
-    let mut sum = [f64x4::ZERO; COUNT / 4];
+fn combine<P: Path>(columns: &[[f64; COUNT]], z: &[f64]) -> Row {
+    let mut sum = [0.0; COUNT];
     for (column, z) in columns.iter().zip(z) {
-        let z = f64x4::splat(*z);
-        for (sum, four) in sum.iter_mut().zip(column.as_chunks::<4>().0) {
-            *sum = f64x4::new(*four).mul_add(z, *sum);
+        for (sum, c) in sum.iter_mut().zip(column) {
+            *sum = fused::<P>(*c, *z, *sum);
         }
     }
     let mut row = [0.0; LENGTH];
-    row.as_chunks_mut::<4>().0.iter_mut().zip(sum).for_each(|(row, sum)| *row = sum.to_array());
+    row[..COUNT].copy_from_slice(&sum);
     row
 }
 
@@ -98,8 +97,9 @@ impl Guard {
     }
 
     /// Where on the span the guard falls, on the first `part` of it.
-    fn fall(&self, index: usize, part: f64) -> Option<Fall> {
-        let (place, [value, slope]) = poly::fall(&self.b, self.degree)?;
+    #[inline(always)]
+    fn fall<P: Path>(&self, index: usize, part: f64) -> Option<Fall> {
+        let (place, [value, slope]) = poly::fall::<P>(&self.b, self.degree)?;
         let (theta, slope) = (place * part, slope / part);
         let error = self.errors[0] + theta * self.errors[1];
         let is_deflated = self.degree == DEGREE;
@@ -136,14 +136,15 @@ impl Fall {
 }
 
 /// The first fall on the first `part` of a span and before the `bound`, and where the leap ends; `None` if that is not decided.
-fn first_fall(guards: &[Guard], part: f64, bound: f64) -> Option<(Option<Fall>, f64)> {
+#[inline(always)]
+fn first_fall<P: Path>(guards: &[Guard], part: f64, bound: f64) -> Option<(Option<Fall>, f64)> {
     let (mut first, mut later): (Option<Fall>, f64) = (None, f64::INFINITY);
     let earliest = |fall: &Fall| fall.theta - APART * fall.width();
     for (i, guard) in guards.iter().enumerate() {
         let fall = match guard.pattern {
             Pattern::Clear => continue,
             Pattern::Unclear => return None,
-            Pattern::Falls => guard.fall(i, part),
+            Pattern::Falls => guard.fall::<P>(i, part),
         };
         let fall = fall.filter(|fall| fall.slope < 0.0 && fall.width() <= SHARP * fall.theta)?;
         match &mut first {
@@ -230,7 +231,8 @@ impl Propagator {
     }
 
     /// The way from `request` to the first event, to the bound or to the end of the span; `false` where the signs do not decide.
-    pub fn leap(&self, motion: &Motion, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
+    #[inline(always)]
+    pub fn leap<P: Path>(&self, motion: &Motion, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
         let s = motion.structure;
         let (n, x) = (s.n, request.x);
         let mut oscillators = [[0.0; 2]; MOST_INPUTS];
@@ -264,7 +266,7 @@ impl Propagator {
         let mut rows: SmallVec<[(Row, f64); FEW]> = SmallVec::new();
         for row in &self.rows {
             let error = row.errors.iter().zip(z).fold(0.0, |sum, (e, z)| sum + e * z.abs());
-            rows.push((combine(&row.columns, z), error));
+            rows.push((combine::<P>(&row.columns, z), error));
         }
         let mut guards: SmallVec<[Guard; FEW]> = SmallVec::new();
         for (watched, row) in motion.guards.iter().zip(&self.guards) {
@@ -286,7 +288,7 @@ impl Propagator {
             part *= 0.5;
         }
         let bound = request.span / self.span;
-        let decided = first_fall(&guards, part, bound).filter(|(_, end)| *end >= SHORTEST);
+        let decided = first_fall::<P>(&guards, part, bound).filter(|(_, end)| *end >= SHORTEST);
         let Some((fall, end)) = decided else { return false };
         leap.is_bound = fall.is_none() && bound <= part;
         leap.passage = fall.map(|fall| Passage {
@@ -296,20 +298,20 @@ impl Propagator {
             error: fall.error,
         });
         let place = Place::new(end, DEGREE);
-        let weight = end * place.weight();
+        let weight = end * place.weight::<P>();
         leap.x.clear();
         leap.x.extend_from_slice(x);
         leap.sizes.clear();
         let reached = ((end * WHOLE as f64) as usize + 1).min(COUNT);
         for (x, columns) in leap.x.iter_mut().zip(&self.state) {
-            let row = combine(columns, z);
+            let row = combine::<P>(columns, z);
             // By its control points, coefficient i of degree n lying at i/n.
             let points = row[..reached].iter().zip(&SHARES).map(|(d, share)| (*x + share * d).abs());
             leap.sizes.push(points.fold(x.abs(), f64::max));
-            *x += weight * place.value(&row);
+            *x += weight * place.value::<P>(&row);
         }
         leap.time = end * self.span;
-        let added = |row: &Row| weight * place.value(row);
+        let added = |row: &Row| weight * place.value::<P>(row);
         leap.starts.clear();
         leap.starts.extend(motion.guards.iter().zip(&guards).zip(&self.guards).map(|((watched, guard), row)| {
             let (c, size) = (&s.contacts[watched.contact], s.deflection_size(&s.contacts[watched.contact], x));

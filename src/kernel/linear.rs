@@ -8,8 +8,8 @@
 use super::{Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STIFFNESS, motion::Part, product, waves};
 use crate::{
     hybrid::Jet,
-    poly::fused,
     system::{Elasticity, Force, Spring, Watch},
+    vectors::{Path, fused},
 };
 
 /// The laws of four contacts, as `F = stiffness · (δ − σ b) + damping · δ̇`; zero where none is carried.
@@ -44,12 +44,13 @@ pub(super) const LARGEST: usize = 24;
 
 impl Expansion<'_> {
     /// All coefficients of a linear mode.
-    pub(super) fn linear(&self, out: &mut Jet) {
+    #[inline(always)]
+    pub(super) fn linear<P: Path>(&self, out: &mut Jet) {
         self.ramps(&mut out.work);
         macro_rules! kernels {
             ($($n:literal)*) => {
                 match self.s.n {
-                    $($n => self.recurrence::<$n>(out),)*
+                    $($n => self.recurrence::<P, $n>(out),)*
                     n => unreachable!("{n} degrees of freedom, more than {LARGEST}"),
                 }
             };
@@ -91,8 +92,8 @@ impl Expansion<'_> {
         product(work, s, p, k)
     }
 
-    #[inline(never)]
-    fn recurrence<const N: usize>(&self, out: &mut Jet) {
+    #[inline(always)]
+    fn recurrence<P: Path, const N: usize>(&self, out: &mut Jet) {
         let (s, h) = (self.s, self.h);
         let Jet { state, work, time, .. } = out;
         time.clear();
@@ -117,12 +118,12 @@ impl Expansion<'_> {
                 row[N..2 * N].copy_from_slice(&v);
                 a = [0.0; N];
             }
-            self.contacts(fours, k, still, waves, &q, &v, &mut a, work);
+            self.contacts::<P, N>(fours, k, still, waves, &q, &v, &mut a, work);
             if k == ORDER {
                 break;
             }
             for i in 0..N {
-                a[i] = fused(by_q[i], q[i], fused(by_v[i], v[i], a[i]));
+                a[i] = fused::<P>(by_q[i], q[i], fused::<P>(by_v[i], v[i], a[i]));
             }
             for &(i, j, by_q, by_v) in &s.columns.couplings {
                 a[i as usize] += by_q * q[j as usize] + by_v * v[j as usize];
@@ -131,7 +132,7 @@ impl Expansion<'_> {
                 let [cos, sin] = waves[w.index];
                 if let (Some(cosine), Some(sine)) = (w.cosine.first_chunk::<N>(), w.sine.first_chunk::<N>()) {
                     for i in 0..N {
-                        a[i] = fused(cosine[i], cos, fused(sine[i], sin, a[i]));
+                        a[i] = fused::<P>(cosine[i], cos, fused::<P>(sine[i], sin, a[i]));
                     }
                 }
             }
@@ -163,7 +164,7 @@ impl Expansion<'_> {
     /// difference of two displacements is exact and the difference of two forces would not be.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)] // the variables of the recurrence
-    fn contacts<const N: usize>(
+    fn contacts<P: Path, const N: usize>(
         &self,
         fours: &[Four],
         k: usize,
@@ -180,13 +181,13 @@ impl Expansion<'_> {
             let (mut d, mut r) = ([0.0; LANES], [0.0; LANES]);
             for i in 0..N {
                 for l in 0..LANES {
-                    d[l] = fused(directions[i][l], q[i], d[l]);
+                    d[l] = fused::<P>(directions[i][l], q[i], d[l]);
                 }
             }
             for (index, cosine, sine) in &columns.waves {
                 let [cos, sin] = waves[*index];
                 for l in 0..LANES {
-                    d[l] -= fused(cosine[l], cos, sine[l] * sin);
+                    d[l] -= fused::<P>(cosine[l], cos, sine[l] * sin);
                 }
             }
             let at = self.layout.deflection(LANES * chunk, k);
@@ -197,14 +198,14 @@ impl Expansion<'_> {
             if four.carried {
                 for i in 0..N {
                     for l in 0..LANES {
-                        r[l] = fused(directions[i][l], v[i], r[l]);
+                        r[l] = fused::<P>(directions[i][l], v[i], r[l]);
                     }
                 }
                 for (index, cosine, sine) in &columns.waves {
                     let omega = s.oscillators[*index].omega;
                     let [cos, sin] = waves[*index];
                     for l in 0..LANES {
-                        r[l] -= omega * fused(sine[l], cos, -cosine[l] * sin);
+                        r[l] -= omega * fused::<P>(sine[l], cos, -cosine[l] * sin);
                     }
                 }
             }
@@ -219,7 +220,7 @@ impl Expansion<'_> {
                 d = *stretch;
             }
             for l in 0..LANES {
-                force[l] = fused(four.stiffness[l], d[l], four.damping[l] * r[l]);
+                force[l] = fused::<P>(four.stiffness[l], d[l], four.damping[l] * r[l]);
             }
             if k == 0 && !self.request.pinned.is_empty() {
                 let j = |l: usize| LANES * chunk + l;
@@ -230,7 +231,7 @@ impl Expansion<'_> {
                     && let Some(push) = columns.pushes[l].first_chunk::<N>()
                 {
                     for i in 0..N {
-                        a[i] = fused(-push[i], force[l], a[i]);
+                        a[i] = fused::<P>(-push[i], force[l], a[i]);
                     }
                 }
             }

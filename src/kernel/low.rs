@@ -16,7 +16,7 @@ const KEPT: usize = 10;
 /// `(h y − next/inverse) · inverse`, for a product that `next` is near to.
 fn residual(h: f64, y: Wide, k: f64, next: f64, inverse: f64) -> f64 {
     let (is, was) = (Wide::product(h, y.hi), Wide::product(k, next));
-    ((is.hi - was.hi) + h.mul_add(y.lo, is.lo - was.lo)) * inverse
+    ((is.hi - was.hi) + (h * y.lo + (is.lo - was.lo))) * inverse
 }
 
 impl Expansion<'_> {

@@ -28,6 +28,7 @@ use motion::Motion;
 
 use crate::hybrid::{GuardId, Instant, Jet, JetField, JetRequest, Leap, Shown};
 use crate::system::{ContactMode, Elasticity, Force, Structure, Watch, Wave, dot, guard_id};
+use crate::vectors::{Path, Work};
 
 /// Highest power of a step.
 const ORDER: usize = 24;
@@ -127,49 +128,49 @@ struct Expansion<'a> {
     h: f64,
 }
 
+/// A step to be expanded.
+struct Expand<'a> {
+    motion: &'a Motion<'a>,
+    request: &'a JetRequest<'a>,
+    out: &'a mut Jet,
+}
+
+impl Work for Expand<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<P: Path>(self) {
+        self.motion.expand::<P>(self.request, self.out);
+    }
+}
+
+/// A leap to be made.
+struct Forward<'a> {
+    motion: &'a Motion<'a>,
+    request: &'a JetRequest<'a>,
+    leap: &'a mut Leap,
+}
+
+impl Work for Forward<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn on<P: Path>(self) -> bool {
+        // No closure around what is to be compiled for P: it would be a function of its own.
+        match self.motion.propagator.get_or_init(|| self.motion.propagate()) {
+            Some(propagator) => propagator.leap::<P>(self.motion, self.request, self.leap),
+            None => false,
+        }
+    }
+}
+
 impl JetField for Motion<'_> {
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet) {
-        let (s, layout) = (self.structure, &self.layout);
-        out.order = ORDER;
-        out.dim = s.dim;
-        out.state.resize((ORDER + 1) * s.dim, 0.0);
-        out.work.resize(layout.len, 0.0);
-        let owner = self.owner(request);
-        let h = owner.map_or(request.span, |o| self.root_scale(request, o));
-        let mut e = Expansion { s, motion: self, request, layout, h };
-        let tail = loop {
-            e.start(out);
-            match owner {
-                None if self.is_linear => e.linear(out),
-                None => e.plain(out),
-                Some(owner) => e.rooted(owner, out),
-            }
-            out.span = e.h;
-            let reach = match owner {
-                None => e.plain_reach(out),
-                Some(owner) => {
-                    let rooted = e.rooted_reach(owner, out);
-                    rooted.map(|(reach, defect)| (reach, Tail { rooted: Some(defect), ..Tail::default() }))
-                }
-            };
-            if let Some((reach, tail)) = reach.filter(|(reach, _)| *reach > 0.0) {
-                out.reach = reach;
-                break tail;
-            }
-            // The scale overshot so far that the last coefficients overflowed.
-            e.h *= 1e-6;
-            if e.h < f64::MIN_POSITIVE {
-                out.reach = f64::NAN;
-                return;
-            }
-        };
-        out.is_estimate = owner.is_some();
-        e.guards(owner, &tail, out);
+        self.structure.instructions.run(Expand { motion: self, request, out });
     }
 
     fn leap(&self, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
-        let propagator = self.propagator.get_or_init(|| self.propagate());
-        propagator.as_ref().is_some_and(|propagator| propagator.leap(self, request, leap))
+        self.structure.instructions.run(Forward { motion: self, request, leap })
     }
 
     fn term_sizes(&self, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
@@ -211,6 +212,46 @@ impl JetField for Motion<'_> {
 }
 
 impl Motion<'_> {
+    #[inline(always)]
+    fn expand<P: Path>(&self, request: &JetRequest<'_>, out: &mut Jet) {
+        let (s, layout) = (self.structure, &self.layout);
+        out.order = ORDER;
+        out.dim = s.dim;
+        out.state.resize((ORDER + 1) * s.dim, 0.0);
+        out.work.resize(layout.len, 0.0);
+        let owner = self.owner(request);
+        let h = owner.map_or(request.span, |o| self.root_scale(request, o));
+        let mut e = Expansion { s, motion: self, request, layout, h };
+        let tail = loop {
+            e.start(out);
+            match owner {
+                None if self.is_linear => e.linear::<P>(out),
+                None => e.plain(out),
+                Some(owner) => e.rooted(owner, out),
+            }
+            out.span = e.h;
+            let reach = match owner {
+                None => e.plain_reach(out),
+                Some(owner) => {
+                    let rooted = e.rooted_reach(owner, out);
+                    rooted.map(|(reach, defect)| (reach, Tail { rooted: Some(defect), ..Tail::default() }))
+                }
+            };
+            if let Some((reach, tail)) = reach.filter(|(reach, _)| *reach > 0.0) {
+                out.reach = reach;
+                break tail;
+            }
+            // The scale overshot so far that the last coefficients overflowed.
+            e.h *= 1e-6;
+            if e.h < f64::MIN_POSITIVE {
+                out.reach = f64::NAN;
+                return;
+            }
+        };
+        out.is_estimate = owner.is_some();
+        e.guards(owner, &tail, out);
+    }
+
     /// `δ − σ b` of contact `j` where its force is exactly zero, for the `stretch` that the state gives to within `rounding`.
     fn forceless(&self, j: usize, at: Instant, stretch: f64, rounding: f64, rate: impl FnOnce() -> f64) -> f64 {
         let Some(Force::Linear { stiffness, damping }) = self.parts[j].force() else { return stretch };
@@ -225,6 +266,7 @@ impl Motion<'_> {
 
 impl Expansion<'_> {
     /// Order zero of the state, the oscillators and the deflections.
+    #[inline(always)]
     fn start(&self, out: &mut Jet) {
         let (s, layout, dim) = (self.s, self.layout, self.s.dim);
         out.low.clear();

@@ -260,7 +260,7 @@ impl Motion<'_> {
         let loads = s.load_waves.iter().filter(|w| w.index == i).map(|w| w.size(&s.weights));
         let contacts = self.parts.iter().zip(&s.contacts).filter_map(|(part, c)| {
             let (_, damping) = part.carried_linear()?;
-            let waves = c.error.iter().filter(|w| w.index == i).map(|w| w.cosine.hypot(w.sine));
+            let waves = c.error.iter().filter(|w| w.index == i).map(|w| libm::hypot(w.cosine, w.sine));
             Some(c.push_norm * (c.stiffest + damping * s.oscillators[i].omega) * waves.sum::<f64>())
         });
         loads.sum::<f64>() + contacts.sum::<f64>()

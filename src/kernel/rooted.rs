@@ -61,8 +61,8 @@ impl Motion<'_> {
         let (p, rate) = self.penetration(owner.contact, request);
         let q = f64::from(owner.root);
         // From the boundary: p = ṗ t and t = ṗ^(q−1) s^q. From inside: dt = q y^(q−1) ds.
-        let from_boundary = (request.span / rate.abs().powf(q - 1.0)).powf(1.0 / q);
-        let from_inside = request.span / (q * p.powf((q - 1.0) / q));
+        let from_boundary = libm::pow(request.span / libm::pow(rate.abs(), q - 1.0), 1.0 / q);
+        let from_inside = request.span / (q * libm::pow(p, (q - 1.0) / q));
         from_boundary.min(from_inside).min(1e30)
     }
 }
@@ -76,7 +76,7 @@ impl Expansion<'_> {
         time.clear();
         time.resize(ORDER + 1, 0.0);
         let p = (self.motion.parts[owner.contact].side * work[layout.stretches + owner.contact]).max(0.0);
-        work[layout.y(1)] = p.powf(1.0 / f64::from(owner.root));
+        work[layout.y(1)] = libm::pow(p, 1.0 / f64::from(owner.root));
         let twins: PerContact<bool> = (0..s.contacts.len()).map(|j| self.is_twin(owner, j, work)).collect();
         for k in 0..=ORDER {
             let (low, high) = state.split_at_mut((k + 1) * dim);
@@ -213,7 +213,7 @@ impl Expansion<'_> {
         let c = &self.s.contacts[j];
         let p = work[self.layout.of(j, PENETRATION)];
         let rate = self.motion.parts[j].side * work[self.layout.of(j, RATE)];
-        rate < 0.0 && p > 0.0 && c.spec.stiffness.mean() * c.mobility * p.powf(n + 1.0) <= UNFELT * rate * rate
+        rate < 0.0 && p > 0.0 && c.spec.stiffness.mean() * c.mobility * libm::pow(p, n + 1.0) <= UNFELT * rate * rate
     }
 
     /// `pⁿ` at order `k`.
@@ -257,7 +257,7 @@ impl Expansion<'_> {
         }
         let i = k - shift;
         work[u + k] = if i == 0 {
-            work[p + m].max(0.0).powf(n)
+            libm::pow(work[p + m].max(0.0), n)
         } else {
             let sum: f64 = (1..=i).map(|l| (l as f64 * (n + 1.0) - i as f64) * work[p + m + l] * work[u + k - l]).sum();
             sum / (i as f64 * work[p + m])

@@ -209,7 +209,7 @@ impl Rows<'_> {
         let mut power = [0.0; TWICE];
         power[..ROW].copy_from_slice(&self.along(&s.spec.load));
         for (load, wave) in s.spec.load_harmonics.iter().zip(&s.load_waves) {
-            let (sin, cos) = load.phase.sin_cos();
+            let (sin, cos) = libm::sincos(load.phase);
             if let Some(force) = self.follow([Wave { index: wave.index, cosine: cos, sine: -sin }].into_iter()) {
                 let work = times(&force, &self.along(&load.vector));
                 power.iter_mut().zip(&work).for_each(|(p, w)| *p += w);

@@ -36,7 +36,7 @@ pub fn five_digits(value: impl Into<Option<f64>>) -> String {
         Some(0.0) => "0".to_owned(),
         Some(v) if !v.is_finite() => "-".to_owned(),
         Some(v) if (1e-3..1e6).contains(&v.abs()) => {
-            let decimals = (4 - v.abs().log10().floor() as i32).clamp(0, 8) as usize;
+            let decimals = (4 - libm::log10(v.abs()).floor() as i32).clamp(0, 8) as usize;
             let text = format!("{v:.decimals$}");
             if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
         }

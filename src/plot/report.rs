@@ -295,7 +295,7 @@ pub(super) fn rounded(value: f64, span: f64, logarithmic: bool) -> Value {
     let short = if logarithmic {
         format!("{value:.5e}")
     } else {
-        format!("{value:.*}", (6.0 - span.log10().floor()).clamp(0.0, 320.0) as usize)
+        format!("{value:.*}", (6.0 - libm::log10(span).floor()).clamp(0.0, 320.0) as usize)
     };
     // An integer is shorter without its fraction.
     match short.parse::<f64>() {

@@ -31,7 +31,7 @@ impl Chebyshev {
                 powers[k][m] = shifted - 2.0 * powers[k - 1][m] - powers[k - 2][m];
             }
         }
-        let cosine = std::array::from_fn(|i| (std::f64::consts::PI * i as f64 / DEGREE as f64).cos());
+        let cosine = std::array::from_fn(|i| libm::cos(std::f64::consts::PI * i as f64 / DEGREE as f64));
         Self { powers, cosine }
     }
 
@@ -40,7 +40,7 @@ impl Chebyshev {
         if i == n {
             return 1.0;
         }
-        (std::f64::consts::FRAC_PI_2 * i as f64 / n as f64).sin().powi(2)
+        libm::sin(std::f64::consts::FRAC_PI_2 * i as f64 / n as f64).powi(2)
     }
 
     /// Chebyshev coefficients from the `n + 1` values at the points, `n` a divisor of [`DEGREE`].

@@ -1,9 +1,8 @@
 //! Bernstein polynomials on `[0, 1]` in rows of fixed length: their values, and the zero of one that falls once, told by the signs of its
 //! coefficients.
 
-use wide::f64x4;
-
 use super::bernstein::INVERSE_BINOMIALS;
+use crate::vectors::{Path, fused};
 
 /// Room of a row: whole vectors of four. A row of degree n has n + 1 coefficients, the others are zero.
 pub(crate) const LENGTH: usize = 24;
@@ -56,6 +55,19 @@ static BINOMIALS: [Row; LENGTH] = {
     rows
 };
 
+/// `uⁱ`, four side by side.
+#[inline(always)]
+fn powers(u: f64) -> Row {
+    let square = u * u;
+    let (mut four, fourth) = ([1.0, u, square, square * u], square * square);
+    let mut row = [0.0; LENGTH];
+    for powers in row.as_chunks_mut::<4>().0 {
+        *powers = four;
+        four.iter_mut().for_each(|power| *power *= fourth);
+    }
+    row
+}
+
 /// The Bernstein polynomials of one degree at a place: `B_i(t) = C(n, i) tⁱ (1 − t)ⁿ⁻ⁱ`.
 pub(crate) struct Place {
     /// Without the factor that is `weight`.
@@ -72,13 +84,7 @@ impl Place {
         let rest = 1.0 - t;
         let (is_left, t) = (t <= 0.5, 1.0 - rest);
         let (u, nearer) = if is_left { (t / rest, rest) } else { (rest / t, t) };
-        let square = u * u;
-        let (mut powers, fourth) = (f64x4::new([1.0, u, square, square * u]), f64x4::splat(square * square));
-        let mut basis = [0.0; LENGTH];
-        for four in basis.as_chunks_mut::<4>().0 {
-            *four = powers.to_array();
-            powers *= fourth;
-        }
+        let mut basis = powers(u);
         if !is_left {
             basis[..=n].reverse();
         }
@@ -87,23 +93,29 @@ impl Place {
     }
 
     /// What [`value`](Self::value) leaves out: `(1 − t)ⁿ`, or `tⁿ` nearer to that end.
-    pub fn weight(&self) -> f64 {
-        power(self.nearer, self.n)
+    pub fn weight<P: Path>(&self) -> f64 {
+        power::<P>(self.nearer, self.n)
     }
 
     /// `Σ b_i B_i(t)` over the weight.
     #[inline(always)]
-    pub fn value(&self, b: &Row) -> f64 {
-        let fours = b.as_chunks::<4>().0.iter().zip(self.basis.as_chunks::<4>().0);
-        fours.fold(f64x4::ZERO, |sum, (b, basis)| f64x4::new(*b).mul_add(f64x4::new(*basis), sum)).reduce_add()
+    pub fn value<P: Path>(&self, b: &Row) -> f64 {
+        let mut sums = [0.0; 4];
+        for (b, basis) in b.as_chunks::<4>().0.iter().zip(self.basis.as_chunks::<4>().0) {
+            for l in 0..4 {
+                sums[l] = fused::<P>(b[l], basis[l], sums[l]);
+            }
+        }
+        total(sums)
     }
 }
 
 /// `xⁿ` by squares, each with its rounding.
-fn power(x: f64, mut n: usize) -> f64 {
+#[inline(always)]
+fn power<P: Path>(x: f64, mut n: usize) -> f64 {
     let product = |a: [f64; 2], b: [f64; 2]| {
         let high = a[0] * b[0];
-        [high, a[0].mul_add(b[0], -high) + (a[0] * b[1] + a[1] * b[0])]
+        [high, a[0].mul_add(b[0], -high) + fused::<P>(a[0], b[1], a[1] * b[0])]
     };
     let (mut power, mut square) = ([1.0, 0.0], [x, 0.0]);
     while n > 0 {
@@ -123,23 +135,30 @@ const SETTLED: f64 = 1e-10;
 
 /// `Σ c_i uⁱ` and `Σ i c_i uⁱ`.
 #[inline(always)]
-fn sums(c: &Row, u: f64) -> [f64; 2] {
-    let square = u * u;
-    let (mut powers, fourth) = (f64x4::new([1.0, u, square, square * u]), f64x4::splat(square * square));
-    let (mut sums, mut moments, mut index) = (f64x4::ZERO, f64x4::ZERO, f64x4::new([0.0, 1.0, 2.0, 3.0]));
-    for four in c.as_chunks::<4>().0 {
-        let term = f64x4::new(*four) * powers;
-        sums += term;
-        moments = index.mul_add(term, moments);
-        powers *= fourth;
-        index += f64x4::splat(4.0);
+fn sums<P: Path>(c: &Row, u: f64) -> [f64; 2] {
+    let powers = powers(u);
+    let (mut sums, mut moments, mut index) = ([0.0; 4], [0.0; 4], [0.0, 1.0, 2.0, 3.0]);
+    for (c, powers) in c.as_chunks::<4>().0.iter().zip(powers.as_chunks::<4>().0) {
+        for l in 0..4 {
+            let term = c[l] * powers[l];
+            sums[l] += term;
+            moments[l] = fused::<P>(index[l], term, moments[l]);
+            index[l] += 4.0;
+        }
     }
-    [sums.reduce_add(), moments.reduce_add()]
+    [total(sums), total(moments)]
+}
+
+/// The sum of four.
+#[inline(always)]
+fn total([a, b, c, d]: [f64; 4]) -> f64 {
+    (a + b) + (c + d)
 }
 
 /// The zero of a polynomial of degree `n` that [`Falls`](Pattern::Falls), by its Bernstein coefficients, and value and slope there;
 /// `None` if Newton's method does not settle.
-pub(crate) fn fall(b: &Row, n: usize) -> Option<(f64, [f64; 2])> {
+#[inline(always)]
+pub(crate) fn fall<P: Path>(b: &Row, n: usize) -> Option<(f64, [f64; 2])> {
     // Where the control polygon falls through zero.
     let i = b.iter().position(|c| *c < 0.0)?.max(1);
     let mut t = ((i - 1) as f64 + b[i - 1] / (b[i - 1] - b[i])) / n as f64;
@@ -156,13 +175,13 @@ pub(crate) fn fall(b: &Row, n: usize) -> Option<(f64, [f64; 2])> {
         let rest = 1.0 - t;
         let at = 1.0 - rest;
         let (near, far) = if is_left { (at, rest) } else { (rest, at) };
-        let [value, moment] = sums(&c, near / far);
+        let [value, moment] = sums::<P>(&c, near / far);
         let slope = (moment - n as f64 * near * value) / (at * rest);
         let slope = if is_left { slope } else { -slope };
         let next = at - value / slope;
         if (next - t).abs() <= SETTLED * t {
             // What is left is of second order in the last step, and its value of first order.
-            let weight = power(far, n);
+            let weight = power::<P>(far, n);
             return Some((next, [value + slope * (next - at), slope].map(|v| v * weight)));
         }
         if value > 0.0 {

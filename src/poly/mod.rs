@@ -14,12 +14,6 @@ pub use extremes::extremes;
 pub(crate) use falling::{LENGTH, Pattern, Place, Row, fall, halve, pattern};
 pub use first_root::{FirstRoot, Isolation, first_root};
 
-/// `a b + c`, in one instruction where there is one.
-#[inline(always)]
-pub(crate) fn fused(a: f64, b: f64, c: f64) -> f64 {
-    if cfg!(target_feature = "fma") { a.mul_add(b, c) } else { a * b + c }
-}
-
 /// `p(x)` by Horner's rule.
 #[must_use]
 pub fn eval(p: &[f64], x: f64) -> f64 {

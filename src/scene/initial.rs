@@ -65,7 +65,7 @@ fn at_equilibrium(node: &Node, spec: &Spec) -> Vec<f64> {
 fn outside_walls(node: &Node, spec: &Spec, q: &[f64]) {
     for contact in spec.contacts.iter().filter(|c| c.law.is_rigid()) {
         // Whole cycles do not change the phase, so the start cycle does not enter.
-        let error = contact.error_offset + contact.error.iter().map(|h| h.amplitude * h.phase.cos()).sum::<f64>();
+        let error = contact.error_offset + contact.error.iter().map(|h| h.amplitude * libm::cos(h.phase)).sum::<f64>();
         let deflection = contact.direction.iter().zip(q).map(|(g, x)| g * x).sum::<f64>() - error;
         let (b, slack) = (contact.half_backlash, 1.0e-9 * (contact.half_backlash.abs() + deflection.abs()));
         if deflection > b + slack || (contact.flanks == Flanks::Both && deflection < -b - slack) {

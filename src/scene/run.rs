@@ -5,6 +5,7 @@ use crate::{
     hybrid::{Clock, Instant},
     integrate::Choice,
     system::Spec,
+    vectors::Instructions,
 };
 
 /// How long a run lasts.
@@ -51,6 +52,8 @@ pub struct Run {
     pub method: Choice,
     /// Its tolerance, relative to the scale of the motion.
     pub tolerance: f64,
+    /// Vector instructions that its series are summed by.
+    pub instructions: Instructions,
     /// Approach speed below which a chatter sequence may be summed, m/s; `None` leaves it to the engine.
     pub chatter_speed: Option<f64>,
     /// Whether the run is checked arc by arc, see [`verify`](crate::verify).
@@ -80,6 +83,7 @@ impl Run {
             event_budget: 10_000_000,
             method: Choice::Auto,
             tolerance: 1.0e-13,
+            instructions: Instructions::best(),
             chatter_speed: None,
             verify: false,
             samples_per_cycle: 0,
@@ -159,9 +163,21 @@ pub(super) fn read(node: &Node, spec: &Spec) -> Run {
         event_budget: node.at("event_budget").whole(),
         method: method.map_or(Choice::Auto, |(_, method)| *method),
         tolerance: integrator.at("tolerance").number(),
+        instructions: instructions(&integrator.at("instructions")),
         chatter_speed: node.at_unit("chatter_speed", "m_per_s").written().map(|speed| speed.number()),
         verify: node.at("verify").flag(),
         samples_per_cycle: output.at("samples_per_cycle").whole(),
         frame: if output.at("frame").text() == "fixed" { Frame::Fixed } else { Frame::Rotating },
     }
+}
+
+/// Those that are written here, else the best.
+fn instructions(node: &Node) -> Instructions {
+    let best = Instructions::best();
+    let Some(node) = node.clone().written() else { return best };
+    Instructions::named(node.text()).unwrap_or_else(|| {
+        let remedy = format!("leave the key out for the best that it has, {:?}", best.name());
+        node.refuse("vector instructions that this processor has", remedy);
+        best
+    })
 }

@@ -156,6 +156,7 @@ impl<'a> Job<'a> {
             integrator: IntegratorUsed {
                 asked: run.method.name(),
                 tolerance: run.tolerance,
+                instructions: run.instructions.name(),
                 why,
                 modes: engine.integrator().chosen().into_iter().map(name).collect(),
             },

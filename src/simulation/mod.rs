@@ -92,7 +92,7 @@ impl Simulation {
     pub fn from_built(name: &str, built: Built) -> Result<Self, SimulationError> {
         Ok(Self {
             name: name.to_owned(),
-            structure: Structure::new(built.spec)?,
+            structure: Structure::new(built.spec)?.by(built.run.instructions),
             settings: built.run,
             q0: built.q0,
             v0: built.v0,

@@ -79,6 +79,8 @@ pub struct IntegratorUsed {
     pub asked: &'static str,
     /// Local error, relative to the scale of the motion.
     pub tolerance: f64,
+    /// Vector instructions that the series were summed by.
+    pub instructions: &'static str,
     /// Reason for the choice.
     pub why: String,
     /// States of the contacts, and the integrator of that mode, where it was chosen mode by mode.

@@ -178,7 +178,7 @@ fn scalar(operator: &str, left: &Value, right: &Value) -> Value {
         ("-", Some((a, b))) => json!(a - b),
         ("*", Some((a, b))) => json!(a * b),
         ("/", Some((a, b))) => json!(a / b),
-        ("^", Some((a, b))) => json!(a.powf(b)),
+        ("^", Some((a, b))) => json!(libm::pow(a, b)),
         ("+", None) if left.is_string() || right.is_string() => json!(written(left, "") + &written(right, "")),
         _ => Value::Null,
     }

@@ -31,6 +31,8 @@ pub struct SteadySweep {
     plan: Plan,
     rule: Rule,
     dimensionless: bool,
+    /// Vector instructions of its runs.
+    instructions: &'static str,
 }
 
 impl SteadySweep {
@@ -39,7 +41,7 @@ impl SteadySweep {
     /// # Errors
     /// [`StudyError::Simulation`]: faults of the scenes at all corners, or what the first corner that cannot run lacks.
     pub fn new(scene: Scene, plan: Plan, rule: Rule) -> Result<Self, StudyError> {
-        let mut sweep = Self { scene, plan, rule, dimensionless: false };
+        let mut sweep = Self { scene, plan, rule, dimensionless: false, instructions: "" };
         let mut corners = vec![Vec::new()];
         for axis in sweep.plan.grid().axes() {
             let ends = [0, axis.count() - 1].map(|i| axis.value(i));
@@ -65,6 +67,7 @@ impl SteadySweep {
             simulation.period()?;
             simulation.start()?;
             sweep.dimensionless = simulation.dimensionless;
+            sweep.instructions = simulation.settings.instructions.name();
         }
         Ok(sweep)
     }
@@ -91,6 +94,7 @@ impl SteadySweep {
     pub fn header(&self) -> Map<String, Value> {
         let mut header = self.plan.header();
         header.insert("flank".to_owned(), env!("CARGO_PKG_VERSION").into());
+        header.insert("instructions".to_owned(), self.instructions.into());
         header.insert("scene_sha256".to_owned(), self.scene.hash().into());
         header.insert("rule".to_owned(), json!(self.rule));
         header

@@ -111,7 +111,8 @@ impl Axis {
                 match spacing {
                     Spacing::Linear => rounded(mean(*from, *to), from.abs().max(to.abs())),
                     Spacing::Geometric => {
-                        let value = from.signum() * 10f64.powf(mean(from.abs().log10(), to.abs().log10()));
+                        let value =
+                            from.signum() * libm::pow(10f64, mean(libm::log10(from.abs()), libm::log10(to.abs())));
                         rounded(value, value.abs())
                     }
                 }
@@ -123,7 +124,7 @@ impl Axis {
 /// `value`, rounded in the 15th digit of `scale` > 0, the last that every double holds.
 fn rounded(value: f64, scale: f64) -> f64 {
     // The sum makes the zero positive.
-    let decimals = 14 - scale.log10().floor() as i64;
+    let decimals = 14 - libm::log10(scale).floor() as i64;
     let text = usize::try_from(decimals).ok().map(|decimals| format!("{value:.decimals$}"));
     text.and_then(|text| text.parse().ok()).unwrap_or(value) + 0.0
 }

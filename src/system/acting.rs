@@ -111,7 +111,7 @@ impl Structure {
             }
             (_, Spring::Waves(mean, waves)) => waves.iter().fold((*mean, 0.0), |(k, dk), w| {
                 let o = self.oscillators[w.index];
-                let (sin, cos) = self.clock.angle(o.omega, o.order, at).sin_cos();
+                let (sin, cos) = libm::sincos(self.clock.angle(o.omega, o.order, at));
                 (k + w.cosine * cos + w.sine * sin, dk + o.omega * (w.sine * cos - w.cosine * sin))
             }),
             (_, spring) => unreachable!("{stiffness:?} of {spring:?}"),
@@ -133,7 +133,7 @@ impl Structure {
             }
             Force::Power { law, stiffness, .. } => {
                 let p = (side * d - c.gap()).max(0.0);
-                side * stiffness * p.powf(law.exponent.value()) * self.factor(acting, rate, x)
+                side * stiffness * libm::pow(p, law.exponent.value()) * self.factor(acting, rate, x)
             }
             Force::Held => 0.0,
         }
@@ -149,10 +149,10 @@ impl Structure {
                 let (d, r) = self.deflection(acting.contact, at, x);
                 let (side, n) = (acting.side, law.exponent.value());
                 let p = (side * d - self.contacts[acting.contact].gap()).max(0.0);
-                let by_p = k * n * p.powf(n - 1.0) * self.factor(acting, r, x);
+                let by_p = k * n * libm::pow(p, n - 1.0) * self.factor(acting, r, x);
                 let (by_rate, by_latch) = latch.map_or((0.0, 0.0), |i| {
                     let chi = acting.force.chi(x);
-                    let force = k * p.powf(n);
+                    let force = k * libm::pow(p, n);
                     (force * chi, -side * force * chi / x[i] * side * r * x1[i])
                 });
                 by_p * d1 + by_rate * r1 + by_latch
@@ -170,7 +170,7 @@ impl Structure {
             Force::Power { law, stiffness, .. } => {
                 let n = law.exponent.value();
                 let p = p.max(0.0);
-                stiffness * p.powf(n + 1.0) / (n + 1.0)
+                stiffness * libm::pow(p, n + 1.0) / (n + 1.0)
             }
             Force::Held => 0.0,
         }
@@ -186,7 +186,7 @@ impl Structure {
                 (damping * rate * rate, 0.5 * self.stiffness_at(a.contact, stiffness, at).1 * p * p)
             }
             Force::Power { law, stiffness, .. } => {
-                let elastic = stiffness * p.max(0.0).powf(law.exponent.value());
+                let elastic = stiffness * libm::pow(p.max(0.0), law.exponent.value());
                 (elastic * (self.factor(&a, rate, x) - 1.0) * (a.side * rate), 0.0)
             }
             Force::Held => (0.0, 0.0),

@@ -11,6 +11,7 @@ use super::{
 use crate::{
     gear::{Harmonic, Stiffness, contact::Law},
     hybrid::{Clock, Instant},
+    vectors::Instructions,
 };
 
 /// One value for each contact, or for some of them. Up to 16 need no allocation.
@@ -67,7 +68,7 @@ pub(crate) struct LoadWave {
 impl LoadWave {
     /// `max_i √M_ii |a_i|` with `√M_ii` in `weights`.
     pub fn size(&self, weights: &[f64]) -> f64 {
-        let amplitudes = self.cosine.iter().zip(&self.sine).map(|(c, s)| c.hypot(*s));
+        let amplitudes = self.cosine.iter().zip(&self.sine).map(|(c, s)| libm::hypot(*c, *s));
         amplitudes.zip(weights).fold(0.0, |m: f64, (a, w)| m.max(a * w))
     }
 }
@@ -221,6 +222,8 @@ pub struct Structure {
     pub(crate) symmetry: Symmetry,
     /// Nothing drives or damps it: errors are never forgotten, and the state keeps its low part.
     pub(crate) is_conservative: bool,
+    /// By which its series are summed.
+    pub(crate) instructions: Instructions,
 }
 
 impl Structure {
@@ -237,8 +240,8 @@ impl Structure {
         let wave = |h: &Harmonic, scale: f64| Wave {
             // OK to index: find_oscillators collected every frequency of the spec.
             index: places[&h.omega.to_bits()],
-            cosine: scale * h.amplitude * h.phase.cos(),
-            sine: -scale * h.amplitude * h.phase.sin(),
+            cosine: scale * h.amplitude * libm::cos(h.phase),
+            sine: -scale * h.amplitude * libm::sin(h.phase),
         };
         let load_waves = spec
             .load_harmonics
@@ -321,9 +324,22 @@ impl Structure {
             weights,
             symmetry: Symmetry::new(&spec),
             is_conservative: conserves(&spec),
+            instructions: Instructions::best(),
             spec,
         };
         Ok(structure)
+    }
+
+    /// The same train, moved by other instructions than the best that the processor has.
+    #[must_use]
+    pub fn by(self, instructions: Instructions) -> Self {
+        Self { instructions, ..self }
+    }
+
+    /// The instructions that move it.
+    #[must_use]
+    pub fn instructions(&self) -> Instructions {
+        self.instructions
     }
 
     /// The train it was assembled from.
@@ -353,7 +369,7 @@ impl Structure {
     /// `(cos ωt, sin ωt)` of every oscillator, into `out`.
     pub(crate) fn oscillate(&self, at: Instant, mut out: impl FnMut(usize, f64, f64)) {
         for (i, o) in self.oscillators.iter().enumerate() {
-            let (s, c) = self.clock.angle(o.omega, o.order, at).sin_cos();
+            let (s, c) = libm::sincos(self.clock.angle(o.omega, o.order, at));
             out(i, c, s);
         }
     }
@@ -362,7 +378,7 @@ impl Structure {
 /// Range of a stiffness that follows oscillators: sum of its amplitudes, and its fastest frequency.
 fn swing(waves: &[Wave], oscillators: &[Oscillator]) -> (f64, f64) {
     waves.iter().fold((0.0, 0.0), |(sum, fastest): (f64, f64), w| {
-        (sum + w.cosine.hypot(w.sine), fastest.max(oscillators[w.index].omega))
+        (sum + libm::hypot(w.cosine, w.sine), fastest.max(oscillators[w.index].omega))
     })
 }
 

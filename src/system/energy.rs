@@ -61,7 +61,7 @@ impl Structure {
             self.rows[i].iter().fold(self.load[i], |a, (j, k, c)| a - k * x[*j as usize] - c * x[self.n + *j as usize]);
         for w in &self.load_waves {
             let o = self.oscillators[w.index];
-            let (sin, cos) = self.clock.angle(o.omega, o.order, at).sin_cos();
+            let (sin, cos) = libm::sincos(self.clock.angle(o.omega, o.order, at));
             a += w.cosine[i] * cos + w.sine[i] * sin;
         }
         for (c, f) in self.contacts.iter().zip(forces).filter(|(_, f)| **f != 0.0) {
@@ -124,7 +124,7 @@ impl Structure {
                 + c.spec.error_offset.abs()
                 + c.error.iter().map(|w| w.cosine.abs() + w.sine.abs()).sum::<f64>();
             let power = if let Some(l) = c.spec.law.power() { l.exponent.value() + 1.0 } else { 2.0 };
-            c.stiffest * distance.powf(power)
+            c.stiffest * libm::pow(distance, power)
         });
         of_loads.sum::<f64>() + (throughput * of_flanks.sum::<f64>()).sqrt()
     }
@@ -142,7 +142,7 @@ impl PowerBalance for Structure {
             Powers { load: along(&self.spec.load), damping: form(&self.forms[1], v, v), ..Powers::default() };
         for (load, wave) in self.spec.load_harmonics.iter().zip(&self.load_waves) {
             let o = self.oscillators[wave.index];
-            powers.load += (self.clock.angle(o.omega, o.order, at) + load.phase).cos() * along(&load.vector);
+            powers.load += libm::cos(self.clock.angle(o.omega, o.order, at) + load.phase) * along(&load.vector);
         }
         let mut forces = zeros(self.contacts.len());
         self.carried(mode, at, x, &mut forces);

@@ -14,7 +14,7 @@ impl Structure {
         let (mut e, mut de, mut dde) = (c.spec.error_offset, 0.0, 0.0);
         for w in &c.error {
             let o = self.oscillators[w.index];
-            let (sin, cos) = self.clock.angle(o.omega, o.order, at).sin_cos();
+            let (sin, cos) = libm::sincos(self.clock.angle(o.omega, o.order, at));
             let value = w.cosine * cos + w.sine * sin;
             e += value;
             de += o.omega * (w.sine * cos - w.cosine * sin);
@@ -36,7 +36,7 @@ impl Structure {
         a.copy_from_slice(&self.load);
         self.load_waves.iter().for_each(|w| {
             let o = self.oscillators[w.index];
-            let (sin, cos) = self.clock.angle(o.omega, o.order, at).sin_cos();
+            let (sin, cos) = libm::sincos(self.clock.angle(o.omega, o.order, at));
             a.iter_mut().zip(w.cosine.iter().zip(&w.sine)).for_each(|(a, (wc, ws))| *a += wc * cos + ws * sin);
         });
         let (q, v) = (&x[..self.n], &x[self.n..2 * self.n]);
@@ -137,7 +137,7 @@ impl Structure {
             if p <= 0.0 {
                 return None;
             }
-            let force = stiffness * p.powf(law.exponent.value());
+            let force = stiffness * libm::pow(p, law.exponent.value());
             let tangent = law.exponent.value() * force / p * self.factor(&acting, rate, x).max(0.0);
             let damped = acting.force.chi(x) * force * c.mobility;
             fastest = (tangent * c.mobility).sqrt().max(damped).max(fastest);

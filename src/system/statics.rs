@@ -125,7 +125,7 @@ pub fn tangent_stiffness(spec: &Spec, at: &Equilibrium) -> Vec<f64> {
     let tangent = |(contact, force): (&ContactSpec, &f64)| match contact.law {
         Law::Power(law) => {
             let n = law.exponent.value();
-            n * contact.stiffness.mean().powf(n.recip()) * force.abs().powf(1.0 - n.recip())
+            n * libm::pow(contact.stiffness.mean(), n.recip()) * libm::pow(force.abs(), 1.0 - n.recip())
         }
         _ => contact.stiffness.mean(),
     };
@@ -134,7 +134,7 @@ pub fn tangent_stiffness(spec: &Spec, at: &Equilibrium) -> Vec<f64> {
 
 /// Penetration of a power law under the whole load.
 fn loaded(contact: &ContactSpec, law: PowerLaw, load: f64) -> f64 {
-    (load / contact.stiffness.mean()).powf(law.exponent.value().recip())
+    libm::pow(load / contact.stiffness.mean(), law.exponent.value().recip())
 }
 
 /// Force and its slope at penetration p on the drive flank, at mean stiffness. Near p = 0, where a power law has no slope,
@@ -145,7 +145,7 @@ fn force(contact: &ContactSpec, p: f64, load: f64) -> [f64; 2] {
         Law::Power(law) if load > 0.0 => {
             let n = law.exponent.value();
             let least = 1.0e-6 * loaded(contact, law, load);
-            let chord = k * p.abs().max(least).powf(n - 1.0);
+            let chord = k * libm::pow(p.abs().max(least), n - 1.0);
             [chord * p, if p.abs() < least { chord } else { n * chord }]
         }
         _ => [k * p, k],

@@ -35,7 +35,7 @@ pub(crate) fn conserves(spec: &Spec) -> bool {
 fn dot_in_two(row: &[(u32, f64)], x: &[f64], low: &[f64]) -> Wide {
     row.iter().fold(Wide::default(), |sum, (i, g)| {
         let product = Wide::product(*g, x[*i as usize]);
-        sum + Wide { lo: g.mul_add(low[*i as usize], product.lo), ..product }
+        sum + Wide { lo: g * low[*i as usize] + product.lo, ..product }
     })
 }
 
@@ -99,7 +99,7 @@ impl Structure {
         let (mut forces, mut a) = (zeros(self.contacts.len()), vec![0.0; self.n]);
         self.dynamics(mode, at, x, &mut forces, &mut a);
         for (low, rate) in low.iter_mut().zip(x[self.n..2 * self.n].iter().chain(&a)) {
-            *low = by.mul_add(*rate, *low);
+            *low += by * rate;
         }
         normalise(x, low);
         by

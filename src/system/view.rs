@@ -18,10 +18,10 @@ pub fn damped_restitution(zeta: f64, release: Release) -> f64 {
     let root = (1.0 - zeta * zeta).abs().sqrt();
     match release {
         Release::Deflection if zeta >= 1.0 => 0.0,
-        Release::Deflection => (-std::f64::consts::PI * zeta / root).exp(),
-        Release::Force if zeta < 1.0 => (-zeta * 2.0 * zeta.acos() / root).exp(),
-        Release::Force if zeta == 1.0 => (-2.0f64).exp(),
-        Release::Force => (-zeta * 2.0 * zeta.acosh() / root).exp(),
+        Release::Deflection => libm::exp(-std::f64::consts::PI * zeta / root),
+        Release::Force if zeta < 1.0 => libm::exp(-zeta * 2.0 * libm::acos(zeta) / root),
+        Release::Force if zeta == 1.0 => libm::exp(-2.0f64),
+        Release::Force => libm::exp(-zeta * 2.0 * libm::acosh(zeta) / root),
     }
 }
 

@@ -4,6 +4,6 @@
 /// angle, rad. The angle rather than the time, so that long runs can count whole turns exactly.
 #[must_use]
 pub fn to_fixed([x, y]: [f64; 2], carrier_angle: f64) -> [f64; 2] {
-    let (sin, cos) = carrier_angle.sin_cos();
+    let (sin, cos) = libm::sincos(carrier_angle);
     [x * cos - y * sin, x * sin + y * cos]
 }

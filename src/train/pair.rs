@@ -133,7 +133,7 @@ impl GearPair {
     /// # Errors
     /// As for [`torsional`](Self::torsional).
     pub fn translational(&self) -> Result<Spec, TrainError> {
-        let (sin, cos) = self.pressure_angle.sin_cos();
+        let (sin, cos) = libm::sincos(self.pressure_angle);
         self.assemble(&["x_1", "y_1", "u_1", "x_2", "y_2", "u_2"], &[sin, cos, 1.0, -sin, -cos, 1.0], |body| {
             vec![(body.mass, body.translation), (body.mass, body.translation), (body.rotary_mass, body.rotation)]
         })

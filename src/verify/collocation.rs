@@ -35,7 +35,7 @@ impl Collocation {
     pub fn new(dim: usize) -> Self {
         let n = DEGREE as f64;
         // T_k at node j.
-        let chebyshev = |k: i32, j: usize| (PI * f64::from(k) * (DEGREE - j) as f64 / n).cos();
+        let chebyshev = |k: i32, j: usize| libm::cos(PI * f64::from(k) * (DEGREE - j) as f64 / n);
         let end = |j: usize| if j == 0 || j == DEGREE { 0.5 } else { 1.0 };
         let to_series: [Nodal; NODES] = from_fn(|k| from_fn(|j| 2.0 / n * end(k) * end(j) * chebyshev(k as i32, j)));
         // 4 ∫T_k dθ = T_{k+1}/(k+1) − T_{k−1}/(k−1), less what is constant; T_{−1} = T_1.
@@ -43,7 +43,7 @@ impl Collocation {
         let primitive = |k: i32, j: usize| part(k + 1, j) - part(k - 1, j);
         let definite = |k: usize, j: usize| primitive(k as i32, j) - primitive(k as i32, 0);
         Self {
-            nodes: from_fn(|j| (0.5 * PI * j as f64 / n).sin().powi(2)),
+            nodes: from_fn(|j| libm::sin(0.5 * PI * j as f64 / n).powi(2)),
             to_series,
             integral: from_fn(|j| from_fn(|l| (0..NODES).map(|k| definite(k, j) * to_series[k][l]).sum())),
             dim,

@@ -125,7 +125,7 @@ impl<'a> Walk<'a> {
             }
             if error.is_nan() || error > 1.0 {
                 // Also where it is not a number.
-                next = h * error.min(f64::MAX).powf(-1.0 / 3.0).clamp(0.1, 0.5);
+                next = h * libm::pow(error.min(f64::MAX), -1.0 / 3.0).clamp(0.1, 0.5);
                 continue;
             }
             if let Some((theta, g)) = falls.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) {
@@ -135,7 +135,7 @@ impl<'a> Walk<'a> {
             self.t = if h >= end - self.t { end } else { self.t + h };
             (self.sizes, self.longest) = (sizes, self.longest.max(h));
             self.x.copy_from_slice(self.collocation.at(DEGREE).0);
-            next = h * (0.5 / error).powf(1.0 / DEGREE as f64).min(2.5);
+            next = h * libm::pow(0.5 / error, 1.0 / DEGREE as f64).min(2.5);
         }
         Ok(())
     }

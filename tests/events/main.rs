@@ -9,6 +9,7 @@ mod drift;
 mod endings;
 mod first_root;
 mod frequencies;
+mod instructions;
 mod isolation;
 mod leaps;
 mod release;

@@ -275,7 +275,7 @@ pub(in crate::accuracy) fn highest_frequency(spec: &Spec, forces: &[f64]) -> Opt
         contact.stiffness = Stiffness::Constant(match contact.law {
             Law::Power(law) => {
                 let n = law.exponent.value();
-                n * k.powf(n.recip()) * force.powf(1.0 - n.recip())
+                n * libm::pow(k, n.recip()) * libm::pow(*force, 1.0 - n.recip())
             }
             Law::Rigid(_) => 0.0,
             Law::KelvinVoigt(..) | Law::Bilateral(_) => k,

@@ -44,7 +44,7 @@ pub fn coefficient(model: Hysteresis, e: f64) -> f64 {
 
 /// `D(1 + e) − ln((1 + D)/(1 − eD))`, without cancellation for small D.
 fn residual(d: f64, e: f64) -> f64 {
-    d * (1.0 + e) - d.ln_1p() + (-e * d).ln_1p()
+    d * (1.0 + e) - libm::log1p(d) + libm::log1p(-e * d)
 }
 
 /// Solves the exact relation for D, given `e` in `(0, 1]`.

@@ -67,7 +67,7 @@ impl Scale {
         self.ticks = (0..=(last - first).clamp(0.0, 100.0) as usize).map(|i| (first + i as f64) * step).collect();
         let largest = self.low.abs().max(self.high.abs());
         if !self.places && !(1e-3..1e5).contains(&largest) {
-            self.exponent = (largest.log10() / 3.0).floor() as i32 * 3;
+            self.exponent = (libm::log10(largest) / 3.0).floor() as i32 * 3;
         }
         self.step = Some(step);
         self
@@ -83,7 +83,7 @@ impl Scale {
             return String::new();
         }
         let Some(step) = self.step else { return power_of_ten(value) };
-        let decimals = (f64::from(self.exponent) - step.log10().floor()).clamp(0.0, 15.0) as usize;
+        let decimals = (f64::from(self.exponent) - libm::log10(step).floor()).clamp(0.0, 15.0) as usize;
         let text = format!("{:.decimals$}", value / 10f64.powi(self.exponent));
         // Rounded to zero from below.
         if text.trim_start_matches(['-', '0', '.']).is_empty() { text.replace('-', "") } else { minus(&text) }
@@ -92,7 +92,7 @@ impl Scale {
     /// Place of a value: 0 at the low end, 1 at the high end.
     pub fn place(&self, value: f64) -> f64 {
         if self.logarithmic {
-            (value / self.low).log10() / (self.high / self.low).log10()
+            libm::log10(value / self.low) / libm::log10(self.high / self.low)
         } else {
             (value - self.low) / (self.high - self.low)
         }
@@ -148,22 +148,22 @@ fn widened(low: f64, high: f64, margin: f64) -> [f64; 2] {
 
 /// The same for a logarithmic axis; a point becomes a decade.
 fn decades_around(low: f64, high: f64, margin: f64) -> [f64; 2] {
-    let [from, to] = [low, high].map(f64::log10);
+    let [from, to] = [low, high].map(libm::log10);
     let extra = if to - from < 1e-9 { 0.5 } else { margin * (to - from) };
     // Within the finite numbers.
-    [from - extra, to + extra].map(|exponent| 10f64.powf(exponent.clamp(-307.6, 308.0)))
+    [from - extra, to + extra].map(|exponent| libm::pow(10f64, exponent.clamp(-307.6, 308.0)))
 }
 
 /// The nearest of 1, 2, 5 times a power of ten.
 fn round_step(step: f64) -> f64 {
-    let power = 10f64.powf(step.log10().floor());
+    let power = libm::pow(10f64, libm::log10(step).floor());
     let digits = [1.0, 2.0, 5.0].into_iter().find(|d| step < 1.5 * d * power).unwrap_or(10.0);
     digits * power
 }
 
 /// Powers of ten in a range, every n-th if there are too many, with 2 and 5 times them if there are few.
 fn decades(low: f64, high: f64, count: usize) -> Vec<f64> {
-    let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
+    let (first, last) = (libm::log10(low).floor() as i32, libm::log10(high).ceil() as i32);
     let decades = (last - first) as usize;
     let digits: &[f64] = if 3 * decades <= count + 2 { &[1.0, 2.0, 5.0] } else { &[1.0] };
     let every = decades.div_ceil(count).max(1);
@@ -176,8 +176,8 @@ fn decades(low: f64, high: f64, count: usize) -> Vec<f64> {
 }
 
 fn power_of_ten(value: f64) -> String {
-    let exponent = (value.log10() + 1e-9).floor();
-    let digit = (value / 10f64.powf(exponent)).round();
+    let exponent = (libm::log10(value) + 1e-9).floor();
+    let digit = (value / libm::pow(10f64, exponent)).round();
     if (-3.0..=4.0).contains(&exponent) {
         return format!("{:.*}", (-exponent).max(0.0) as usize, value);
     }

@@ -25,7 +25,7 @@ impl Ink {
     pub fn line(&mut self, points: &[Point]) {
         for ends in points.windows(2) {
             let ([ax, ay], [bx, by]) = (ends[0], ends[1]);
-            let steps = ((bx - ax).hypot(by - ay) / Self::CELL).ceil();
+            let steps = (libm::hypot(bx - ax, by - ay) / Self::CELL).ceil();
             for i in 0..=steps as usize {
                 let part = i as f64 / steps.max(1.0);
                 self.0.insert((Self::cell(ax + part * (bx - ax)), Self::cell(ay + part * (by - ay))));

@@ -11,7 +11,7 @@ fn short(value: f64) -> String {
         0.0 => "0".to_owned(),
         size if (1e-3..1e5).contains(&size) => {
             // OK to convert: at most four decimals more than digits.
-            let decimals = (3 - size.log10().floor() as i32).clamp(0, 6) as usize;
+            let decimals = (3 - libm::log10(size).floor() as i32).clamp(0, 6) as usize;
             format!("{value:.decimals$}")
         }
         _ => format!("{value:.2e}"),
@@ -44,7 +44,7 @@ fn or_dash<T>(value: Option<T>, show: impl Fn(T) -> String) -> String {
 
 fn two_digits(error: f64) -> String {
     // OK to convert: a few decimals.
-    let decimals = (1 - error.log10().floor() as i32).clamp(0, 6) as usize;
+    let decimals = (1 - libm::log10(error).floor() as i32).clamp(0, 6) as usize;
     format!("{error:.decimals$}")
 }
 

@@ -52,7 +52,8 @@ pub(super) fn largest(values: impl Iterator<Item = f64>) -> f64 {
 
 /// What changes from `full` to `motion`, family by family of `full`.
 pub fn changes(full: &Motion, motion: &Motion) -> Vec<Change> {
-    let between = |a: Estimate, b: Estimate| Estimate { value: b.value - a.value, error: a.error.hypot(b.error) };
+    let between =
+        |a: Estimate, b: Estimate| Estimate { value: b.value - a.value, error: libm::hypot(a.error, b.error) };
     let relative = |a: f64, b: f64| (a > 0.0).then(|| (b - a) / a);
     let change = |mesh: &super::measure::Mesh| {
         let now = motion.mesh(&mesh.family)?;

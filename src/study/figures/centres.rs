@@ -43,7 +43,7 @@ pub fn trajectories(
         for (body, x, y) in bodies {
             let points = recording.t.iter().zip(recording.x[x].iter().zip(&recording.x[y]));
             let path: Vec<[f64; 2]> = points.map(|(t, (x, y))| to_fixed([*x, *y], speed * t)).collect();
-            let radius: Vec<f64> = path.iter().map(|p| p[0].hypot(p[1])).collect();
+            let radius: Vec<f64> = path.iter().map(|p| libm::hypot(p[0], p[1])).collect();
             let spectrum = Spectrum::new(&recording.x[x], f64::from(PER_CYCLE), window);
             let leaves = settled.period.map(|period| (period, maxima(&radius)));
             let kind =

@@ -133,7 +133,7 @@ impl<'s> Layout<'s> {
             let given = |unit: &str| train[format!("{mesh}_pressure_angle_{unit}")].as_f64();
             given("rad").or_else(|| given("deg").map(f64::to_radians))
         };
-        let pitch = |gear: &str, mesh: &str| Some(1e3 * train[gear]["radius_m"].as_f64()? / angle(mesh)?.cos());
+        let pitch = |gear: &str, mesh: &str| Some(1e3 * train[gear]["radius_m"].as_f64()? / libm::cos(angle(mesh)?));
         let known = (|| Some([pitch("sun", "sun")?, pitch("planet", "sun")?, pitch("ring", "ring")?]))();
         let half_teeth = |gear: &str| Ok::<_, StudyError>(0.5 * number(scene, &format!("/train/teeth/{gear}"))?);
         let ([sun, planet, ring], unit) = match known {
@@ -157,7 +157,7 @@ impl<'s> Layout<'s> {
             let at = [rest[0] + scale * moved[0], rest[1] + scale * moved[1]];
             series.push(circle(at, radius, colour, Style::Line));
             let angle = scale * turn / radius;
-            let spoke = |a: f64| [at[0] + radius * a.cos(), at[1] + radius * a.sin()];
+            let spoke = |a: f64| [at[0] + radius * libm::cos(a), at[1] + radius * libm::sin(a)];
             let end = spoke(angle);
             series.push(Series::line("", colour, vec![at[0], end[0]], vec![at[1], end[1]]));
         };
@@ -165,7 +165,7 @@ impl<'s> Layout<'s> {
         body(1, [0.0; 2], [of("x_r"), of("y_r")], self.ring, of("u_r"));
         body(3, [0.0; 2], [of("x_c"), of("y_c")], self.centre, of("u_c"));
         for (i, psi) in self.planets.iter().enumerate() {
-            let (sin, cos) = psi.sin_cos();
+            let (sin, cos) = libm::sincos(*psi);
             let (xi, eta) = (of_planet("xi", i), of_planet("eta", i));
             let moved = [xi * cos - eta * sin, xi * sin + eta * cos];
             body(2, [self.centre * cos, self.centre * sin], moved, self.planet, of_planet("u", i));
@@ -189,6 +189,6 @@ impl<'s> Layout<'s> {
 
 fn circle(centre: [f64; 2], radius: f64, colour: usize, style: Style) -> Series {
     let angles = (0..=72).map(|i| TAU * f64::from(i) / 72.0);
-    let (x, y) = angles.map(|a| (centre[0] + radius * a.cos(), centre[1] + radius * a.sin())).unzip();
+    let (x, y) = angles.map(|a| (centre[0] + radius * libm::cos(a), centre[1] + radius * libm::sin(a))).unzip();
     Series::line("", colour, x, y).styled(style)
 }

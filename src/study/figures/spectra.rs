@@ -80,7 +80,7 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
 
 /// A number to about four digits, for titles.
 fn short(value: f64) -> String {
-    let digits = (3 - value.abs().max(1e-300).log10().floor() as i32).clamp(1, 6) as usize;
+    let digits = (3 - libm::log10(value.abs().max(1e-300)).floor() as i32).clamp(1, 6) as usize;
     format!("{value:.digits$}")
 }
 

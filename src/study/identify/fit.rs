@@ -66,7 +66,7 @@ impl<'a> Fit<'a> {
         let value = |(i, p): (usize, &Parameter)| match x[i] {
             x if x <= self.low[i] => p.low,
             x if x >= self.high[i] => p.high,
-            x if p.is_logarithmic() => x.exp().clamp(p.low, p.high),
+            x if p.is_logarithmic() => libm::exp(x).clamp(p.low, p.high),
             x => (p.low + x * (p.high - p.low)).clamp(p.low, p.high),
         };
         self.parameters.iter().enumerate().map(value).collect()
@@ -82,7 +82,7 @@ impl<'a> Fit<'a> {
     /// `φ^{n+1} = φ + 1` (Roberts, 2018: the golden ratio in n dimensions).
     pub fn spread(&self, k: usize) -> Vec<f64> {
         let n = self.parameters.len() as f64;
-        let phi = (0..64).fold(2.0f64, |phi, _| (1.0 + phi).powf((n + 1.0).recip()));
+        let phi = (0..64).fold(2.0f64, |phi, _| libm::pow(1.0 + phi, (n + 1.0).recip()));
         let share = |j: usize| (0.5 + k as f64 * phi.powi(-(j as i32 + 1))).fract();
         (0..self.parameters.len()).map(|j| self.low[j] + share(j) * (self.high[j] - self.low[j])).collect()
     }
@@ -160,7 +160,11 @@ impl<'a> Fit<'a> {
 }
 
 fn coordinate(parameter: &Parameter, value: f64) -> f64 {
-    if parameter.is_logarithmic() { value.ln() } else { (value - parameter.low) / (parameter.high - parameter.low) }
+    if parameter.is_logarithmic() {
+        libm::log(value)
+    } else {
+        (value - parameter.low) / (parameter.high - parameter.low)
+    }
 }
 
 impl Residual for &Fit<'_> {

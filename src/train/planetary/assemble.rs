@@ -98,7 +98,7 @@ impl Planetary {
     /// Radial and tangential stretch of a planet's bearing in all freedoms.
     fn bearing_directions(&self, i: usize) -> [DVector<f64>; 2] {
         let carrier = self.carrier_row();
-        let (sin, cos) = self.planets[i].position.sin_cos();
+        let (sin, cos) = libm::sincos(self.planets[i].position);
         let mut radial = DVector::zeros(carrier + 6);
         let mut tangential = radial.clone();
         radial[3 + 3 * i] = 1.0;
@@ -131,11 +131,11 @@ impl Planetary {
         let psi = self.planets[i].position;
         let direction = |row: usize, line: f64, alpha: f64, side: f64| {
             let mut g = DVector::zeros(carrier + 6);
-            g[row] = -line.sin();
-            g[row + 1] = line.cos();
+            g[row] = -libm::sin(line);
+            g[row + 1] = libm::cos(line);
             g[row + 2] = 1.0;
-            g[3 + 3 * i] = -side * alpha.sin();
-            g[4 + 3 * i] = -alpha.cos();
+            g[3 + 3 * i] = -side * libm::sin(alpha);
+            g[4 + 3 * i] = -libm::cos(alpha);
             g[5 + 3 * i] = side;
             g
         };

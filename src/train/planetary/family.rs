@@ -160,7 +160,7 @@ fn bases(freedoms: &[String]) -> Result<Vec<(Family, usize, DMatrix<f64>)>, Fami
                 for (i, &row) in rows.values().enumerate() {
                     let turns = (harmonic * i % count) as f64 / count as f64;
                     column[row] =
-                        (TAU * (turns - quarter)).cos() * (if single { 1.0 } else { 2.0 } / count as f64).sqrt();
+                        libm::cos(TAU * (turns - quarter)) * (if single { 1.0 } else { 2.0 } / count as f64).sqrt();
                 }
                 columns.entry(family).or_default().push(column);
             }

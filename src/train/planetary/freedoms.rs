@@ -79,7 +79,7 @@ impl Planetary {
     fn carry(&self, all: &[String], kept: &[String], p: &mut DMatrix<f64>) {
         let column = |name: &str| kept.iter().position(|k| k == name);
         for (i, planet) in self.planets.iter().enumerate() {
-            let (sin, cos) = planet.position.sin_cos();
+            let (sin, cos) = libm::sincos(planet.position);
             let radial = [("x_c", cos), ("y_c", sin)];
             let tangential = [("x_c", -sin), ("y_c", cos), ("u_c", 1.0)];
             for (offset, motion) in [(0, &radial[..]), (1, &tangential[..])] {

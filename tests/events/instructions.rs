@@ -1,0 +1,68 @@
+//! Trains moved by different vector instructions meet the same events, arc by arc.
+
+use std::ops::ControlFlow;
+
+use flank::{
+    Instructions, Simulation,
+    engine::{Engine, Observer, Options, State},
+    event::EventRecord,
+    integrate::Taylor,
+    system::Structure,
+};
+
+/// Its first record of a changed mode or state, after that of the start.
+#[derive(Default)]
+struct First(Option<EventRecord>);
+
+impl Observer for First {
+    fn wants_steps(&self) -> bool {
+        false
+    }
+
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        if record.start || record.graze {
+            return ControlFlow::Continue(());
+        }
+        self.0.get_or_insert_with(|| record.clone());
+        ControlFlow::Break(())
+    }
+}
+
+/// One arc from `state`: its event, and where the run stands behind it.
+fn arc(system: &Structure, state: &State) -> (Option<EventRecord>, State) {
+    let end = system.clock().advance(state.at, 10.0 * system.clock().period().unwrap().value());
+    let mut first = First::default();
+    let mut engine = Engine::new(system, Box::new(Taylor::default()), Options::default(), state.clone());
+    engine.run(end, &mut first).unwrap();
+    (first.0, engine.state().clone())
+}
+
+#[test]
+fn all_instructions_meet_the_same_events_arc_by_arc() {
+    let sets: Vec<Instructions> = Instructions::NAMES.into_iter().filter_map(Instructions::named).collect();
+    assert!(sets.contains(&Instructions::best()) && !sets.is_empty());
+    let mut compared = 0;
+    for scene in ["W1a-ds", "W1b-ds", "W2b", "W5b-p", "W3", "W4"] {
+        let simulation = Simulation::from_file(format!("examples/scenes/{scene}.json")).unwrap();
+        let systems: Vec<Structure> =
+            sets.iter().map(|set| Structure::new(simulation.structure.spec().clone()).unwrap().by(*set)).collect();
+        let mut state = simulation.start().unwrap();
+        for _ in 0..40 {
+            let arcs: Vec<_> = systems.iter().map(|system| arc(system, &state)).collect();
+            for (other, _) in &arcs[1..] {
+                match (&arcs[0].0, other) {
+                    (Some(a), Some(b)) => {
+                        assert_eq!((&a.fired, &a.to), (&b.fired, &b.to), "{scene}");
+                        let apart = simulation.clock().between(a.at, b.at).abs();
+                        let allowed = a.conditioning.time + b.conditioning.time;
+                        assert!(apart <= allowed, "{scene}: {apart:e} apart, {allowed:e} allowed");
+                        compared += 1;
+                    }
+                    (a, b) => assert_eq!(a.is_some(), b.is_some(), "{scene}"),
+                }
+            }
+            state = arcs[0].1.clone();
+        }
+    }
+    assert_eq!(compared, 240 * (sets.len() - 1));
+}
