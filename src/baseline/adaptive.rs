@@ -128,6 +128,7 @@ impl Penalty {
             pinned: &none,
             still: &none,
             bound,
+            event_tolerance: 0.0,
             before: (0, &[]),
         };
         let (mut integrator, _) = build(solver, rtol, &through)?;

@@ -155,6 +155,7 @@ impl Leaps {
             pinned: &jump.pinned,
             still: &jump.still,
             bound: end,
+            event_tolerance: 0.0,
             before: (0, &[]),
         };
         let [x, rest] = &mut self.end;

@@ -131,6 +131,16 @@ pub enum Shown {
     Contacts,
 }
 
+/// Whether all are finite. A finite number times zero is zero; NaN and the infinities are not.
+fn are_finite(numbers: &[f64]) -> bool {
+    let (eights, rest) = numbers.as_chunks::<8>();
+    let mut sums = [0.0; 8];
+    for eight in eights {
+        sums.iter_mut().zip(eight).for_each(|(sum, c)| *sum += c * 0.0);
+    }
+    sums.iter().chain(rest).fold(0.0, |sum, c| sum + c * 0.0) == 0.0
+}
+
 /// Makes each `x` the double nearest to `x + low`.
 pub fn normalise(x: &mut [f64], low: &mut [f64]) {
     for (x, low) in x.iter_mut().zip(low) {
@@ -256,10 +266,8 @@ impl Jet {
     /// Whether all coefficients of the state and of the guards are finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        // A finite number times zero is zero; NaN and the infinities are not.
         let state = &self.state[..(self.order + 1) * self.dim];
-        let guards = &self.guard_series[..(self.order + 1) * self.guards.len()];
-        state.iter().chain(guards).fold(0.0, |s, c| s + c * 0.0) == 0.0
+        are_finite(state) && are_finite(&self.guard_series[..(self.order + 1) * self.guards.len()])
     }
 
     /// Elapsed time at `θ`, s.

@@ -9,7 +9,7 @@
 //! and `|pⁿ − u| ≤ (max p/min p)ⁿ Σ|R_k|/(k+1)/min p`.
 
 use super::{
-    Elasticity, Expansion, FACTOR, Force, Layout, ORDER, PENETRATION, POWER, RATE, ROW, STIFFNESS, bound::root_below,
+    Elasticity, Expansion, FACTOR, Force, Layout, PENETRATION, POWER, RATE, ROW, STIFFNESS, bound::root_below,
     rooted::Owner,
 };
 use crate::{
@@ -81,9 +81,9 @@ impl Factor {
         Self { sizes, total: total(&sizes), missing }
     }
 
-    /// What the truncated product with `other` leaves out.
-    fn product(&self, other: &Self) -> f64 {
-        beyond(&self.sizes, &other.sizes, ORDER + 1) + self.missing * other.total + other.missing * self.total
+    /// What the product with `other`, truncated after `order`, leaves out.
+    fn product(&self, other: &Self, order: usize) -> f64 {
+        beyond(&self.sizes, &other.sizes, order + 1) + self.missing * other.total + other.missing * self.total
     }
 }
 
@@ -109,7 +109,8 @@ impl Expansion<'_> {
     pub(super) fn rooted_reach(&self, owner: Owner, out: &Jet) -> Option<(f64, Defect)> {
         let goal = self.request.tolerance;
         let (mut low, mut high): (Option<(f64, Defect)>, f64) = (None, f64::INFINITY);
-        let (mut theta, mut order, mut before) = (self.guess(owner, out), ROW as f64, None);
+        let row = (self.order + 1) as f64;
+        let (mut theta, mut order, mut before) = (self.guess(owner, out), row, None);
         // The error is a power of θ or nearly so: a few trials settle it, and some more find the way from a bad guess.
         for _ in 0..24 {
             let (share, defect) = self.defect(owner, theta, out);
@@ -125,7 +126,7 @@ impl Expansion<'_> {
                 && t != theta
             {
                 let slope = libm::log(share / s) / libm::log(theta / t);
-                order = if slope.is_finite() { slope.clamp(2.0, 4.0 * ROW as f64) } else { order };
+                order = if slope.is_finite() { slope.clamp(2.0, 4.0 * row) } else { order };
             }
             before = Some((theta, share));
             let next = theta * libm::pow(0.3 * goal / share, 1.0 / order).clamp(1e-6, 1e3);
@@ -156,13 +157,13 @@ impl Expansion<'_> {
         let column = |of: &[f64], at: usize, stride: usize| -> Sizes {
             std::array::from_fn(|k| of[at + k * stride].abs() * powers[k])
         };
-        let per = span / ROW as f64;
+        let per = span / (self.order + 1) as f64;
         let y = Factor::new(row(layout.y(1)), 0.0);
         // What y², y³, … and w = q y^(q−1) leave out.
         let mut missing = [0.0; 17];
         for m in 2..owner.root as usize {
             let lower = Factor::new(row(layout.y(m - 1)), missing[m - 1]);
-            missing[m] = lower.product(&y);
+            missing[m] = lower.product(&y, self.order);
         }
         let q = f64::from(owner.root);
         let w = Factor::new(row(layout.clock), if owner.root > 1 { q * missing[owner.root as usize - 1] } else { 0.0 });
@@ -172,8 +173,8 @@ impl Expansion<'_> {
             q => f64::from(q) * f64::from(q - 1) * total(&row(layout.y(q as usize - 2))),
         };
         // What the products with w leave out, and the sizes of their other factor.
-        let through = |other: &Sizes| beyond(&w.sizes, other, ORDER) + w.missing * total(other);
-        let mut d = Defect { time: per * (w.sizes[ORDER] + w.missing), ..Defect::default() };
+        let through = |other: &Sizes| beyond(&w.sizes, other, self.order) + w.missing * total(other);
+        let mut d = Defect { time: per * (w.sizes[self.order] + w.missing), ..Defect::default() };
         let (mut speed, mut acceleration, mut ring): (f64, f64, f64) = (0.0, 0.0, 0.0);
         for (i, weight) in s.weights.iter().enumerate() {
             let v = column(&out.state, n + i, dim);
@@ -193,7 +194,7 @@ impl Expansion<'_> {
             let rate = row(layout.of(j, RATE));
             d.stretch = d.stretch.max(per * through(&rate) / c.across);
             if j == owner.contact {
-                d.root = per * rate[ORDER];
+                d.root = per * rate[self.order];
             }
             speed = speed.max(total(&rate) / c.across);
             size = size.max(total(&rate) * c.weight);
@@ -219,7 +220,7 @@ impl Expansion<'_> {
                 };
                 forces.by_time += push * by_time * total(&penetration);
                 if stiffness.varies() {
-                    forces.missing += push * beyond(&row(layout.of(j, STIFFNESS)), &penetration, ORDER + 1);
+                    forces.missing += push * beyond(&row(layout.of(j, STIFFNESS)), &penetration, self.order + 1);
                 }
             }
             let Some(power @ Force::Power { law, stiffness, .. }) = part.force().filter(|_| part.is_pressed()) else {
@@ -235,12 +236,12 @@ impl Expansion<'_> {
                 let (a, r) = ((law.exponent.p / law.exponent.q) as i32, (law.exponent.p % law.exponent.q) as usize);
                 let (mut left, mut at) = (0.0, layout.of(j, PENETRATION));
                 for m in 2..=a as usize {
-                    left = Factor::new(row(at), left).product(&p);
+                    left = Factor::new(row(at), left).product(&p, self.order);
                     at = layout.y(16 + m - 1);
                 }
                 if r > 0 {
                     let root = Factor::new(row(layout.y(r)), missing[r]);
-                    power.missing = Factor::new(row(at), left).product(&root);
+                    power.missing = Factor::new(row(at), left).product(&root, self.order);
                     forces.by_root += k * p.total.powi(a) * r as f64 * y.total.powi(r as i32 - 1) * factor.total;
                 } else {
                     power.missing = left;
@@ -248,12 +249,12 @@ impl Expansion<'_> {
                 forces.by_stretch +=
                     k * f64::from(a) * p.total.powi(a - 1) * y.total.powi(r as i32) * factor.total * c.across;
             } else {
-                power.missing = missing_power(&p.sizes, &power.sizes, e);
+                power.missing = missing_power(&p.sizes, &power.sizes, e, self.order);
                 forces.by_stretch += k * e * libm::pow(p.total, e - 1.0) * factor.total * c.across;
             }
             forces.by_rate += k * libm::pow(p.total, e) * chi * c.across;
             forces.by_time += k * libm::pow(p.total, e) * chi * s.wave_size(&c.error, 2);
-            forces.missing += k * power.product(&factor);
+            forces.missing += k * power.product(&factor, self.order);
             // Below its own rounding a penetration p cannot show speeds: p times the contact's frequency.
             size = size.max((e * c.spec.stiffness.mean() * libm::pow(p.total, e + 1.0)).sqrt());
             least = least.min(p.total / c.across);
@@ -274,7 +275,7 @@ impl Expansion<'_> {
             ],
         ];
         let [root, time, stretch, rate] = grown(&b, [d.root, d.time, d.stretch, d.rate]);
-        let elapsed = total(&std::array::from_fn(|k| out.time[k].abs() * powers[k]));
+        let elapsed = out.time.iter().zip(&powers).map(|(t, power)| t.abs() * power).sum::<f64>();
         let parts = [(rate, size), (stretch, least), (root, y.total), (time, elapsed)];
         // Nothing moves: no error either. A comparison with NaN is false.
         let share = parts.iter().fold(0.0, |m: f64, (e, size)| match e / size {
@@ -297,9 +298,9 @@ impl Expansion<'_> {
             contacts.fold(self.velocity_size(k, out), |m, (j, c)| m.max(rate(j) * c.weight))
         };
         let first: [f64; 17] = std::array::from_fn(|k| if k <= owner.root as usize { size(k) } else { 0.0 });
-        let window = ((owner.law.exponent.p + owner.root) as usize).min(ORDER);
-        let last: [f64; ROW] = std::array::from_fn(|k| if k + window > ORDER { size(k) } else { 0.0 });
-        let shrink = libm::pow(self.request.tolerance, 1.0 / ORDER as f64);
+        let window = ((owner.law.exponent.p + owner.root) as usize).min(self.order);
+        let last: [f64; ROW] = std::array::from_fn(|k| if k + window > self.order { size(k) } else { 0.0 });
+        let shrink = libm::pow(self.request.tolerance, 1.0 / self.order as f64);
         let mut reach: f64 = 1.0;
         for _ in 0..4 {
             let allowed = first.iter().rev().fold((0.0, reach.powi(16)), |(m, t), a| (f64::max(m, a * t), t / reach)).0;
@@ -334,7 +335,7 @@ impl Expansion<'_> {
             let row = self.layout.of(j, which);
             std::array::from_fn(|k| out.work[row + k].abs() * out.reach.powi(k as i32))
         };
-        beyond(&sizes(STIFFNESS), &sizes(PENETRATION), ORDER + 1)
+        beyond(&sizes(STIFFNESS), &sizes(PENETRATION), self.order + 1)
     }
 
     /// The norm of the projector that holds the rigid contacts at rest, and the part of their flanks in `forces`.
@@ -372,7 +373,7 @@ fn grown(b: &[[f64; 4]; 4], d: [f64; 4]) -> [f64; 4] {
 }
 
 /// What the series of `pⁿ` leaves out; of all of it where it has no power series in this clock and is written as zero.
-fn missing_power(p: &Sizes, power: &Sizes, n: f64) -> f64 {
+fn missing_power(p: &Sizes, power: &Sizes, n: f64, order: usize) -> f64 {
     let zeros = p.iter().take_while(|c| **c == 0.0).count();
     if zeros == ROW {
         return 0.0;
@@ -381,11 +382,11 @@ fn missing_power(p: &Sizes, power: &Sizes, n: f64) -> f64 {
     let others: f64 = p[zeros + 1..].iter().sum();
     if power.iter().all(|c| *c == 0.0) {
         // Of order mn in θ in place of N, so that its integral is that much larger.
-        return libm::pow(first + others, n) * ROW as f64 / (zeros as f64 * n + 1.0);
+        return libm::pow(first + others, n) * (order + 1) as f64 / (zeros as f64 * n + 1.0);
     }
     let (least, most) = (first - others, first + others);
     if least <= 0.0 {
         return f64::INFINITY;
     }
-    n * beyond(p, power, ORDER + 1 + zeros) * libm::pow(most / least, n) / least
+    n * beyond(p, power, order + 1 + zeros) * libm::pow(most / least, n) / least
 }

@@ -13,6 +13,17 @@ pub(super) const ROUNDING: f64 = 32.0 * f64::EPSILON;
 /// One rounding, relative to the eight that a size stands for.
 const ONCE: f64 = 0.125;
 
+/// `Σ |c|`, four side by side.
+#[inline(always)]
+fn size_of(series: &[f64]) -> f64 {
+    let (fours, rest) = series.as_chunks::<4>();
+    let mut sums = [0.0; 4];
+    for four in fours {
+        sums.iter_mut().zip(four).for_each(|(sum, c)| *sum += c.abs());
+    }
+    sums.iter().chain(rest).fold(0.0, |sum, c| sum + c.abs())
+}
+
 impl Motion<'_> {
     /// Sizes of the terms of a guard's value, rate and acceleration: see [`JetField::term_sizes`](crate::hybrid::JetField::term_sizes).
     pub(super) fn guard_sizes(&self, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
@@ -63,6 +74,7 @@ impl Expansion<'_> {
         rounding.clear();
         afresh.clear();
         guard_errors.clear();
+        let length = self.order + 1;
         guard_series.resize(3 * self.s.contacts.len() * ROW, 0.0);
         let mut powers = [1.0; ROW + 3];
         powers[1] = reach;
@@ -78,13 +90,13 @@ impl Expansion<'_> {
             let (c, part) = (&self.s.contacts[j], &self.motion.parts[j]);
             let deflection_size = self.s.deflection_size(c, self.request.x);
             let stretch_size = self.stretch_size(j, owner, deflection_size, work);
-            let row = guards.len() * ROW;
-            let series = &mut guard_series[row..row + ROW];
+            let row = guards.len() * length;
+            let series = &mut guard_series[row..row + length];
             let (error, size) = match watch {
                 Watch::Force => (force_tails[j], self.force_guard(j, stretch_size, sign, work, series)),
                 _ if owner.is_some_and(|o| o.contact == j && o.root > 1) => {
                     let y = self.layout.y(1);
-                    series.copy_from_slice(&work[y..y + ROW]);
+                    series.copy_from_slice(&work[y..y + length]);
                     // Afresh from the state, a penetration within its rounding is none.
                     let stretch = work[self.layout.stretches + j].abs();
                     if self.request.carried.get(j).is_none_or(|carried| carried.is_nan())
@@ -106,7 +118,7 @@ impl Expansion<'_> {
                 }
             };
             series.iter_mut().zip(&powers).for_each(|(s, p)| *s *= p);
-            let added = series[1..].iter().fold(0.0, |sum, s| sum + s.abs());
+            let added = size_of(&series[1..]);
             self.write_zeros(j, watch, part.state, series);
             if let Some(d) = tail.rooted {
                 guard_rates.resize(guard_series.len(), 0.0);
@@ -116,7 +128,7 @@ impl Expansion<'_> {
                     (side, _) => side,
                 };
                 let r = self.layout.of(j, RATE);
-                let rates = guard_rates[row..row + ROW].iter_mut().zip(work[r..r + ROW].iter().zip(&powers));
+                let rates = guard_rates[row..row + length].iter_mut().zip(work[r..r + ROW].iter().zip(&powers));
                 rates.for_each(|(g, (r, p))| *g = sign * r * p);
                 // What the clock leaves out moves the guard at its rate.
                 let late = d.time * work[r..r + ROW].iter().zip(&powers).map(|(r, p)| (r * p).abs()).sum::<f64>();

@@ -5,7 +5,7 @@
 //! fixed-size columns that the compiler turns into vector instructions.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use super::{Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STIFFNESS, motion::Part, product, waves};
+use super::{Expansion, FORCE, LANES, Layout, PENETRATION, ROW, STIFFNESS, motion::Part, product, waves};
 use crate::{
     hybrid::Jet,
     system::{Elasticity, Force, Spring, Watch},
@@ -108,9 +108,8 @@ impl Expansion<'_> {
         for (i, w) in waves.iter_mut().enumerate() {
             *w = [work[Layout::oscillator(i)], work[Layout::oscillator(i) + ROW]];
         }
-        let still = !self.request.still.is_empty();
         let mut rows = state.chunks_exact_mut(s.dim);
-        for k in 0..=ORDER {
+        for k in 0..=self.order {
             if let Some(row) = rows.next()
                 && k > 0
             {
@@ -118,10 +117,11 @@ impl Expansion<'_> {
                 row[N..2 * N].copy_from_slice(&v);
                 a = [0.0; N];
             }
-            self.contacts::<P, N>(fours, k, still, waves, &q, &v, &mut a, work);
-            if k == ORDER {
+            if k == self.order {
                 break;
             }
+            let step = h / (k + 1) as f64;
+            self.contacts::<P, N>(fours, k, step, waves, &v, &mut a, work);
             for i in 0..N {
                 a[i] = fused::<P>(by_q[i], q[i], fused::<P>(by_v[i], v[i], a[i]));
             }
@@ -139,7 +139,6 @@ impl Expansion<'_> {
             if varying {
                 self.varying_forces(k, &v, &mut a, work);
             }
-            let step = h / (k + 1) as f64;
             for (i, (w, o)) in waves.iter_mut().zip(&s.oscillators).enumerate() {
                 let f = step * o.omega;
                 *w = [-f * w[1], f * w[0]];
@@ -158,19 +157,18 @@ impl Expansion<'_> {
         self.watched_forces(work);
     }
 
-    /// Deflections at order `k`, and the accelerations by the contact forces, four contacts at a time.
+    /// The accelerations by the contact forces at order `k`, and the deflections of the next order, four contacts at a time.
     ///
-    /// The deflection is formed before it is multiplied by the stiffness: where the train has turned far, the
-    /// difference of two displacements is exact and the difference of two forces would not be.
+    /// A deflection is the integral of its rate, `(k + 1) δ_{k+1} = h δ̇_k`, and is formed before it is multiplied by the stiffness:
+    /// where the train has turned far, a difference of displacements is exact and one of forces would not be.
     #[inline(always)]
     #[allow(clippy::too_many_arguments)] // the variables of the recurrence
     fn contacts<P: Path, const N: usize>(
         &self,
         fours: &[Four],
         k: usize,
-        still: bool,
+        step: f64,
         waves: &[[f64; 2]],
-        q: &[f64; N],
         v: &[f64; N],
         a: &mut [f64; N],
         work: &mut [f64],
@@ -178,53 +176,41 @@ impl Expansion<'_> {
         let s = self.s;
         for (chunk, (four, columns)) in fours.iter().zip(&s.columns.fours).enumerate() {
             let Some(directions) = columns.directions.first_chunk::<N>() else { return };
-            let (mut d, mut r) = ([0.0; LANES], [0.0; LANES]);
+            let mut r = [0.0; LANES];
             for i in 0..N {
                 for l in 0..LANES {
-                    d[l] = fused::<P>(directions[i][l], q[i], d[l]);
+                    r[l] = fused::<P>(directions[i][l], v[i], r[l]);
                 }
             }
-            for (index, cosine, sine) in &columns.waves {
+            for (index, cosine, sine) in &columns.rates {
                 let [cos, sin] = waves[*index];
                 for l in 0..LANES {
-                    d[l] -= fused::<P>(cosine[l], cos, sine[l] * sin);
+                    r[l] -= fused::<P>(cosine[l], cos, sine[l] * sin);
                 }
+            }
+            if k == 0 && !self.request.still.is_empty() {
+                let still = (0..LANES).filter(|l| self.is_still(LANES * chunk + l));
+                still.for_each(|l| r[l] = 0.0);
             }
             let at = self.layout.deflection(LANES * chunk, k);
-            if let Some(at) = work[at..].first_chunk_mut::<LANES>() {
-                // Order zero was written before: it may be pinned.
-                if k == 0 { d = *at } else { *at = d }
-            }
-            if four.carried {
-                for i in 0..N {
-                    for l in 0..LANES {
-                        r[l] = fused::<P>(directions[i][l], v[i], r[l]);
-                    }
-                }
-                for (index, cosine, sine) in &columns.waves {
-                    let omega = s.oscillators[*index].omega;
-                    let [cos, sin] = waves[*index];
-                    for l in 0..LANES {
-                        r[l] -= omega * fused::<P>(sine[l], cos, -cosine[l] * sin);
-                    }
-                }
-            }
-            if still && k < 2 {
-                self.still(chunk, k, &mut d, &mut r, work);
+            let Some(orders) = work[at..].first_chunk_mut::<{ 2 * LANES }>() else { return };
+            for l in 0..LANES {
+                orders[LANES + l] = step * r[l];
             }
             if !four.carried {
                 continue;
             }
-            let mut force = [0.0; LANES];
+            let mut d: [f64; LANES] = std::array::from_fn(|l| orders[l]);
             if let (0, Some(stretch)) = (k, work[self.layout.stretches + LANES * chunk..].first_chunk()) {
                 d = *stretch;
             }
+            let mut force = [0.0; LANES];
             for l in 0..LANES {
                 force[l] = fused::<P>(four.stiffness[l], d[l], four.damping[l] * r[l]);
             }
             if k == 0 && !self.request.pinned.is_empty() {
-                let j = |l: usize| LANES * chunk + l;
-                (0..LANES).filter(|l| self.pinned(j(*l), Watch::Force)).for_each(|l| force[l] = 0.0);
+                let zero = (0..LANES).filter(|l| self.pinned(LANES * chunk + l, Watch::Force));
+                zero.for_each(|l| force[l] = 0.0);
             }
             for l in 0..LANES {
                 if four.closed[l]
@@ -234,21 +220,6 @@ impl Expansion<'_> {
                         a[i] = fused::<P>(-push[i], force[l], a[i]);
                     }
                 }
-            }
-        }
-    }
-
-    /// Rates that are exactly zero.
-    fn still(&self, chunk: usize, k: usize, d: &mut [f64; LANES], r: &mut [f64; LANES], work: &mut [f64]) {
-        for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES))
-            .enumerate()
-            .filter(|(_, j)| self.is_still(*j))
-        {
-            if k == 0 {
-                r[l] = 0.0;
-            } else {
-                d[l] = 0.0;
-                work[self.layout.deflection(j, 1)] = 0.0;
             }
         }
     }
@@ -276,8 +247,8 @@ impl Expansion<'_> {
     /// `F = k (δ − σ b) + c δ̇` as a series, with `(δ̇)_k = (k+1) δ_{k+1}/h`.
     fn watched_force(&self, j: usize, stiffness: Elasticity, damping: f64, work: &mut [f64]) {
         let d = |k: usize| self.layout.deflection(j, k);
-        for k in 0..=ORDER {
-            let rate = if k < ORDER { work[d(k + 1)] * (k + 1) as f64 / self.h } else { 0.0 };
+        for k in 0..=self.order {
+            let rate = if k < self.order { work[d(k + 1)] * (k + 1) as f64 / self.h } else { 0.0 };
             work[self.layout.of(j, FORCE) + k] = self.linear_spring(j, stiffness, k, work) + damping * rate;
         }
     }

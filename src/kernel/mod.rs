@@ -30,8 +30,12 @@ use crate::hybrid::{GuardId, Instant, Jet, JetField, JetRequest, Leap, Shown};
 use crate::system::{ContactMode, Elasticity, Force, Structure, Watch, Wave, dot, guard_id};
 use crate::vectors::{Path, Work};
 
-/// Highest power of a step.
+/// Highest power of a step that holds to rounding.
 const ORDER: usize = 24;
+/// Highest power of one that may leave out more.
+const LOWER: usize = 16;
+/// Truncation from which on the lower order does with fewer operations: a step of either holds for (τ N!)^(1/N) radians.
+const COARSE: f64 = 1e-9;
 /// Room for one series.
 const ROW: usize = ORDER + 1;
 /// Series of one contact: rate, the law's force, the force carried, penetration, its power,
@@ -126,6 +130,8 @@ struct Expansion<'a> {
     layout: &'a Layout,
     /// Span of `θ ∈ [0, 1]` in the step's clock.
     h: f64,
+    /// Highest power of this step.
+    order: usize,
 }
 
 /// A step to be expanded.
@@ -203,8 +209,8 @@ impl JetField for Motion<'_> {
             if start.is_nan() || part.is_bilateral() || !is_closed && step.is_estimate {
                 return f64::NAN;
             }
-            let highest = layout.deflection(j, ORDER);
-            let stretch = (0..ORDER).fold(0.0, |sum, k| (sum + step.work[highest - k * LANES]) * s) + start;
+            let highest = layout.deflection(j, step.order);
+            let stretch = (0..step.order).fold(0.0, |sum, k| (sum + step.work[highest - k * LANES]) * s) + start;
             let is_small = stretch.abs() < SMALL_STRETCH * self.structure.deflection_size(c, &step.state);
             if is_small { stretch } else { f64::NAN }
         }));
@@ -215,13 +221,19 @@ impl Motion<'_> {
     #[inline(always)]
     fn expand<P: Path>(&self, request: &JetRequest<'_>, out: &mut Jet) {
         let (s, layout) = (self.structure, &self.layout);
-        out.order = ORDER;
         out.dim = s.dim;
-        out.state.resize((ORDER + 1) * s.dim, 0.0);
+        out.state.resize(ROW * s.dim, 0.0);
         out.work.resize(layout.len, 0.0);
         let owner = self.owner(request);
+        let order = if request.tolerance < COARSE { ORDER } else { LOWER };
+        if order < out.order {
+            // What lies above the order is zero, and counts as such wherever it is read.
+            out.state.fill(0.0);
+            out.work.fill(0.0);
+        }
+        out.order = order;
         let h = owner.map_or(request.span, |o| self.root_scale(request, o));
-        let mut e = Expansion { s, motion: self, request, layout, h };
+        let mut e = Expansion { s, motion: self, request, layout, h, order };
         let tail = loop {
             e.start(out);
             match owner {
@@ -272,7 +284,7 @@ impl Expansion<'_> {
         out.low.clear();
         out.state[..dim].copy_from_slice(self.request.x);
         if dim > 2 * s.n {
-            for k in 1..=ORDER {
+            for k in 1..=self.order {
                 out.state[k * dim + 2 * s.n..(k + 1) * dim].fill(0.0);
             }
         }

@@ -1,7 +1,7 @@
 //! The recurrence in a root clock: some power law is closed.
 
 use super::{
-    CARRIED, Elasticity, Expansion, FACTOR, FORCE, Force, Layout, Motion, ORDER, PENETRATION, POWER, RATE, ROW,
+    CARRIED, Elasticity, Expansion, FACTOR, FORCE, Force, Layout, Motion, PENETRATION, POWER, RATE, ROW,
     STIFFNESS, product, waves,
 };
 use crate::{
@@ -74,11 +74,11 @@ impl Expansion<'_> {
         let (n, dim) = (s.n, s.dim);
         let Jet { state, work, time, .. } = out;
         time.clear();
-        time.resize(ORDER + 1, 0.0);
+        time.resize(self.order + 1, 0.0);
         let p = (self.motion.parts[owner.contact].side * work[layout.stretches + owner.contact]).max(0.0);
         work[layout.y(1)] = libm::pow(p, 1.0 / f64::from(owner.root));
         let twins: PerContact<bool> = (0..s.contacts.len()).map(|j| self.is_twin(owner, j, work)).collect();
-        for k in 0..=ORDER {
+        for k in 0..=self.order {
             let (low, high) = state.split_at_mut((k + 1) * dim);
             let (q, v) = low[k * dim..k * dim + 2 * n].split_at(n);
             for j in 0..s.contacts.len() {
@@ -108,7 +108,7 @@ impl Expansion<'_> {
             if let Some(held) = &self.motion.held {
                 self.hold(held, k, work);
             }
-            if k == ORDER {
+            if k == self.order {
                 break;
             }
             let step = h / (k + 1) as f64;

@@ -157,6 +157,7 @@ impl<'a> Job<'a> {
                 asked: run.method.name(),
                 tolerance: run.tolerance,
                 instructions: run.instructions.name(),
+                event_tolerance: run.event_tolerance,
                 why,
                 modes: engine.integrator().chosen().into_iter().map(name).collect(),
             },

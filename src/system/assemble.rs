@@ -156,8 +156,8 @@ pub(crate) struct Columns {
 pub(crate) struct FourColumns {
     /// `n` rows of direction components.
     pub directions: Vec<[f64; 4]>,
-    /// Errors: oscillator, cosine and sine parts.
-    pub waves: Vec<(usize, [f64; 4], [f64; 4])>,
+    /// Rates of the errors: oscillator, cosine and sine parts.
+    pub rates: Vec<(usize, [f64; 4], [f64; 4])>,
     /// `M⁻¹ g` of each.
     pub pushes: [Vec<f64>; 4],
 }
@@ -182,14 +182,14 @@ impl FourColumns {
     fn new(four: &[Contact], n: usize) -> Self {
         let part = |f: &dyn Fn(&Contact) -> f64| std::array::from_fn(|l| four.get(l).map_or(0.0, f));
         let mut waves: BTreeMap<usize, [[f64; 4]; 2]> = BTreeMap::new();
-        for (l, w) in four.iter().enumerate().flat_map(|(l, c)| c.error.iter().map(move |w| (l, w))) {
+        for (l, w) in four.iter().enumerate().flat_map(|(l, c)| c.error_rate.iter().map(move |w| (l, w))) {
             let [cosine, sine] = waves.entry(w.index).or_default();
             cosine[l] += w.cosine;
             sine[l] += w.sine;
         }
         Self {
             directions: (0..n).map(|i| part(&|c| c.spec.direction[i])).collect(),
-            waves: waves.into_iter().map(|(o, [cosine, sine])| (o, cosine, sine)).collect(),
+            rates: waves.into_iter().map(|(o, [cosine, sine])| (o, cosine, sine)).collect(),
             pushes: std::array::from_fn(|l| {
                 let mut push = vec![0.0; n];
                 four.get(l).iter().flat_map(|c| &c.push).for_each(|(i, p)| push[*i as usize] = *p);

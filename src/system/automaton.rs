@@ -215,8 +215,15 @@ impl Structure {
 
     /// What still stands of `from` at the same instant: the zeros of the contacts that do not fire again.
     fn standing(from: &Jump, fired: &GuardSet) -> Jump {
-        let Jump { mode, pinned, still, .. } = from.clone();
-        let mut jump = Jump { mode, pinned, still, ..Jump::default() };
+        let mut jump = Jump {
+            mode: from.mode.clone(),
+            pinned: from.pinned.clone(),
+            still: from.still.clone(),
+            ..Jump::default()
+        };
+        if jump.pinned.is_empty() && jump.still.is_empty() {
+            return jump;
+        }
         for id in fired.iter() {
             for guard in guards_of(guard_of(id).0) {
                 jump.pinned.remove(guard);

@@ -18,3 +18,4 @@ mod schedule;
 mod start;
 mod support;
 mod together;
+mod tolerance;
