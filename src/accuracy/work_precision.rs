@@ -255,7 +255,12 @@ impl<'a> WorkPrecision<'a> {
     /// Says what the best fixed-step method costs at each error.
     #[must_use]
     pub fn verdicts(&self, summaries: &[ContenderSummary]) -> Vec<String> {
-        let best = (0..TARGETS.len()).map(|i| self.best(summaries, i).map(|(s, cost, at)| (&s.name, times(cost), at)));
+        // Flank's own cost there is that of the coarsest of its settings that arrives.
+        let own = |i: usize| {
+            summaries.iter().find(|s| s.name == "flank").and_then(|s| s.ratios[i]).map_or(1.0, |(cost, _)| cost)
+        };
+        let best = (0..TARGETS.len())
+            .map(|i| self.best(summaries, i).map(|(s, cost, at)| (&s.name, times(cost / own(i)), at)));
         let say = |(best, target): (Option<(&String, String, bool)>, f64)| match best {
             Some((name, cost, true)) => {
                 format!(

@@ -124,13 +124,7 @@ impl Core<'_> {
     }
 
     /// Ends the arc at `theta`: at an event, if its numbers agree there.
-    fn end_at(
-        &mut self,
-        step: &dyn DenseStep,
-        place: Place<'_>,
-        theta: f64,
-        end: End,
-    ) -> Result<Visited, EngineError> {
+    fn end_at(&mut self, step: &dyn DenseStep, place: Place<'_>, theta: f64, end: End) -> Result<Visited, EngineError> {
         self.leave(step, theta);
         if let End::Event(located) = &end {
             let (mode, State { at, x, .. }) = (&place.state.jump.mode, &mut self.left.state);

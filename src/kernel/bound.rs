@@ -326,7 +326,8 @@ impl Expansion<'_> {
         let wave = z.powi(self.order as i32) * INVERSE_FACTORIAL[self.order];
         let last = last * reach.powi(self.order as i32);
         let varying = self.varying_tail(self.order, reach, out);
-        let defect = growth * last + flow.forcing.top * exponential_tail(z, self.order, wave) + flow.projection * varying;
+        let defect =
+            growth * last + flow.forcing.top * exponential_tail(z, self.order, wave) + flow.projection * varying;
         let velocity = defect * h / steps / (1.0 - growth * h / steps);
         let displacement = h / steps * (self.velocity_size(self.order, out) * reach.powi(self.order as i32) + velocity);
         Tail { velocity, displacement, waves: [wave, wave * z / steps], free: flow.free, rooted: None }

@@ -1,8 +1,8 @@
 //! The recurrence in a root clock: some power law is closed.
 
 use super::{
-    CARRIED, Elasticity, Expansion, FACTOR, FORCE, Force, Layout, Motion, PENETRATION, POWER, RATE, ROW,
-    STIFFNESS, product, waves,
+    CARRIED, Elasticity, Expansion, FACTOR, FORCE, Force, Layout, Motion, PENETRATION, POWER, RATE, ROW, STIFFNESS,
+    product, waves,
 };
 use crate::{
     gear::contact::PowerLaw,

@@ -159,7 +159,8 @@ pub(super) fn read(node: &Node, spec: &Spec) -> Run {
     }
     let event_tolerance = node.at("event_tolerance").written().map_or(0.0, |tolerance| {
         if !is_forced(spec) {
-            tolerance.refuse("no key, as nothing is forced periodically", "leave the key out: events are found to rounding");
+            tolerance
+                .refuse("no key, as nothing is forced periodically", "leave the key out: events are found to rounding");
         }
         tolerance.number()
     });

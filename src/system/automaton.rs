@@ -215,12 +215,8 @@ impl Structure {
 
     /// What still stands of `from` at the same instant: the zeros of the contacts that do not fire again.
     fn standing(from: &Jump, fired: &GuardSet) -> Jump {
-        let mut jump = Jump {
-            mode: from.mode.clone(),
-            pinned: from.pinned.clone(),
-            still: from.still.clone(),
-            ..Jump::default()
-        };
+        let mut jump =
+            Jump { mode: from.mode.clone(), pinned: from.pinned.clone(), still: from.still.clone(), ..Jump::default() };
         if jump.pinned.is_empty() && jump.still.is_empty() {
             return jump;
         }
