@@ -6,7 +6,13 @@
 #![cfg(feature = "cli")]
 #![allow(clippy::unwrap_used)] // a test may panic
 
-use std::{fs, path::Path};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+    process::Stdio,
+    thread::sleep,
+    time::Duration,
+};
 
 use assert_cmd::Command;
 use flank::{
@@ -155,7 +161,7 @@ fn text(bytes: &[u8]) -> String {
 #[test]
 fn the_command_writes_every_form_of_a_figure() {
     let folder = tempfile::tempdir().unwrap();
-    let done = flank(folder.path(), &["study", "--only", "modes", "cycles", "--out", "a", "--threads", "1"]).code(0);
+    let done = flank(folder.path(), &["study", "--only", "modes", "cycles", "--out", "a"]).code(0);
     assert!(text(&done.get_output().stdout).contains("report.html"));
     assert_eq!(text(&done.get_output().stderr), "");
     let out = folder.path().join("a");
@@ -173,13 +179,7 @@ fn the_command_writes_every_form_of_a_figure() {
     assert_eq!(summary["figures"][0]["id"], "modes");
     assert_eq!(summary["figures"][0]["table"]["rows"][0][1], "431.39");
     assert!(summary["comparisons"].as_array().unwrap().len() > 5);
-    // The same bytes from two threads; a folder in use is not written into.
-    flank(folder.path(), &["study", "--only", "modes", "cycles", "--out", "b", "--threads", "2", "--quiet"]).code(0);
-    for name in
-        ["report.html", "study.json", "table.csv", "figures/cycles.csv", "figures/cycles.png", "figures/modes.svg"]
-    {
-        assert_eq!(fs::read(out.join(name)).unwrap(), fs::read(folder.path().join("b").join(name)).unwrap(), "{name}");
-    }
+    // A folder in use is not written into.
     let refused = flank(folder.path(), &["study", "--only", "modes", "--out", "a"]).code(2);
     assert!(text(&refused.get_output().stderr).contains("--force"));
 }
@@ -207,6 +207,54 @@ fn a_scene_of_ones_own_is_studied_as_far_as_it_goes() {
     flank(folder.path(), &["study", &pair, "--only", "forces", "cycles", "--out", "plain", "--quiet"]).code(0);
     let figure = fs::read_to_string(folder.path().join("plain/figures/cycles.json")).unwrap();
     assert!(!figure.contains("ms") && !figure.contains("rev/min") && !figure.contains("\"N\""));
+}
+
+/// All files of a study, the manifest among them.
+fn files(out: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let names = |folder: &Path| fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect::<Vec<_>>();
+    let mut paths = [names(out), names(&out.join("figures"))].concat();
+    paths.sort();
+    let all = paths.into_iter().filter(|path| path.is_file());
+    all.map(|path| (path.strip_prefix(out).unwrap().to_owned(), fs::read(&path).unwrap())).collect()
+}
+
+#[test]
+fn one_thread_or_four_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let few = ["study", "-q", "--loads", "0:40:5", "--speeds", "500:1500:3"];
+    let only =
+        ["--only", "modes", "forces", "waterfall", "harmonics-vs-speed", "cycles", "apart-vs-load", "apart-vs-speed"];
+    let all = ["1", "2", "4"].map(|threads| {
+        flank(folder.path(), &[&few[..], &only, &["--threads", threads, "--out", threads]].concat()).code(0);
+        files(&folder.path().join(threads))
+    });
+    assert_eq!(all[0].len(), 7 * 4 + 5);
+    assert!(all.iter().all(|files| *files == all[0]));
+}
+
+/// Ctrl-C keeps the figures that are complete, whole, and writes no page.
+#[cfg(unix)]
+#[test]
+fn an_interrupt_keeps_complete_figures() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut study = std::process::Command::new(env!("CARGO_BIN_EXE_flank"));
+    let mut child = study.current_dir(&folder).args(["study", "-q"]).stdout(Stdio::piped()).spawn().unwrap();
+    let out = folder.path().join("study");
+    while !out.join("figures/modes.png").exists() {
+        assert_eq!(child.try_wait().unwrap(), None, "the study ended by itself");
+        sleep(Duration::from_millis(10));
+    }
+    let kill = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(kill.success());
+    let done = child.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(1));
+    let said = text(&done.stdout);
+    assert!(said.starts_with("interrupted: ") && said.contains(" figures are kept in study/figures"), "{said}");
+    let manifest: Value = serde_json::from_str(&fs::read_to_string(out.join("flank-manifest.json")).unwrap()).unwrap();
+    let listed = manifest["files"].as_array().unwrap();
+    // The manifest is no file of its own list.
+    assert_eq!(files(&out).len(), listed.len() + 1, "{listed:?}");
+    assert!(!out.join("report.html").exists() && !out.join("study.json").exists());
 }
 
 #[test]

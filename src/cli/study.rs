@@ -1,6 +1,9 @@
 //! `flank study`.
 
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
+};
 
 use flank::{
     output::{Request, Table, label},
@@ -16,6 +19,7 @@ use flank::{
     },
     sweep::GridError,
 };
+use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
@@ -87,47 +91,49 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let mut files = Report::files(asked.iter().map(|kind| kind.id()), &[TABLE, SUMMARY]);
     files.extend(asked.iter().map(|kind| table(*kind)));
     let (input, force) = (arguments.scene.as_deref(), arguments.force);
-    let mut folder = Request { folder: &arguments.out, command: "study", input, force, files }.open()?;
+    let folder = Mutex::new(Request { folder: &arguments.out, command: "study", input, force, files }.open()?);
 
     let pool = threads(arguments.threads)?;
     let (rule, runs) = (Rule::default(), asked.iter().map(|kind| plan.runs(*kind)).sum());
-    let mut failed = false;
+    let made = counted(runs, 0, "runs", arguments.quiet, |task| {
+        let make = |kind: &Kind| {
+            let made = plan.make(*kind, &Context { rule, task });
+            // Written as soon as it is there: what comes after it may be interrupted.
+            if let Ok(entry) = &made {
+                let mut folder = folder.lock().unwrap_or_else(PoisonError::into_inner);
+                entry.figure.iter().try_for_each(|figure| figure.write(&mut folder))?;
+                entry.listing.iter().try_for_each(|listing| folder.bytes(&table(*kind), listing_csv(listing)))?;
+            }
+            Ok((*kind, made))
+        };
+        pool.install(|| asked.par_iter().with_max_len(1).map(make).collect::<Result<Vec<_>, CliError>>())
+    })?;
+    let mut folder = folder.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let (mut failed, mut interrupted) = (false, false);
     let mut contents = Contents { title: title(&plan), ..Contents::default() };
-    let made = counted(runs, 0, "runs", arguments.quiet, |task| -> Result<(), CliError> {
-        for kind in asked {
-            match pool.install(|| plan.make(kind, &Context { rule, task })) {
-                Ok(entry) => {
-                    if let Some(figure) = &entry.figure {
-                        figure.write(&mut folder)?;
-                    }
-                    if let Some(listing) = &entry.listing {
-                        folder.bytes(&table(kind), listing_csv(listing))?;
-                    }
-                    contents.entries.push((kind, entry));
-                }
-                // A train without what a figure shows is no failure, unless that figure was asked for by name.
-                Err(StudyError::Simulation(SimulationError::Missing { missing, .. })) if arguments.only.is_empty() => {
-                    contents.missing.push((kind, missing))
-                }
-                Err(StudyError::Simulation(error @ (SimulationError::Scene(_) | SimulationError::Missing { .. }))) => {
-                    return Err(error.into());
-                }
-                Err(error @ StudyError::Interrupted) => return Err(error.into()),
-                // One figure that fails does not take the others with it.
-                Err(error) => {
-                    failed = true;
-                    contents.missing.push((kind, error.to_string()));
-                }
+    for (kind, made) in made {
+        match made {
+            Ok(entry) => contents.entries.push((kind, entry)),
+            // A train without what a figure shows is no failure, unless that figure was asked for by name.
+            Err(StudyError::Simulation(SimulationError::Missing { missing, .. })) if arguments.only.is_empty() => {
+                contents.missing.push((kind, missing))
+            }
+            Err(StudyError::Simulation(error @ (SimulationError::Scene(_) | SimulationError::Missing { .. }))) => {
+                return Err(error.into());
+            }
+            Err(StudyError::Interrupted) => interrupted = true,
+            // One figure that fails does not take the others with it.
+            Err(error) => {
+                failed = true;
+                contents.missing.push((kind, error.to_string()));
             }
         }
-        Ok(())
-    });
-    if let Err(CliError::Study(StudyError::Interrupted)) = made {
+    }
+    if interrupted {
         let (kept, out) = (contents.entries.len(), arguments.out.display());
         let text = format!("interrupted: {kept} figures are kept in {out}/figures; there is no report of them\n");
         return print(&text).map(|()| Done::Partly);
     }
-    made?;
     if !plan.claims.is_empty() && arguments.only.is_empty() {
         contents.contradictions = plan.contradictions()?;
     }

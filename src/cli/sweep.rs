@@ -7,7 +7,7 @@ use flank::{
     sweep::{Begin, Ending, Grid, Journal, Plan, Seeding},
 };
 
-use super::{CliError, Done, print, progress::counted, read_scene};
+use super::{CliError, Done, print, progress::counted, read_scene, threads};
 
 /// Arguments of `flank sweep`.
 #[derive(Debug, clap::Args)]
@@ -72,8 +72,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         say(format!("{out} holds the whole sweep\n"))?;
         return Ok(Done::Completely);
     };
-    let (kept, threads) = (journal.kept(), arguments.threads.map_or(0, usize::from));
-    let ending = counted(rows, kept, "rows", arguments.quiet, |task| sweep.run(&mut journal, threads, task))?;
+    let (kept, pool) = (journal.kept(), threads(arguments.threads)?);
+    let ending = counted(rows, kept, "rows", arguments.quiet, |task| pool.install(|| sweep.run(&mut journal, task)))?;
     if ending == Ending::Interrupted {
         let kept = journal.kept();
         say(format!("interrupted: {kept} of {rows} rows are kept in {out}; the same command with --resume goes on\n"))?;

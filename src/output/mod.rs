@@ -66,6 +66,9 @@ pub struct Folder {
     flank: String,
     command: String,
     files: Vec<String>,
+    /// Order of `files`: that of the request. Files are not always written in the same order.
+    #[serde(skip)]
+    order: Vec<String>,
 }
 
 impl Request<'_> {
@@ -111,6 +114,7 @@ impl Request<'_> {
         let mut folder = self.check()?;
         fs::create_dir_all(self.folder).map_err(failed(self.folder))?;
         folder.clear(self.command, &[])?;
+        folder.order.clone_from(&self.files);
         Ok(folder)
     }
 }
@@ -118,7 +122,7 @@ impl Request<'_> {
 impl Folder {
     fn new(command: &str) -> Self {
         let (flank, command) = (env!("CARGO_PKG_VERSION").to_owned(), command.to_owned());
-        Self { path: PathBuf::new(), flank, command, files: Vec::new() }
+        Self { path: PathBuf::new(), flank, command, files: Vec::new(), order: Vec::new() }
     }
 
     /// Removes what the manifest names, `kept` apart, and starts a manifest of `command`.
@@ -139,6 +143,7 @@ impl Folder {
             return Ok(());
         }
         self.files.extend(new);
+        self.files.sort_by_key(|name| self.order.iter().position(|other| other == name));
         let path = self.path.join(MANIFEST);
         fs::create_dir_all(&self.path).map_err(failed(&self.path))?;
         // What a killed command left of a manifest: `read` has found it to be ours.

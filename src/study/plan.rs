@@ -149,8 +149,8 @@ impl Plan {
     pub fn runs(&self, kind: Kind) -> usize {
         match kind {
             Kind::Forces | Kind::History => 1,
-            Kind::Modes | Kind::Identification => 1,
-            Kind::Values => 160,
+            Kind::Modes => 1,
+            Kind::Values | Kind::Identification => 160,
             Kind::Changes => 18 * changes().map_or(0, |changes| changes.len()),
             Kind::Waterfall => self.waterfall_speeds().len(),
             Kind::Harmonics => self.heavy_speeds.len(),
@@ -170,8 +170,12 @@ impl Plan {
     /// Makes a figure.
     ///
     /// # Errors
-    /// [`StudyError`] of the runs, or of a scene without what the figure shows.
+    /// [`StudyError`] of the runs, or of a scene without what the figure shows; [`StudyError::Interrupted`] once the task is
+    /// cancelled.
     pub fn make(&self, kind: Kind, context: &Context<'_>) -> Result<Entry, StudyError> {
+        if context.task.is_cancelled() {
+            return Err(StudyError::Interrupted);
+        }
         let speed = |scene: &Scene| speed_pointer(scene).ok_or_else(|| lacks(scene, "speed in rev/min"));
         let load = |scene: &Scene| load_pointer(scene).ok_or_else(|| lacks(scene, "load in N m"));
         let entry = |figure: Option<Figure>, scene: &Scene, words: &str, facts: Value| {
@@ -196,7 +200,7 @@ impl Plan {
             }
             Kind::Identification => {
                 self.only_reference("printed values to identify it from; see flank identify")?;
-                let comparisons = published::identified()?;
+                let comparisons = published::identified(context.task)?;
                 Entry { comparisons, ..entry(None, &self.full()?, "all freedoms", Value::Null)? }
             }
             Kind::Forces => {

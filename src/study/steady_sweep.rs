@@ -21,7 +21,7 @@ use crate::{
 /// let sweep = SteadySweep::new(Scene::reference()?, plan, Rule::default())?;
 /// let folder = std::path::Path::new("sweep");
 /// let mut journal = Journal::open(folder, Begin::New, sweep.header(), sweep.plan().rows())?.expect("a new sweep is open");
-/// sweep.run(&mut journal, 0, Task::default())?;
+/// sweep.run(&mut journal, Task::default())?;
 /// let tally = sweep.finish(journal)?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -100,22 +100,17 @@ impl SteadySweep {
         header
     }
 
-    /// Computes every row that the journal does not hold, as [`run`]; `threads` are as many as there are cores if 0.
+    /// Computes every row that the journal does not hold, as [`run`].
     ///
     /// # Errors
     /// As [`run`].
-    pub fn run(
-        &self,
-        journal: &mut Journal<Steady, Seed>,
-        threads: usize,
-        task: Task<'_>,
-    ) -> Result<Ending, SweepError> {
+    pub fn run(&self, journal: &mut Journal<Steady, Seed>, task: Task<'_>) -> Result<Ending, SweepError> {
         let point = |cell: &Cell, seed: Option<&Seed>| -> Result<(Steady, Seed), StudyError> {
             let steady = steady(self.at(&cell.values)?, seed, &self.rule, task)?;
             let end = steady.end.clone();
             Ok((steady, end))
         };
-        run(&self.plan, journal, point, task, threads)
+        run(&self.plan, journal, point, task)
     }
 
     /// Writes the table and the rows of a complete sweep.

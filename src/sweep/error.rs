@@ -41,7 +41,4 @@ pub enum SweepError {
     /// The folder cannot be written into, or a file cannot be read or written.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// The threads cannot be started.
-    #[error("the threads of the sweep cannot be started: {0}")]
-    Threads(#[from] rayon::ThreadPoolBuildError),
 }

@@ -20,7 +20,7 @@
 //! let folder = tempfile::tempdir()?;
 //!
 //! let mut journal = Journal::open(folder.path(), Begin::New, plan.header(), plan.rows())?.expect("a new sweep is open");
-//! assert_eq!(run(&plan, &mut journal, newton, Task::default(), 2)?, Ending::Complete);
+//! assert_eq!(run(&plan, &mut journal, newton, Task::default())?, Ending::Complete);
 //! journal.finish(&plan, &["root"], |root| vec![root.to_string()])?;
 //!
 //! let table = std::fs::read_to_string(folder.path().join("sweep.csv"))?;

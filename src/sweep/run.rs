@@ -23,17 +23,12 @@ pub enum Ending {
 ///
 /// `point` makes a row, and the end of it that a neighbour may start from. The same cell and seed must give the same.
 /// `task` hears of every row. Once it is cancelled no point begins, and a point that then fails is not kept: it may look at
-/// the task itself and give up. `threads` are as many as there are cores if 0.
+/// the task itself and give up. The threads are those of the rayon pool that this is called in, or as many as there are
+/// cores.
 ///
 /// # Errors
-/// [`SweepError`] if a row cannot be kept, or no threads can be had.
-pub fn run<R, S, E, P>(
-    plan: &Plan,
-    journal: &mut Journal<R, S>,
-    point: P,
-    task: Task<'_>,
-    threads: usize,
-) -> Result<Ending, SweepError>
+/// [`SweepError`] if a row cannot be kept.
+pub fn run<R, S, E, P>(plan: &Plan, journal: &mut Journal<R, S>, point: P, task: Task<'_>) -> Result<Ending, SweepError>
 where
     R: Serialize + DeserializeOwned,
     S: Serialize + DeserializeOwned,
@@ -69,8 +64,7 @@ where
         }
         Ok(())
     };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
-    pool.install(|| (0..plan.chains()).into_par_iter().with_max_len(1).try_for_each(along))?;
+    (0..plan.chains()).into_par_iter().with_max_len(1).try_for_each(along)?;
     let complete = hold().kept() == total;
     Ok(if complete { Ending::Complete } else { Ending::Interrupted })
 }

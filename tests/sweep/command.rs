@@ -80,7 +80,7 @@ fn the_library_writes_what_the_command_writes() {
     let sweep = SteadySweep::new(scene, Plan::new(grid, Seeding::Fresh), Rule::default()).unwrap();
     let out = folder.path().join("library");
     let mut journal = Journal::open(&out, Begin::New, sweep.header(), sweep.plan().rows()).unwrap().unwrap();
-    assert_eq!(sweep.run(&mut journal, 2, Task::default()).unwrap(), Ending::Complete);
+    assert_eq!(sweep.run(&mut journal, Task::default()).unwrap(), Ending::Complete);
     sweep.finish(journal).unwrap();
     assert_eq!(bytes(&out), bytes(&folder.path().join("command")));
 }

@@ -1,6 +1,7 @@
 //! Sweeps of toy maps: grid order, branches, threads, journals torn, foreign or in use.
 
 use std::{
+    collections::HashSet,
     fs,
     path::Path,
     sync::{
@@ -14,6 +15,7 @@ use flank::{
     output::OutputError,
     sweep::{Begin, Cell, Ending, Grid, Journal, Plan, Seeding, SweepError, Tally, run},
 };
+use rayon::prelude::*;
 use serde_json::Value;
 
 const FILES: [&str; 4] = ["sweep.csv", "sweep.jsonl", "sweep.json", "flank-manifest.json"];
@@ -59,7 +61,8 @@ fn sweep_with(
         row
     };
     let task = Task::new(&interrupted, &|_| ());
-    match run(plan, &mut journal, point, task, threads).unwrap() {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    match pool.install(|| run(plan, &mut journal, point, task)).unwrap() {
         Ending::Complete => {
             Some(journal.finish(plan, &["seeded", "x"], |(x, seeded)| vec![seeded.to_string(), x.to_string()]).unwrap())
         }
@@ -144,6 +147,30 @@ fn threads_do_not_enter() {
 }
 
 #[test]
+fn sweeps_side_by_side_share_the_threads_of_their_caller() {
+    let plan = plan(&["/k=0:1:3", "/a=-0.7:0.7:5"], Seeding::Both);
+    let expected = undisturbed(&plan);
+    for threads in [1, 2] {
+        let used = Mutex::new(HashSet::new());
+        let one = |_| {
+            let folder = tempfile::tempdir().unwrap();
+            let mut journal = open(folder.path(), Begin::New, &plan).unwrap().unwrap();
+            let point = |cell: &Cell, seed: Option<&f64>| {
+                used.lock().unwrap().insert(std::thread::current().id());
+                bistable(cell, seed)
+            };
+            assert_eq!(run(&plan, &mut journal, point, Task::default()).unwrap(), Ending::Complete);
+            journal.finish(&plan, &["seeded", "x"], |(x, seeded)| vec![seeded.to_string(), x.to_string()]).unwrap();
+            bytes(folder.path())
+        };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let all: Vec<_> = pool.install(|| (0..4).into_par_iter().map(one).collect());
+        assert!(all.iter().all(|bytes| *bytes == expected), "{threads} threads");
+        assert!(used.into_inner().unwrap().len() <= threads);
+    }
+}
+
+#[test]
 fn a_sweep_broken_off_after_any_point_goes_on_to_the_same_bytes() {
     for seeding in SEEDINGS {
         let plan = plan(&["/k=1,2", "/a=-0.7:0.7:5"], seeding);
@@ -199,7 +226,7 @@ fn a_sweep_killed_while_it_writes_its_files_is_finished_by_the_next() {
     let plan = plan(&["/a=0:1:4"], Seeding::Fresh);
     let folder = tempfile::tempdir().unwrap();
     let mut journal = open(folder.path(), Begin::New, &plan).unwrap().unwrap();
-    assert_eq!(run(&plan, &mut journal, bistable, Task::default(), 1).unwrap(), Ending::Complete);
+    assert_eq!(run(&plan, &mut journal, bistable, Task::default()).unwrap(), Ending::Complete);
     drop(journal);
     fs::write(folder.path().join("sweep.csv"), "whole").unwrap();
     fs::write(folder.path().join("sweep.jsonl.part"), "half a li").unwrap();
@@ -308,7 +335,7 @@ fn a_point_given_up_is_not_a_failed_one() {
     let progress = |_| {
         told.fetch_add(1, Ordering::Relaxed);
     };
-    assert_eq!(run(&plan, &mut journal, point, Task::new(&interrupted, &progress), 1).unwrap(), Ending::Interrupted);
+    assert_eq!(run(&plan, &mut journal, point, Task::new(&interrupted, &progress)).unwrap(), Ending::Interrupted);
     drop(journal);
     assert_eq!(told.into_inner(), 3);
     sweep(folder.path(), Begin::Resume, &plan, 1, usize::MAX).unwrap();

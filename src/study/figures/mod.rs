@@ -72,7 +72,7 @@ impl Context<'_> {
         let run = |item: &T| {
             if self.task.is_cancelled() { Err(StudyError::Interrupted) } else { work(item) }
         };
-        items.par_iter().map(run).collect::<Vec<_>>().into_iter().collect()
+        items.par_iter().with_max_len(1).map(run).collect::<Vec<_>>().into_iter().collect()
     }
 
     /// Steady motions along `values` of the number at `pointer`, each on its own from the scene's start.

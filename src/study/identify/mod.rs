@@ -41,6 +41,8 @@ pub use question::{Parameter, Quantity, Target};
 pub use result::{Found, Identification, Side};
 pub use uniqueness::Uniqueness;
 
+use rayon::prelude::*;
+
 use super::StudyError;
 use crate::{
     scene::{Fault, Scene},
@@ -99,15 +101,17 @@ pub fn identify(
     }
     let own = check(scene, parameters, targets).map_err(|faults| IdentifyError { faults })?;
     let fit = Fit::new(scene, parameters, targets);
-    let mut points: Vec<Point> = Vec::with_capacity(STARTS);
-    for k in 0..STARTS {
-        let start = if k == 0 { fit.clipped(&own) } else { fit.spread(k) };
-        points.extend(fit.descend(&start));
-        task.advance();
+    let descend = |k| {
         if task.is_cancelled() {
             return Err(StudyError::Interrupted);
         }
-    }
+        let start = if k == 0 { fit.clipped(&own) } else { fit.spread(k) };
+        let point = fit.descend(&start);
+        task.advance();
+        Ok(point)
+    };
+    let ends = (0..STARTS).into_par_iter().with_max_len(1).map(descend);
+    let points: Vec<Point> = ends.filter_map(Result::transpose).collect::<Result<_, _>>()?;
     let least = points.iter().map(|p| p.chi_square).fold(f64::INFINITY, f64::min);
     let (equal, poorer): (Vec<Point>, Vec<Point>) = points.into_iter().partition(|p| p.chi_square <= least + EQUAL);
     let mut distinct: Vec<Point> = Vec::new();

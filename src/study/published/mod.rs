@@ -34,22 +34,22 @@ struct Questions {
 }
 
 impl Question {
-    fn answer(&self) -> Result<Identification, StudyError> {
+    fn answer(&self, task: Task<'_>) -> Result<Identification, StudyError> {
         let train = json!({ "kind": "planetary", "preset": self.preset, "load": { "output_torque_nm": 500 } });
         let scene = Scene::from_value(json!({ "flank": 1, "train": train, "run": { "t_end_s": 1 } }), &self.preset)?;
         let parameters =
             self.vary.iter().map(|(_, number)| number.parse::<Parameter>()).collect::<Result<Vec<_>, _>>()?;
         let targets = self.targets.iter().map(|target| target.parse::<Target>()).collect::<Result<Vec<_>, _>>()?;
-        identify(&scene, &parameters, &targets, Task::default())
+        identify(&scene, &parameters, &targets, task)
     }
 }
 
 /// The identified numbers: the preset's, and those that the printed values give back, with residuals.
-pub(super) fn identified() -> Result<Vec<Comparison>, StudyError> {
+pub(super) fn identified(task: Task<'_>) -> Result<Vec<Comparison>, StudyError> {
     let Questions { questions, all } = table(include_str!("identified.json"))?;
     let mut rows = Vec::new();
     for question in &questions {
-        let answer = question.answer()?;
+        let answer = question.answer(task)?;
         let residuals: Vec<String> =
             answer.targets.iter().map(|t| format!("{} {} {} got {:.2}", t.quantity, t.wanted, t.unit, t.got)).collect();
         let unique = match (answer.uniqueness.is_unique(), answer.solutions.len()) {
@@ -70,7 +70,7 @@ pub(super) fn identified() -> Result<Vec<Comparison>, StudyError> {
             });
         }
     }
-    let all = all.answer()?;
+    let all = all.answer(task)?;
     let words = all.uniqueness.to_string().to_lowercase();
     let first = words.split([':', '.']).next().unwrap_or_default();
     let off = all.targets.iter().map(|t| 100.0 * t.relative_residual.unwrap_or(0.0).abs()).fold(0.0, f64::max);
