@@ -10,6 +10,9 @@ use crate::{
 /// A polynomial on `[0, 1]`, the piece; empty for zero.
 pub(super) type Row = Vec<f64>;
 
+/// Terms of the longest row: the product of two series of order 24.
+const MOMENTS: usize = 49;
+
 /// The piece `[low, low + width]` of a step.
 #[derive(Clone, Debug)]
 pub(super) struct Piece {
@@ -20,12 +23,14 @@ pub(super) struct Piece {
     pub length: f64,
     /// `dt/dθ` on the piece, s.
     rate: Row,
+    /// `∫ θˡ dt` over the piece, s.
+    moments: [f64; MOMENTS],
     x: Vec<f64>,
 }
 
 impl Piece {
     pub fn new(clock: Clock, dim: usize) -> Self {
-        Self { clock, low: 0.0, width: 1.0, length: 0.0, rate: Row::new(), x: vec![0.0; dim] }
+        Self { clock, low: 0.0, width: 1.0, length: 0.0, rate: Row::new(), moments: [0.0; MOMENTS], x: vec![0.0; dim] }
     }
 
     /// Becomes the piece from `low` to `high` of `step`.
@@ -42,6 +47,7 @@ impl Piece {
                 self.rate = rate;
             }
         }
+        poly::moments(&self.rate, &mut self.moments);
     }
 
     /// Writes what the step shows as rows on the piece. Where it does not know them, `value` is interpolated: it takes the instant, the
@@ -90,7 +96,7 @@ impl Piece {
 
     /// `∫ row dt` over the piece.
     pub fn integral(&self, row: &[f64]) -> f64 {
-        poly::integral(&self.rate, row)
+        poly::dot(&self.moments, row)
     }
 }
 

@@ -228,7 +228,7 @@ impl Expansion<'_> {
         })
     }
 
-    #[inline]
+    #[inline(always)]
     pub(super) fn velocity_size(&self, k: usize, out: &Jet) -> f64 {
         let s = self.s;
         let v = &out.state[k * s.dim + s.n..k * s.dim + 2 * s.n];

@@ -16,6 +16,7 @@ use crate::{
     hybrid::Jet,
     poly::{FirstRoot, first_root},
     system::{Contact, Spring, Structure, Wave, zeros},
+    vectors::{Path, Work},
 };
 
 /// Bounds on the error of a step in a root clock.
@@ -53,20 +54,61 @@ impl Defect {
 /// Absolute coefficients of a series at the end of the step.
 type Sizes = [f64; ROW];
 
-/// Sum of the terms of `a b` of order `from` and more; `from` is N or N + 1.
-fn beyond(a: &Sizes, b: &Sizes, from: usize) -> f64 {
-    let (mut sum, mut tail) = (0.0, b[from.min(ROW)..].iter().sum::<f64>());
-    for (i, a) in a.iter().enumerate() {
-        sum += a * tail;
-        if from > i {
-            tail += b.get(from - i - 1).copied().unwrap_or(0.0);
-        }
+/// Sums of the last coefficients, by which each of another series is multiplied in the terms of order `from` and more of their product.
+#[inline(always)]
+fn tails(a: &Sizes, from: usize) -> Sizes {
+    let mut suffix = [0.0; ROW + 1];
+    for k in (0..ROW).rev() {
+        suffix[k] = suffix[k + 1] + a[k];
     }
-    sum
+    std::array::from_fn(|i| suffix[from.saturating_sub(i).min(ROW)])
 }
 
+/// `Σ a_k b_k`, four side by side.
+#[inline(always)]
+fn paired(a: &Sizes, b: &Sizes) -> f64 {
+    total(&std::array::from_fn(|k| a[k] * b[k]))
+}
+
+/// Sum of the terms of `a b` of order `from` and more.
+#[inline(always)]
+fn beyond(a: &Sizes, b: &Sizes, from: usize) -> f64 {
+    paired(a, &tails(b, from))
+}
+
+/// The sum, four side by side.
+#[inline(always)]
 fn total(a: &Sizes) -> f64 {
-    a.iter().sum()
+    let (fours, rest) = a.as_chunks::<4>();
+    let mut sums = [0.0; 4];
+    for four in fours {
+        sums.iter_mut().zip(four).for_each(|(sum, a)| *sum += a);
+    }
+    sums.iter().chain(rest).sum()
+}
+
+/// The sizes of the coefficients in `series`, which has room for all orders, times the powers.
+#[inline(always)]
+fn sizes(series: &[f64], powers: &Sizes) -> Sizes {
+    let mut sizes = [0.0; ROW];
+    if let Some(series) = series.first_chunk::<ROW>() {
+        for k in 0..ROW {
+            sizes[k] = series[k].abs() * powers[k];
+        }
+    }
+    sizes
+}
+
+/// What is the same for all lengths of a step: for each order the largest size of all bodies, contacts or oscillators. Products of such
+/// sizes are as large as those of any one of them.
+struct Largest {
+    /// Weighted velocities and accelerations.
+    velocity: Sizes,
+    acceleration: Sizes,
+    /// Rates of contacts over `Contact::across`.
+    rate: Sizes,
+    /// `|cos| + |sin|` of the oscillators.
+    ring: Sizes,
 }
 
 /// A factor with its sum and what it leaves out.
@@ -77,11 +119,13 @@ struct Factor {
 }
 
 impl Factor {
+    #[inline(always)]
     fn new(sizes: Sizes, missing: f64) -> Self {
         Self { sizes, total: total(&sizes), missing }
     }
 
     /// What the product with `other`, truncated after `order`, leaves out.
+    #[inline(always)]
     fn product(&self, other: &Self, order: usize) -> f64 {
         beyond(&self.sizes, &other.sizes, order + 1) + self.missing * other.total + other.missing * self.total
     }
@@ -104,16 +148,35 @@ impl Structure {
     }
 }
 
+/// The error of a step of length `theta`.
+struct Trial<'a> {
+    step: &'a Expansion<'a>,
+    owner: Owner,
+    theta: f64,
+    largest: &'a Largest,
+    out: &'a Jet,
+}
+
+impl Work for Trial<'_> {
+    type Output = (f64, Defect);
+
+    #[inline(always)]
+    fn on<P: Path>(self) -> (f64, Defect) {
+        self.step.defect(self.owner, self.theta, self.largest, self.out)
+    }
+}
+
 impl Expansion<'_> {
     /// The step's length θ and its error: the error of each quantity is brought to the tolerance times its size.
     pub(super) fn rooted_reach(&self, owner: Owner, out: &Jet) -> Option<(f64, Defect)> {
         let goal = self.request.tolerance;
+        let largest = self.largest(out);
         let (mut low, mut high): (Option<(f64, Defect)>, f64) = (None, f64::INFINITY);
         let row = (self.order + 1) as f64;
         let (mut theta, mut order, mut before) = (self.guess(owner, out), row, None);
         // The error is a power of θ or nearly so: a few trials settle it, and some more find the way from a bad guess.
         for _ in 0..24 {
-            let (share, defect) = self.defect(owner, theta, out);
+            let (share, defect) = self.trial(owner, theta, &largest, out);
             if share <= goal {
                 low = Some((theta, defect));
                 if share >= 0.02 * goal || theta >= 1.0 {
@@ -144,19 +207,54 @@ impl Expansion<'_> {
         }
         let (theta, defect) = low?;
         let cut = self.within_bound(theta, out);
-        Some(if cut < theta { (cut, self.defect(owner, cut, out).1) } else { (theta, defect) })
+        Some(if cut < theta { (cut, self.trial(owner, cut, &largest, out).1) } else { (theta, defect) })
+    }
+
+    fn trial(&self, owner: Owner, theta: f64, largest: &Largest, out: &Jet) -> (f64, Defect) {
+        self.s.instructions.run(Trial { step: self, owner, theta, largest, out })
+    }
+
+    #[inline(always)]
+    fn largest(&self, out: &Jet) -> Largest {
+        let (s, layout, work) = (self.s, self.layout, &out.work);
+        let mut largest =
+            Largest { velocity: [0.0; ROW], acceleration: [0.0; ROW], rate: [0.0; ROW], ring: [0.0; ROW] };
+        let weighted = |row: &[f64]| {
+            let mut most = [0.0; 4];
+            let ((fours, rest), (by_four, by_rest)) = (row.as_chunks::<4>(), s.weights.as_chunks::<4>());
+            for (x, w) in fours.iter().zip(by_four) {
+                for l in 0..4 {
+                    let size = x[l].abs() * w[l];
+                    most[l] = if size > most[l] { size } else { most[l] };
+                }
+            }
+            let rest = rest.iter().zip(by_rest).map(|(x, w)| x.abs() * w);
+            most.into_iter().chain(rest).fold(0.0, f64::max)
+        };
+        for k in 0..=self.order {
+            largest.velocity[k] = weighted(&out.state[k * s.dim + s.n..k * s.dim + 2 * s.n]);
+            largest.acceleration[k] = weighted(&work[layout.accelerations + k * s.n..][..s.n]);
+        }
+        for (j, c) in s.contacts.iter().enumerate() {
+            let rates = &work[layout.of(j, RATE)..][..ROW];
+            largest.rate.iter_mut().zip(rates).for_each(|(m, r)| *m = m.max(r.abs() / c.across));
+        }
+        for i in 0..s.oscillators.len() {
+            let (cosines, sines) = work[Layout::oscillator(i)..][..2 * ROW].split_at(ROW);
+            let both = cosines.iter().zip(sines).map(|(c, s)| c.abs() + s.abs());
+            largest.ring.iter_mut().zip(both).for_each(|(m, r)| *m = m.max(r));
+        }
+        largest
     }
 
     /// The error up to `theta`, and its largest ratio to the size of what it is the error of.
-    fn defect(&self, owner: Owner, theta: f64, out: &Jet) -> (f64, Defect) {
+    #[inline(always)]
+    fn defect(&self, owner: Owner, theta: f64, largest: &Largest, out: &Jet) -> (f64, Defect) {
         let (s, layout, work) = (self.s, self.layout, &out.work);
-        let (n, dim, span) = (s.n, s.dim, self.h * theta);
+        let span = self.h * theta;
         let mut powers = [1.0; ROW];
         (1..ROW).for_each(|k| powers[k] = powers[k - 1] * theta);
-        let row = |at: usize| -> Sizes { std::array::from_fn(|k| work[at + k].abs() * powers[k]) };
-        let column = |of: &[f64], at: usize, stride: usize| -> Sizes {
-            std::array::from_fn(|k| of[at + k * stride].abs() * powers[k])
-        };
+        let row = |at: usize| sizes(&work[at..], &powers);
         let per = span / (self.order + 1) as f64;
         let y = Factor::new(row(layout.y(1)), 0.0);
         // What y², y³, … and w = q y^(q−1) leave out.
@@ -173,30 +271,23 @@ impl Expansion<'_> {
             q => f64::from(q) * f64::from(q - 1) * total(&row(layout.y(q as usize - 2))),
         };
         // What the products with w leave out, and the sizes of their other factor.
-        let through = |other: &Sizes| beyond(&w.sizes, other, self.order) + w.missing * total(other);
+        let tails = tails(&w.sizes, self.order);
+        let through = |other: &Sizes| paired(other, &tails) + w.missing * total(other);
         let mut d = Defect { time: per * (w.sizes[self.order] + w.missing), ..Defect::default() };
-        let (mut speed, mut acceleration, mut ring): (f64, f64, f64) = (0.0, 0.0, 0.0);
-        for (i, weight) in s.weights.iter().enumerate() {
-            let v = column(&out.state, n + i, dim);
-            let a = column(work, layout.accelerations + i, n);
-            d.stretch = d.stretch.max(weight * per * through(&v));
-            d.rate = d.rate.max(weight * per * through(&a));
-            speed = speed.max(weight * total(&v));
-            acceleration = acceleration.max(weight * total(&a));
-        }
-        for i in 0..s.oscillators.len() {
-            let c = Layout::oscillator(i);
-            ring = ring.max(through(&row(c)) + through(&row(c + ROW)));
-        }
-        d.time += per * ring;
-        let (mut swing, mut size): (f64, f64) = (0.0, speed);
+        let [velocity, accelerations, rates, ring] =
+            [&largest.velocity, &largest.acceleration, &largest.rate, &largest.ring]
+                .map(|series| sizes(series, &powers));
+        d.stretch = per * f64::max(through(&velocity), through(&rates));
+        d.rate = per * through(&accelerations);
+        d.time += per * through(&ring);
+        let (moved, acceleration) = (total(&velocity), total(&accelerations));
+        let speed = moved.max(total(&rates));
+        let (mut swing, mut size): (f64, f64) = (0.0, moved);
         for (j, c) in s.contacts.iter().enumerate() {
             let rate = row(layout.of(j, RATE));
-            d.stretch = d.stretch.max(per * through(&rate) / c.across);
             if j == owner.contact {
                 d.root = per * rate[self.order];
             }
-            speed = speed.max(total(&rate) / c.across);
             size = size.max(total(&rate) * c.weight);
             swing = swing.max(s.wave_size(&c.error, 2) / c.across);
         }
@@ -230,6 +321,7 @@ impl Expansion<'_> {
             let chi = power.chi(self.request.x);
             let factor = Factor::new(row(layout.of(j, FACTOR)), 0.0);
             let p = Factor::new(penetration, 0.0);
+            let pressed = libm::pow(p.total, e);
             let own = (owner.contact == j || self.is_twin(owner, j, work)) && owner.root == law.exponent.q;
             let mut power = Factor::new(row(layout.of(j, POWER)), 0.0);
             if own {
@@ -250,13 +342,14 @@ impl Expansion<'_> {
                     k * f64::from(a) * p.total.powi(a - 1) * y.total.powi(r as i32) * factor.total * c.across;
             } else {
                 power.missing = missing_power(&p.sizes, &power.sizes, e, self.order);
-                forces.by_stretch += k * e * libm::pow(p.total, e - 1.0) * factor.total * c.across;
+                let slope = if p.total > 0.0 { e * pressed / p.total } else { 0.0 };
+                forces.by_stretch += k * slope * factor.total * c.across;
             }
-            forces.by_rate += k * libm::pow(p.total, e) * chi * c.across;
-            forces.by_time += k * libm::pow(p.total, e) * chi * s.wave_size(&c.error, 2);
+            forces.by_rate += k * pressed * chi * c.across;
+            forces.by_time += k * pressed * chi * s.wave_size(&c.error, 2);
             forces.missing += k * power.product(&factor, self.order);
             // Below its own rounding a penetration p cannot show speeds: p times the contact's frequency.
-            size = size.max((e * c.spec.stiffness.mean() * libm::pow(p.total, e + 1.0)).sqrt());
+            size = size.max((e * c.spec.stiffness.mean() * pressed * p.total).sqrt());
             least = least.min(p.total / c.across);
         }
         let held = self.projector(&mut forces);
@@ -373,6 +466,7 @@ fn grown(b: &[[f64; 4]; 4], d: [f64; 4]) -> [f64; 4] {
 }
 
 /// What the series of `pⁿ` leaves out; of all of it where it has no power series in this clock and is written as zero.
+#[inline(always)]
 fn missing_power(p: &Sizes, power: &Sizes, n: f64, order: usize) -> f64 {
     let zeros = p.iter().take_while(|c| **c == 0.0).count();
     if zeros == ROW {

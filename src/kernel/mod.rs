@@ -170,6 +170,24 @@ impl Work for Forward<'_> {
     }
 }
 
+/// A quantity to be shown.
+struct Show<'a> {
+    motion: &'a Motion<'a>,
+    step: &'a Jet,
+    what: Shown,
+    series: &'a mut Vec<f64>,
+}
+
+impl Work for Show<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<P: Path>(self) {
+        self.series.clear();
+        self.motion.shown(self.step, self.what, self.series);
+    }
+}
+
 impl JetField for Motion<'_> {
     fn jet(&self, request: &JetRequest<'_>, out: &mut Jet) {
         self.structure.instructions.run(Expand { motion: self, request, out });
@@ -184,8 +202,7 @@ impl JetField for Motion<'_> {
     }
 
     fn show(&self, step: &Jet, what: Shown, series: &mut Vec<f64>) -> bool {
-        series.clear();
-        self.shown(step, what, series);
+        self.structure.instructions.run(Show { motion: self, step, what, series });
         true
     }
 
@@ -239,7 +256,7 @@ impl Motion<'_> {
             match owner {
                 None if self.is_linear => e.linear::<P>(out),
                 None => e.plain(out),
-                Some(owner) => e.rooted(owner, out),
+                Some(owner) => e.rooted::<P>(owner, out),
             }
             out.span = e.h;
             let reach = match owner {

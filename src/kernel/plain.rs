@@ -73,12 +73,15 @@ impl Expansion<'_> {
     }
 
     /// `a_k` without contacts.
+    #[inline(always)]
     pub(super) fn accelerations(&self, k: usize, q: &[f64], v: &[f64], work: &mut [f64]) {
         let s = self.s;
         let (series, tail) = work.split_at_mut(self.layout.accelerations);
         let a = &mut tail[k * s.n..(k + 1) * s.n];
-        for (a, row) in a.iter_mut().zip(&s.rows) {
-            *a = row.iter().fold(0.0, |sum, (j, k, c)| sum - k * q[*j as usize] - c * v[*j as usize]);
+        let own = s.columns.by_q.iter().zip(&s.columns.by_v).zip(q.iter().zip(v));
+        a.iter_mut().zip(own).for_each(|(a, ((by_q, by_v), (q, v)))| *a = by_q * q + by_v * v);
+        for &(i, j, by_q, by_v) in &s.columns.couplings {
+            a[i as usize] += by_q * q[j as usize] + by_v * v[j as usize];
         }
         if k == 0 {
             a.iter_mut().zip(&s.load).for_each(|(a, f)| *a += f);

@@ -1,13 +1,18 @@
 //! The recurrence in a root clock: some power law is closed.
 
+#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
+
+use smallvec::SmallVec;
+
 use super::{
-    CARRIED, Elasticity, Expansion, FACTOR, FORCE, Force, Layout, Motion, PENETRATION, POWER, RATE, ROW, STIFFNESS,
-    product, waves,
+    CARRIED, Elasticity, Expansion, FACTOR, FORCE, Force, LANES, Layout, Motion, PENETRATION, POWER, RATE, ROW,
+    STIFFNESS, product, waves,
 };
 use crate::{
     gear::contact::PowerLaw,
     hybrid::{Jet, JetRequest},
-    system::{PerContact, Spring, Watch, guard_id},
+    system::{Spring, Watch, guard_id},
+    vectors::{Path, fused},
 };
 
 /// A change this much smaller than what it changes is far below rounding.
@@ -21,6 +26,145 @@ pub(super) struct Owner {
     /// The clock's root q, the law's own. It is 1, plain time, where the contact starts from rest: with neither
     /// penetration nor speed a root clock stands still, and `p ~ t²` has its root already.
     pub root: u32,
+}
+
+/// What a contact does in a root clock.
+#[derive(Clone, Copy, Debug, Default)]
+enum Does {
+    /// Neither force nor guard.
+    #[default]
+    Nothing,
+    /// A power law that is only watched.
+    Watched,
+    /// A closed power law, by the recurrence of a power of its penetration.
+    Pressed,
+    /// The same as the owner of the clock.
+    AsOwner,
+    /// A closed power law that has a way of its own: the owner of the clock, one that starts with it, one that leaves unfelt.
+    Alone(PowerLaw),
+    /// Another law.
+    Else,
+}
+
+/// Series of four contacts side by side, and their numbers.
+#[derive(Clone, Copy, Debug)]
+struct Four {
+    rate: [[f64; LANES]; ROW],
+    penetration: [[f64; LANES]; ROW],
+    power: [[f64; LANES]; ROW],
+    factor: [[f64; LANES]; ROW],
+    /// Forces carried.
+    force: [[f64; LANES]; ROW],
+    does: [Does; LANES],
+    side: [f64; LANES],
+    exponent: [f64; LANES],
+    /// Penetrations at the start; 1 for those that do without.
+    start: [f64; LANES],
+    stiffness: [f64; LANES],
+    chi: [f64; LANES],
+}
+
+/// Four at a time. Eight contacts need no allocation.
+type Fours = SmallVec<[Four; 2]>;
+
+impl Default for Four {
+    fn default() -> Self {
+        let (rows, zeros) = ([[0.0; LANES]; ROW], [0.0; LANES]);
+        Self {
+            rate: rows,
+            penetration: rows,
+            power: rows,
+            factor: rows,
+            force: rows,
+            does: [Does::Nothing; LANES],
+            side: [1.0; LANES],
+            exponent: zeros,
+            start: [1.0; LANES],
+            stiffness: zeros,
+            chi: zeros,
+        }
+    }
+}
+
+impl Four {
+    /// `pⁿ` at order `k`, of those that are pressed: `k p_0 u_k = Σ (l (n + 1) − k) p_l u_{k−l}`.
+    #[inline(always)]
+    fn powers<P: Path>(&self, k: usize) -> [f64; LANES] {
+        let mut powers = [0.0; LANES];
+        if k == 0 {
+            let pressed =
+                self.does.iter().zip(&mut powers).enumerate().filter(|(_, (does, _))| matches!(does, Does::Pressed));
+            pressed.for_each(|(l, (_, power))| *power = libm::pow(self.start[l], self.exponent[l]));
+            return powers;
+        }
+        for (l, p) in self.penetration[..=k].iter().enumerate().skip(1) {
+            let u = &self.power[k - l];
+            for i in 0..LANES {
+                let weight = fused::<P>(l as f64, self.exponent[i] + 1.0, -(k as f64));
+                powers[i] = fused::<P>(weight * p[i], u[i], powers[i]);
+            }
+        }
+        for i in 0..LANES {
+            powers[i] /= k as f64 * self.start[i];
+        }
+        powers
+    }
+}
+
+/// `Σ w_i rows_{k−i}` into `out`, whose length the rows have; they begin `stride` apart. Sixteen columns at a time stay in registers.
+#[inline(always)]
+fn convolve<P: Path>(weights: &[f64], rows: &[f64], stride: usize, out: &mut [f64]) {
+    let mut at = 0;
+    while at < out.len() {
+        let left = out.len() - at;
+        let (rows, out) = (&rows[at..], &mut out[at..]);
+        at += match left {
+            16.. => columns::<P, 16>(weights, rows, stride, out),
+            8.. => columns::<P, 8>(weights, rows, stride, out),
+            4.. => columns::<P, 4>(weights, rows, stride, out),
+            _ => columns::<P, 1>(weights, rows, stride, out),
+        };
+    }
+}
+
+/// The first `W` columns.
+#[inline(always)]
+fn columns<P: Path, const W: usize>(weights: &[f64], rows: &[f64], stride: usize, out: &mut [f64]) -> usize {
+    let mut sums = [0.0; W];
+    let last = weights.len() - 1;
+    for (i, w) in weights.iter().enumerate() {
+        if let Some(row) = rows[(last - i) * stride..].first_chunk::<W>() {
+            for c in 0..W {
+                sums[c] = fused::<P>(*w, row[c], sums[c]);
+            }
+        }
+    }
+    out[..W].copy_from_slice(&sums);
+    W
+}
+
+/// `Σ w_i rows_{k−i}`.
+#[inline(always)]
+fn lanes<P: Path>(weights: &[f64], rows: &[[f64; LANES]]) -> [f64; LANES] {
+    let mut sums = [0.0; LANES];
+    for (w, row) in weights.iter().zip(rows.iter().rev()) {
+        for l in 0..LANES {
+            sums[l] = fused::<P>(*w, row[l], sums[l]);
+        }
+    }
+    sums
+}
+
+/// `Σ a_i b_{k−i}`.
+#[inline(always)]
+fn convolved<P: Path>(a: &[[f64; LANES]], b: &[[f64; LANES]]) -> [f64; LANES] {
+    let mut sums = [0.0; LANES];
+    for (a, b) in a.iter().zip(b.iter().rev()) {
+        for l in 0..LANES {
+            sums[l] = fused::<P>(a[l], b[l], sums[l]);
+        }
+    }
+    sums
 }
 
 impl Motion<'_> {
@@ -69,7 +213,8 @@ impl Motion<'_> {
 
 impl Expansion<'_> {
     /// All coefficients in the owner's clock.
-    pub(super) fn rooted(&self, owner: Owner, out: &mut Jet) {
+    #[inline(always)]
+    pub(super) fn rooted<P: Path>(&self, owner: Owner, out: &mut Jet) {
         let (s, layout, h) = (self.s, self.layout, self.h);
         let (n, dim) = (s.n, s.dim);
         let Jet { state, work, time, .. } = out;
@@ -77,33 +222,26 @@ impl Expansion<'_> {
         time.resize(self.order + 1, 0.0);
         let p = (self.motion.parts[owner.contact].side * work[layout.stretches + owner.contact]).max(0.0);
         work[layout.y(1)] = libm::pow(p, 1.0 / f64::from(owner.root));
-        let twins: PerContact<bool> = (0..s.contacts.len()).map(|j| self.is_twin(owner, j, work)).collect();
+        let mut fours: Fours = (0..s.columns.fours.len()).map(|_| Four::default()).collect();
         for k in 0..=self.order {
             let (low, high) = state.split_at_mut((k + 1) * dim);
             let (q, v) = low[k * dim..k * dim + 2 * n].split_at(n);
-            for j in 0..s.contacts.len() {
-                let r = layout.of(j, RATE);
-                work[r + k] = self.rate(j, k, v, work);
-                if k > 0 {
-                    work[layout.deflection(j, k)] = h / k as f64 * product(work, layout.clock, r, k - 1);
-                }
+            for (chunk, four) in fours.iter_mut().enumerate() {
+                self.rates::<P>(chunk, four, k, v, work);
             }
             self.clock_series(owner, k, work);
-            for j in 0..s.contacts.len() {
-                if twins[j] {
-                    // The owner's force, as its own clock gives it: what is equal stays equal to the last bit.
-                    for which in [PENETRATION, FACTOR, POWER, FORCE, CARRIED] {
-                        work[layout.of(j, which) + k] = work[layout.of(owner.contact, which) + k];
-                    }
-                } else {
-                    self.force(owner, j, k, work);
+            for (chunk, four) in fours.iter_mut().enumerate() {
+                if k == 0 {
+                    self.begin(owner, chunk, four, work);
                 }
+                self.forces::<P>(owner, chunk, four, k, work);
             }
             self.accelerations(k, q, v, work);
-            for (j, c) in s.contacts.iter().enumerate() {
-                let force = work[layout.of(j, CARRIED) + k];
-                let a = &mut work[layout.accelerations + k * n..];
-                c.push.iter().for_each(|(i, p)| a[*i as usize] -= p * force);
+            let a = &mut work[layout.accelerations + k * n..][..n];
+            for (four, columns) in fours.iter().zip(&s.columns.fours) {
+                for (push, force) in columns.pushes.iter().zip(&four.force[k]).filter(|(_, force)| **force != 0.0) {
+                    a.iter_mut().zip(push).for_each(|(a, p)| *a = fused::<P>(-p, *force, *a));
+                }
             }
             if let Some(held) = &self.motion.held {
                 self.hold(held, k, work);
@@ -112,16 +250,11 @@ impl Expansion<'_> {
                 break;
             }
             let step = h / (k + 1) as f64;
+            let mut weights = [0.0; ROW];
+            weights.iter_mut().zip(&work[layout.clock..=layout.clock + k]).for_each(|(w, rate)| *w = step * rate);
             let (q1, v1) = high[..2 * n].split_at_mut(n);
-            q1.fill(0.0);
-            v1.fill(0.0);
-            let rates = work[layout.clock..=layout.clock + k].iter();
-            let accelerations = work[layout.accelerations..layout.accelerations + (k + 1) * n].chunks_exact(n);
-            for ((w, state), a) in rates.zip(low.chunks_exact(dim).rev()).zip(accelerations.rev()) {
-                let w = step * w;
-                q1.iter_mut().zip(&state[n..2 * n]).for_each(|(q, v)| *q += w * v);
-                v1.iter_mut().zip(a).for_each(|(v, a)| *v += w * a);
-            }
+            convolve::<P>(&weights[..=k], &low[n..], dim, q1);
+            convolve::<P>(&weights[..=k], &work[layout.accelerations..], n, v1);
             time[k + 1] = step * work[layout.clock + k];
             for (i, o) in s.oscillators.iter().enumerate() {
                 let c = Layout::oscillator(i);
@@ -129,6 +262,139 @@ impl Expansion<'_> {
                 (work[c + k + 1], work[c + ROW + k + 1]) = (-step * o.omega * ds, step * o.omega * dc);
             }
         }
+        fours.iter().enumerate().for_each(|(chunk, four)| self.keep(chunk, four, work));
+    }
+
+    /// Writes the series of four contacts one after the other, as far as they are not there.
+    #[inline(always)]
+    fn keep(&self, chunk: usize, four: &Four, work: &mut [f64]) {
+        for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
+            let mut write = |which: usize, lanes: &[[f64; LANES]; ROW]| {
+                let row = &mut work[self.layout.of(j, which)..][..ROW];
+                row.iter_mut().zip(lanes).for_each(|(c, lanes)| *c = lanes[l]);
+            };
+            if matches!(four.does[l], Does::Watched | Does::Pressed) {
+                let rows = [&four.penetration, &four.factor, &four.power, &four.force, &four.force];
+                [PENETRATION, FACTOR, POWER, FORCE, CARRIED]
+                    .into_iter()
+                    .zip(rows)
+                    .for_each(|(which, row)| write(which, row));
+            }
+        }
+    }
+
+    /// Rates of four contacts at order `k`, and their deflections, the integrals of `w δ̇`.
+    #[inline(always)]
+    fn rates<P: Path>(&self, chunk: usize, four: &mut Four, k: usize, v: &[f64], work: &mut [f64]) {
+        let (s, layout) = (self.s, self.layout);
+        let columns = &s.columns.fours[chunk];
+        let mut rate = [0.0; LANES];
+        for (direction, v) in columns.directions.iter().zip(v) {
+            for l in 0..LANES {
+                rate[l] = fused::<P>(direction[l], *v, rate[l]);
+            }
+        }
+        for (index, cosine, sine) in &columns.rates {
+            let o = Layout::oscillator(*index) + k;
+            let (cos, sin) = (work[o], work[o + ROW]);
+            for l in 0..LANES {
+                rate[l] -= fused::<P>(cosine[l], cos, sine[l] * sin);
+            }
+        }
+        let contacts = LANES * chunk..s.contacts.len().min(LANES * chunk + LANES);
+        if k == 0 && !self.request.still.is_empty() {
+            contacts.clone().zip(&mut rate).filter(|(j, _)| self.is_still(*j)).for_each(|(_, rate)| *rate = 0.0);
+        }
+        four.rate[k] = rate;
+        let at = layout.deflection(LANES * chunk, k);
+        if k > 0 {
+            let clock = &work[layout.clock..layout.clock + k];
+            let sum = lanes::<P>(clock, &four.rate[..k]);
+            for l in 0..LANES {
+                work[at + l] = self.h / k as f64 * sum[l];
+            }
+        }
+        for (l, j) in contacts.enumerate() {
+            work[layout.of(j, RATE) + k] = rate[l];
+            four.penetration[k][l] = four.side[l] * work[at + l];
+        }
+    }
+
+    /// What the contacts of four do, from their penetrations at order zero on.
+    fn begin(&self, owner: Owner, chunk: usize, four: &mut Four, work: &mut [f64]) {
+        let layout = self.layout;
+        for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
+            let part = &self.motion.parts[j];
+            four.penetration[0][l] = part.side * work[layout.stretches + j];
+            let Some(power @ Force::Power { law, stiffness, .. }) = part.force() else {
+                four.does[l] = if part.acting.is_some() { Does::Else } else { Does::Nothing };
+                continue;
+            };
+            let n = law.exponent.value();
+            (four.side[l], four.exponent[l], four.chi[l]) = (part.side, n, power.chi(self.request.x));
+            work[layout.of(j, PENETRATION)] = four.penetration[0][l];
+            if !part.is_pressed() {
+                four.does[l] = Does::Watched;
+                continue;
+            }
+            four.stiffness[l] = part.side * stiffness;
+            four.does[l] = if self.is_twin(owner, j, work) {
+                Does::AsOwner
+            } else if owner.contact != j && four.penetration[0][l] > 0.0 && !self.leaves_unfelt(j, n, work) {
+                four.start[l] = four.penetration[0][l];
+                Does::Pressed
+            } else {
+                Does::Alone(law)
+            };
+        }
+    }
+
+    /// The forces of four contacts along their directions at order `k`, and what of them is carried.
+    #[inline(always)]
+    fn forces<P: Path>(&self, owner: Owner, chunk: usize, four: &mut Four, k: usize, work: &mut [f64]) {
+        let layout = self.layout;
+        let mut factor = [0.0; LANES];
+        for l in 0..LANES {
+            factor[l] = four.chi[l] * four.side[l] * four.rate[k][l] + if k == 0 { 1.0 } else { 0.0 };
+        }
+        four.factor[k] = factor;
+        four.power[k] = four.powers::<P>(k);
+        for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
+            if let Does::Alone(law) = four.does[l] {
+                work[layout.of(j, PENETRATION) + k] = four.penetration[k][l];
+                self.power(owner, j, law, k, work);
+                four.power[k][l] = work[layout.of(j, POWER) + k];
+            }
+        }
+        let sum = convolved::<P>(&four.power[..=k], &four.factor[..=k]);
+        let mut force = [0.0; LANES];
+        for l in 0..LANES {
+            force[l] = four.stiffness[l] * sum[l];
+        }
+        for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
+            match four.does[l] {
+                Does::Nothing | Does::Watched | Does::Pressed => {}
+                // The owner's force, as its own clock gives it: what is equal stays equal to the last bit.
+                Does::AsOwner => {
+                    for which in [PENETRATION, FACTOR, POWER, FORCE, CARRIED] {
+                        work[layout.of(j, which) + k] = work[layout.of(owner.contact, which) + k];
+                    }
+                    force[l] = work[layout.of(j, CARRIED) + k];
+                }
+                Does::Else => {
+                    force[l] = self.linear_force(j, k, work);
+                    work[layout.of(j, FORCE) + k] = force[l];
+                    force[l] = if self.motion.parts[j].acting.is_some_and(|a| a.is_carried) { force[l] } else { 0.0 };
+                    work[layout.of(j, CARRIED) + k] = force[l];
+                }
+                Does::Alone(_) => {
+                    work[layout.of(j, FACTOR) + k] = factor[l];
+                    work[layout.of(j, FORCE) + k] = force[l];
+                    work[layout.of(j, CARRIED) + k] = force[l];
+                }
+            }
+        }
+        four.force[k] = force;
     }
 
     /// Whether contact `j` is equal to the owner, in its numbers and in its motion. The owner is the first of equals.
@@ -163,29 +429,14 @@ impl Expansion<'_> {
         };
     }
 
-    /// The force of contact `j` along `g_j` at order `k`, and what of it is carried.
-    fn force(&self, owner: Owner, j: usize, k: usize, work: &mut [f64]) {
-        let layout = self.layout;
-        let part = &self.motion.parts[j];
-        let rate = work[layout.of(j, RATE) + k];
-        let force = match part.force() {
-            Some(Force::Linear { stiffness, damping }) => self.spring(j, stiffness, k, work) + damping * rate,
-            Some(power @ Force::Power { law, stiffness, .. }) => {
-                let side = part.side;
-                work[layout.of(j, PENETRATION) + k] = side * self.stretch(j, k, work);
-                let chi = power.chi(self.request.x);
-                work[layout.of(j, FACTOR) + k] = chi * side * rate + f64::from(u8::from(k == 0));
-                if part.is_pressed() {
-                    self.power(owner, j, law, k, work);
-                    side * stiffness * product(work, layout.of(j, POWER), layout.of(j, FACTOR), k)
-                } else {
-                    0.0
-                }
+    /// The force of a contact without a power law at order `k`; that of one at rest follows from the accelerations.
+    fn linear_force(&self, j: usize, k: usize, work: &mut [f64]) -> f64 {
+        match self.motion.parts[j].force() {
+            Some(Force::Linear { stiffness, damping }) => {
+                self.spring(j, stiffness, k, work) + damping * work[self.layout.of(j, RATE) + k]
             }
-            Some(Force::Held) | None => 0.0,
-        };
-        work[layout.of(j, FORCE) + k] = force;
-        work[layout.of(j, CARRIED) + k] = if part.acting.is_some_and(|a| a.is_carried) { force } else { 0.0 };
+            _ => 0.0,
+        }
     }
 
     /// `k(t) (δ − σ b)` at order `k`.

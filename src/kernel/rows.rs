@@ -15,6 +15,7 @@ const TWICE: usize = 2 * ROW - 1;
 
 type Product = [f64; TWICE];
 
+#[inline(always)]
 fn gather(orders: impl Iterator<Item = f64>) -> Series {
     let mut series = [0.0; ROW];
     series.iter_mut().zip(orders).for_each(|(s, c)| *s = c);
@@ -22,6 +23,7 @@ fn gather(orders: impl Iterator<Item = f64>) -> Series {
 }
 
 /// One value of each order, `stride` apart.
+#[inline(always)]
 fn every(stride: usize, values: &[f64]) -> Series {
     let (mut series, mut at) = ([0.0; ROW], 0);
     for c in &mut series {
@@ -31,30 +33,32 @@ fn every(stride: usize, values: &[f64]) -> Series {
     series
 }
 
-/// `a b`; of a product that is longer than a series, up to the highest power kept.
-fn times(a: &Series, b: &[f64]) -> Product {
-    let mut product = [0.0; TWICE];
+/// Adds `factor a b`; of a product that is longer than a series, up to the highest power kept.
+#[inline(always)]
+fn add_product(sum: &mut Product, factor: f64, a: &Series, b: &[f64]) {
     for (i, a) in a.iter().enumerate() {
-        product[i..].iter_mut().zip(b).for_each(|(p, b)| *p += a * b);
+        let a = factor * a;
+        sum[i..].iter_mut().zip(b).for_each(|(s, b)| *s += a * b);
     }
-    product
 }
 
-fn square(a: &Series) -> Product {
-    let mut square = [0.0; TWICE];
+/// Adds `factor a²`.
+#[inline(always)]
+fn add_square(sum: &mut Product, factor: f64, a: &Series) {
     for (i, c) in a.iter().enumerate() {
-        square[2 * i] += c * c;
-        let twice = 2.0 * c;
-        square[2 * i + 1..].iter_mut().zip(&a[i + 1..]).for_each(|(s, b)| *s += twice * b);
+        let once = factor * c;
+        sum[2 * i] += once * c;
+        sum[2 * i + 1..].iter_mut().zip(&a[i + 1..]).for_each(|(s, b)| *s += 2.0 * once * b);
     }
-    square
 }
 
+#[inline(always)]
 fn scaled<const N: usize>(factor: f64, mut series: [f64; N]) -> [f64; N] {
     series.iter_mut().for_each(|c| *c *= factor);
     series
 }
 
+#[inline(always)]
 fn sum<const N: usize>(mut series: impl Iterator<Item = [f64; N]>) -> Option<[f64; N]> {
     let mut sum = series.next()?;
     for series in series {
@@ -65,23 +69,36 @@ fn sum<const N: usize>(mut series: impl Iterator<Item = [f64; N]>) -> Option<[f6
 
 impl Motion<'_> {
     /// Adds the terms of a quantity to `out`.
+    #[inline(always)]
     pub(super) fn shown(&self, step: &Jet, what: Shown, out: &mut Vec<f64>) {
         let rows = Rows { motion: self, step, is_rooted: !step.time.is_empty() };
-        let contacts = 0..self.parts.len();
-        let product = match what {
+        let mut sum = [0.0; TWICE];
+        let mut is_any = false;
+        match what {
             Shown::Time if rows.is_rooted => return out.extend_from_slice(&step.time),
             Shown::Time => return out.extend([0.0, step.span]),
             Shown::Deflection(j) => return out.extend_from_slice(&rows.deflection(j)),
             Shown::Transmission(j) => return out.extend_from_slice(&rows.transmission(j)),
             Shown::Force(j) => return rows.force(j).iter().for_each(|force| out.extend_from_slice(force)),
-            Shown::Loss(j) => rows.loss(j),
-            Shown::Load => Some(rows.load()),
-            Shown::Error => sum(contacts.filter_map(|j| rows.error(j))),
-            Shown::Parametric => sum(contacts.filter_map(|j| rows.parametric(j))),
-            Shown::Damping => rows.damping(),
-            Shown::Contacts => sum(contacts.filter_map(|j| rows.loss(j))),
-        };
-        product.iter().for_each(|product| out.extend_from_slice(product));
+            Shown::Loss(j) => is_any = rows.loss(j, &mut sum),
+            Shown::Load => {
+                rows.load(&mut sum);
+                is_any = true;
+            }
+            Shown::Damping => is_any = rows.damping(&mut sum),
+            Shown::Error | Shown::Parametric | Shown::Contacts => {
+                for j in 0..self.parts.len() {
+                    is_any |= match what {
+                        Shown::Error => rows.error(j, &mut sum),
+                        Shown::Parametric => rows.parametric(j, &mut sum),
+                        _ => rows.loss(j, &mut sum),
+                    };
+                }
+            }
+        }
+        if is_any {
+            out.extend_from_slice(&sum);
+        }
     }
 }
 
@@ -97,15 +114,18 @@ impl Rows<'_> {
         self.motion.parts[j].acting.filter(|a| a.is_carried).map(|a| a.force)
     }
 
+    #[inline(always)]
     fn work(&self, j: usize, which: usize) -> Series {
         let start = self.motion.layout.of(j, which);
         every(1, &self.step.work[start..])
     }
 
+    #[inline(always)]
     fn deflection(&self, j: usize) -> Series {
         every(LANES, &self.step.work[self.motion.layout.deflection(j, 0)..])
     }
 
+    #[inline(always)]
     fn transmission(&self, j: usize) -> Series {
         let terms = self.motion.structure.contacts[j].direction.iter();
         let displacement = |i: u32| every(self.step.dim, &self.step.state[i as usize..]);
@@ -113,6 +133,7 @@ impl Rows<'_> {
     }
 
     /// `δ − σ b`.
+    #[inline(always)]
     fn stretch(&self, j: usize) -> Series {
         let mut stretch = self.deflection(j);
         stretch[0] = self.step.work[self.motion.layout.stretches + j];
@@ -120,6 +141,7 @@ impl Rows<'_> {
     }
 
     /// `δ̇`. The linear recurrence does without it.
+    #[inline(always)]
     fn rate(&self, j: usize) -> Series {
         if self.is_rooted || !self.motion.is_linear {
             return self.work(j, RATE);
@@ -128,13 +150,18 @@ impl Rows<'_> {
         gather(deflection[1..].iter().enumerate().map(|(k, d)| (k + 1) as f64 * d / self.step.span))
     }
 
+    #[inline(always)]
     fn force(&self, j: usize) -> Option<Series> {
         match self.force_of(j)? {
             Force::Linear { stiffness, damping } if self.motion.is_linear => {
                 let mut series = match stiffness {
                     Elasticity::Constant(k) => scaled(k, self.stretch(j)),
                     // The linear recurrence ends without the last order of these forces.
-                    _ => gather(times(&self.stiffness(j), &self.stretch(j)).into_iter()),
+                    _ => {
+                        let mut product = [0.0; TWICE];
+                        add_product(&mut product, 1.0, &self.stiffness(j), &self.stretch(j));
+                        gather(product.into_iter())
+                    }
                 };
                 if damping != 0.0 {
                     series.iter_mut().zip(self.rate(j)).for_each(|(f, r)| *f += damping * r);
@@ -150,6 +177,7 @@ impl Rows<'_> {
     }
 
     /// A stiffness that varies, in plain time.
+    #[inline(always)]
     fn stiffness(&self, j: usize) -> Series {
         let Spring::Waves(mean, waves) = &self.motion.structure.contacts[j].spring else {
             // A ramp is written with all its orders.
@@ -160,75 +188,93 @@ impl Rows<'_> {
         series
     }
 
-    /// `c δ̇²`, or `K pⁿ χ ṗ²`.
-    fn loss(&self, j: usize) -> Option<Product> {
-        match self.force_of(j)? {
-            Force::Linear { damping, .. } if damping != 0.0 => Some(scaled(damping, square(&self.rate(j)))),
-            force @ Force::Power { stiffness, .. } if self.is_rooted && force.chi(&self.step.state) != 0.0 => {
-                let lost = force.chi(&self.step.state) * stiffness;
-                Some(scaled(lost, times(&self.work(j, POWER), &square(&self.work(j, RATE)))))
+    /// Adds `c δ̇²`, or `K pⁿ χ ṗ²`, if there is such a power.
+    #[inline(always)]
+    fn loss(&self, j: usize, sum: &mut Product) -> bool {
+        match self.force_of(j) {
+            Some(Force::Linear { damping, .. }) if damping != 0.0 => add_square(sum, damping, &self.rate(j)),
+            Some(force @ Force::Power { stiffness, .. }) if self.is_rooted && force.chi(&self.step.state) != 0.0 => {
+                let mut square = [0.0; TWICE];
+                add_square(&mut square, force.chi(&self.step.state) * stiffness, &self.work(j, RATE));
+                add_product(sum, 1.0, &self.work(j, POWER), &square);
+            }
+            _ => return false,
+        }
+        true
+    }
+
+    /// Adds `−F ė`, if the error moves and the force is carried.
+    #[inline(always)]
+    fn error(&self, j: usize, sum: &mut Product) -> bool {
+        let contact = &self.motion.structure.contacts[j];
+        let Some(rate) = self.follow(contact.error_rate.iter().copied()) else { return false };
+        let Some(force) = self.force(j) else { return false };
+        add_product(sum, -1.0, &force, &rate);
+        true
+    }
+
+    /// Adds `½ k̇ (δ − σ b)²`, if the stiffness moves.
+    #[inline(always)]
+    fn parametric(&self, j: usize, sum: &mut Product) -> bool {
+        let s = self.motion.structure;
+        let Some(Force::Linear { stiffness, .. }) = self.force_of(j) else { return false };
+        let rate = match (stiffness, &s.contacts[j].spring) {
+            (Elasticity::Ramp { slope, .. }, _) => Some(std::array::from_fn(|k| if k == 0 { slope } else { 0.0 })),
+            (Elasticity::Waves, Spring::Waves(_, waves)) => {
+                self.follow(waves.iter().map(|w| w.rate(s.oscillators[w.index].omega)))
             }
             _ => None,
-        }
-    }
-
-    /// `−F ė`.
-    fn error(&self, j: usize) -> Option<Product> {
-        let contact = &self.motion.structure.contacts[j];
-        let rate = self.follow(contact.error_rate.iter().copied())?;
-        Some(scaled(-1.0, times(&self.force(j)?, &rate)))
-    }
-
-    /// `½ k̇ (δ − σ b)²`.
-    fn parametric(&self, j: usize) -> Option<Product> {
-        let s = self.motion.structure;
-        let Some(Force::Linear { stiffness, .. }) = self.force_of(j) else { return None };
-        let rate = match (stiffness, &s.contacts[j].spring) {
-            (Elasticity::Ramp { slope, .. }, _) => std::array::from_fn(|k| if k == 0 { slope } else { 0.0 }),
-            (Elasticity::Waves, Spring::Waves(_, waves)) => {
-                self.follow(waves.iter().map(|w| w.rate(s.oscillators[w.index].omega)))?
-            }
-            _ => return None,
         };
-        let stretch = self.stretch(j);
-        Some(scaled(0.5, times(&rate, &square(&stretch))))
+        let Some(rate) = rate else { return false };
+        let mut square = [0.0; TWICE];
+        add_square(&mut square, 0.5, &self.stretch(j));
+        add_product(sum, 1.0, &rate, &square);
+        true
     }
 
+    #[inline(always)]
     fn velocity(&self, i: usize) -> Series {
         every(self.step.dim, &self.step.state[self.motion.structure.n + i..])
     }
 
     /// Velocities along a vector `[n]`.
+    #[inline(always)]
     fn along(&self, vector: &[f64]) -> Series {
         let terms = vector.iter().enumerate().filter(|(_, c)| **c != 0.0);
         sum(terms.map(|(i, c)| scaled(*c, self.velocity(i)))).unwrap_or([0.0; ROW])
     }
 
-    fn load(&self) -> Product {
+    #[inline(always)]
+    fn load(&self, sum: &mut Product) {
         let s = self.motion.structure;
-        let mut power = [0.0; TWICE];
-        power[..ROW].copy_from_slice(&self.along(&s.spec.load));
+        sum[..ROW].copy_from_slice(&self.along(&s.spec.load));
         for (load, wave) in s.spec.load_harmonics.iter().zip(&s.load_waves) {
             let (sin, cos) = libm::sincos(load.phase);
             if let Some(force) = self.follow([Wave { index: wave.index, cosine: cos, sine: -sin }].into_iter()) {
-                let work = times(&force, &self.along(&load.vector));
-                power.iter_mut().zip(&work).for_each(|(p, w)| *p += w);
+                add_product(sum, 1.0, &force, &self.along(&load.vector));
             }
         }
-        power
     }
 
-    /// `q̇ᵀ C q̇`, each pair of degrees of freedom once.
-    fn damping(&self) -> Option<Product> {
-        let columns = self.motion.structure.forms[1].iter().enumerate();
-        let entries = columns.flat_map(|(i, column)| column.iter().map(move |(j, c)| (i, *j as usize, *c)));
-        sum(entries.filter(|(i, j, _)| j <= i).map(|(i, j, c)| match i == j {
-            true => scaled(c, square(&self.velocity(i))),
-            false => scaled(2.0 * c, times(&self.velocity(i), &self.velocity(j))),
-        }))
+    /// Adds `q̇ᵀ C q̇`, each pair of degrees of freedom once, if there is damping.
+    #[inline(always)]
+    fn damping(&self, sum: &mut Product) -> bool {
+        let mut is_any = false;
+        for (i, column) in self.motion.structure.forms[1].iter().enumerate() {
+            for (j, c) in column.iter().map(|(j, c)| (*j as usize, *c)).filter(|(j, _)| *j <= i) {
+                is_any = true;
+                if i == j {
+                    add_square(sum, c, &self.velocity(i));
+                } else {
+                    add_product(sum, 2.0 * c, &self.velocity(i), &self.velocity(j));
+                }
+            }
+        }
+        is_any
     }
 
     /// A sum of oscillators. The linear recurrence does not keep them: in plain time each order follows from the one before.
+    #[inline(always)]
     fn follow(&self, waves: impl Iterator<Item = Wave>) -> Option<Series> {
         let work = &self.step.work;
         sum(waves.map(|w| {

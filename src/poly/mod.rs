@@ -63,10 +63,23 @@ static INTEGRALS: [f64; 2 * MAX_DEGREE + 1] = {
     table
 };
 
-/// `∫₀¹ p q dx`, of degrees that are 80 at most together.
+/// `∫₀¹ p xˡ dx` for each l, of degrees that are 80 at most together: with these the integral of `p q` is the [`dot`] product with q.
+pub fn moments(p: &[f64], moments: &mut [f64]) {
+    for (l, moment) in moments.iter_mut().enumerate() {
+        *moment = dot(p, &INTEGRALS[l..]);
+    }
+}
+
+/// `Σ a_k b_k` over the shorter one, four side by side.
 #[must_use]
-pub fn integral(p: &[f64], q: &[f64]) -> f64 {
-    p.iter().enumerate().fold(0.0, |sum, (i, c)| {
-        sum + c * q.iter().zip(&INTEGRALS[i..]).fold(0.0, |sum, (d, integral)| sum + d * integral)
-    })
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let length = a.len().min(b.len());
+    let ((a, a_rest), (b, b_rest)) = (a[..length].as_chunks::<4>(), b[..length].as_chunks::<4>());
+    let mut sums = [0.0; 4];
+    for (a, b) in a.iter().zip(b) {
+        for l in 0..4 {
+            sums[l] += a[l] * b[l];
+        }
+    }
+    a_rest.iter().zip(b_rest).fold((sums[0] + sums[1]) + (sums[2] + sums[3]), |sum, (a, b)| sum + a * b)
 }
