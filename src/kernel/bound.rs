@@ -77,7 +77,7 @@ pub(super) struct Forcing {
     /// Harmonic loads as weighted accelerations, `max_i √M_ii |a_i|`.
     load: Amplitude,
     /// The errors of each contact: e, ė, ë.
-    errors: Vec<[Amplitude; 3]>,
+    pub errors: Vec<[Amplitude; 3]>,
     /// `min (1/ω) (Σ|e|/|e_ω|)^(1/25)` over all errors that are watched, s: the step on which each wave stays resolved.
     span: f64,
     /// Row sums of the weighted `M⁻¹K` and `M⁻¹C` without contacts.

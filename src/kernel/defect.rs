@@ -251,24 +251,26 @@ impl Expansion<'_> {
     #[inline(always)]
     fn defect(&self, owner: Owner, theta: f64, largest: &Largest, out: &Jet) -> (f64, Defect) {
         let (s, layout, work) = (self.s, self.layout, &out.work);
-        let span = self.h * theta;
+        let (span, errors) = (self.h * theta, &self.motion.forcing.errors);
         let mut powers = [1.0; ROW];
         (1..ROW).for_each(|k| powers[k] = powers[k - 1] * theta);
-        let row = |at: usize| sizes(&work[at..], &powers);
         let per = span / (self.order + 1) as f64;
-        let y = Factor::new(row(layout.y(1)), 0.0);
+        let y = Factor::new(sizes(&work[layout.y(1)..], &powers), 0.0);
         // What y², y³, … and w = q y^(q−1) leave out.
         let mut missing = [0.0; 17];
         for m in 2..owner.root as usize {
-            let lower = Factor::new(row(layout.y(m - 1)), missing[m - 1]);
+            let lower = Factor::new(sizes(&work[layout.y(m - 1)..], &powers), missing[m - 1]);
             missing[m] = lower.product(&y, self.order);
         }
         let q = f64::from(owner.root);
-        let w = Factor::new(row(layout.clock), if owner.root > 1 { q * missing[owner.root as usize - 1] } else { 0.0 });
+        let w = Factor::new(
+            sizes(&work[layout.clock..], &powers),
+            if owner.root > 1 { q * missing[owner.root as usize - 1] } else { 0.0 },
+        );
         let by_root = match owner.root {
             1 => 0.0,
             2 => 2.0,
-            q => f64::from(q) * f64::from(q - 1) * total(&row(layout.y(q as usize - 2))),
+            q => f64::from(q) * f64::from(q - 1) * total(&sizes(&work[layout.y(q as usize - 2)..], &powers)),
         };
         // What the products with w leave out, and the sizes of their other factor.
         let tails = tails(&w.sizes, self.order);
@@ -284,12 +286,12 @@ impl Expansion<'_> {
         let speed = moved.max(total(&rates));
         let (mut swing, mut size): (f64, f64) = (0.0, moved);
         for (j, c) in s.contacts.iter().enumerate() {
-            let rate = row(layout.of(j, RATE));
+            let rate = sizes(&work[layout.of(j, RATE)..], &powers);
             if j == owner.contact {
                 d.root = per * rate[self.order];
             }
             size = size.max(total(&rate) * c.weight);
-            swing = swing.max(s.wave_size(&c.error, 2) / c.across);
+            swing = swing.max(errors[j][2].sum / c.across);
         }
         let [by_stretch, by_rate] = self.motion.forcing.norms();
         let mut forces = Forces { by_stretch, by_rate, ..Forces::default() };
@@ -298,12 +300,12 @@ impl Expansion<'_> {
         }
         let mut least = f64::INFINITY;
         for (j, c) in s.contacts.iter().enumerate() {
-            let penetration = row(layout.of(j, PENETRATION));
+            let penetration = sizes(&work[layout.of(j, PENETRATION)..], &powers);
             let (part, push) = (&self.motion.parts[j], c.push_norm);
             if let Some((stiffness, damping)) = part.carried_linear() {
                 forces.by_stretch += push * c.across * c.stiffest;
                 forces.by_rate += push * c.across * damping;
-                forces.by_time += push * damping * s.wave_size(&c.error, 2);
+                forces.by_time += push * damping * errors[j][2].sum;
                 let by_time = match (stiffness, &c.spring) {
                     (Elasticity::Ramp { slope, .. }, _) => slope.abs(),
                     (_, Spring::Waves(_, waves)) => s.wave_size(waves, 1),
@@ -311,7 +313,8 @@ impl Expansion<'_> {
                 };
                 forces.by_time += push * by_time * total(&penetration);
                 if stiffness.varies() {
-                    forces.missing += push * beyond(&row(layout.of(j, STIFFNESS)), &penetration, self.order + 1);
+                    forces.missing +=
+                        push * beyond(&sizes(&work[layout.of(j, STIFFNESS)..], &powers), &penetration, self.order + 1);
                 }
             }
             let Some(power @ Force::Power { law, stiffness, .. }) = part.force().filter(|_| part.is_pressed()) else {
@@ -319,21 +322,21 @@ impl Expansion<'_> {
             };
             let (k, e) = (push * stiffness, law.exponent.value());
             let chi = power.chi(self.request.x);
-            let factor = Factor::new(row(layout.of(j, FACTOR)), 0.0);
+            let factor = Factor::new(sizes(&work[layout.of(j, FACTOR)..], &powers), 0.0);
             let p = Factor::new(penetration, 0.0);
-            let pressed = libm::pow(p.total, e);
+            let pressed = law.exponent.power(p.total);
             let own = (owner.contact == j || self.is_twin(owner, j, work)) && owner.root == law.exponent.q;
-            let mut power = Factor::new(row(layout.of(j, POWER)), 0.0);
+            let mut power = Factor::new(sizes(&work[layout.of(j, POWER)..], &powers), 0.0);
             if own {
                 let (a, r) = ((law.exponent.p / law.exponent.q) as i32, (law.exponent.p % law.exponent.q) as usize);
                 let (mut left, mut at) = (0.0, layout.of(j, PENETRATION));
                 for m in 2..=a as usize {
-                    left = Factor::new(row(at), left).product(&p, self.order);
+                    left = Factor::new(sizes(&work[at..], &powers), left).product(&p, self.order);
                     at = layout.y(16 + m - 1);
                 }
                 if r > 0 {
-                    let root = Factor::new(row(layout.y(r)), missing[r]);
-                    power.missing = Factor::new(row(at), left).product(&root, self.order);
+                    let root = Factor::new(sizes(&work[layout.y(r)..], &powers), missing[r]);
+                    power.missing = Factor::new(sizes(&work[at..], &powers), left).product(&root, self.order);
                     forces.by_root += k * p.total.powi(a) * r as f64 * y.total.powi(r as i32 - 1) * factor.total;
                 } else {
                     power.missing = left;
@@ -346,7 +349,7 @@ impl Expansion<'_> {
                 forces.by_stretch += k * slope * factor.total * c.across;
             }
             forces.by_rate += k * pressed * chi * c.across;
-            forces.by_time += k * pressed * chi * s.wave_size(&c.error, 2);
+            forces.by_time += k * pressed * chi * errors[j][2].sum;
             forces.missing += k * power.product(&factor, self.order);
             // Below its own rounding a penetration p cannot show speeds: p times the contact's frequency.
             size = size.max((e * c.spec.stiffness.mean() * pressed * p.total).sqrt());
@@ -357,7 +360,7 @@ impl Expansion<'_> {
         let own = &s.contacts[owner.contact];
         // Rows and columns: root, time, stretch, rate.
         let b = [
-            [0.0, span * s.wave_size(&own.error, 2), 0.0, span * own.across],
+            [0.0, span * errors[owner.contact][2].sum, 0.0, span * own.across],
             [span * by_root, 0.0, 0.0, 0.0],
             [span * by_root * speed, span * w.total * swing, 0.0, span * w.total],
             [

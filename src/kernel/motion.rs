@@ -1,12 +1,13 @@
 //! A mode, compiled: what every contact does, what is watched, and how fast it can move. An arc reads this and no law.
 
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
 
 use super::{
     Layout,
     bound::{Forcing, Growth},
     linear::{Four, LARGEST},
     propagator::Propagator,
+    rooted,
 };
 use crate::{
     hybrid::{GuardId, JetField, Mode},
@@ -75,6 +76,8 @@ pub(super) struct Motion<'s> {
     pub(super) is_varying: bool,
     /// The contacts four at a time.
     pub(super) fours: Box<[Four]>,
+    /// Room for series in a root clock.
+    pub(super) scratch: RefCell<Vec<rooted::Four>>,
     /// Formed when it is first asked for.
     pub(super) propagator: OnceCell<Option<Propagator>>,
 }
@@ -105,6 +108,7 @@ impl<'s> Motion<'s> {
             fours: Four::all(&parts),
             held,
             parts,
+            scratch: RefCell::default(),
             propagator: OnceCell::new(),
         }
     }

@@ -2,8 +2,6 @@
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use smallvec::SmallVec;
-
 use super::{
     CARRIED, Elasticity, Expansion, FACTOR, FORCE, Force, LANES, Layout, Motion, PENETRATION, POWER, RATE, ROW,
     STIFFNESS, product, waves,
@@ -48,7 +46,7 @@ enum Does {
 
 /// Series of four contacts side by side, and their numbers.
 #[derive(Clone, Copy, Debug)]
-struct Four {
+pub(super) struct Four {
     rate: [[f64; LANES]; ROW],
     penetration: [[f64; LANES]; ROW],
     power: [[f64; LANES]; ROW],
@@ -63,9 +61,6 @@ struct Four {
     stiffness: [f64; LANES],
     chi: [f64; LANES],
 }
-
-/// Four at a time. Eight contacts need no allocation.
-type Fours = SmallVec<[Four; 2]>;
 
 impl Default for Four {
     fn default() -> Self {
@@ -222,7 +217,9 @@ impl Expansion<'_> {
         time.resize(self.order + 1, 0.0);
         let p = (self.motion.parts[owner.contact].side * work[layout.stretches + owner.contact]).max(0.0);
         work[layout.y(1)] = libm::pow(p, 1.0 / f64::from(owner.root));
-        let mut fours: Fours = (0..s.columns.fours.len()).map(|_| Four::default()).collect();
+        // Every number is written before it is read.
+        let fours = &mut *self.motion.scratch.borrow_mut();
+        fours.resize_with(s.columns.fours.len(), Four::default);
         for k in 0..=self.order {
             let (low, high) = state.split_at_mut((k + 1) * dim);
             let (q, v) = low[k * dim..k * dim + 2 * n].split_at(n);
@@ -325,6 +322,8 @@ impl Expansion<'_> {
         let layout = self.layout;
         for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
             let part = &self.motion.parts[j];
+            (four.side[l], four.exponent[l], four.start[l]) = (1.0, 0.0, 1.0);
+            (four.stiffness[l], four.chi[l]) = (0.0, 0.0);
             four.penetration[0][l] = part.side * work[layout.stretches + j];
             let Some(power @ Force::Power { law, stiffness, .. }) = part.force() else {
                 four.does[l] = if part.acting.is_some() { Does::Else } else { Does::Nothing };

@@ -28,6 +28,16 @@ impl Ratio {
     pub fn value(self) -> f64 {
         f64::from(self.p) / f64::from(self.q)
     }
+
+    /// `x^(p/q)`, `x ≥ 0`. Most laws are those of Hertz, with a square root.
+    #[must_use]
+    pub fn power(self, x: f64) -> f64 {
+        match self.q {
+            1 => x.powi(self.p as i32),
+            2 => x.sqrt() * x.powi((self.p / 2) as i32),
+            _ => libm::pow(x, self.value()),
+        }
+    }
 }
 
 /// `F = K pⁿ (1 + χ ṗ)` with `χ = D/v₀`, `v₀` the approach speed latched at each contact start.
