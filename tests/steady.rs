@@ -85,7 +85,8 @@ fn forces_and_their_harmonics() {
     let light = run(&scene("reference-light", 500.0, 0.0), None);
     let ring = light.contact("ring").unwrap();
     close(ring.report.force_max.unwrap(), 120.27, 0.003 * 120.27);
-    assert_eq!(ring.report.force_min, Some(0.0));
+    // A sum of terms no larger than the largest force.
+    close(ring.report.force_min.unwrap(), 0.0, f64::EPSILON * 120.27);
     close(ring.force_amplitude, 60.1, 0.003 * 60.1);
     for (h, wanted) in [18.4, 37.5, 10.3].into_iter().enumerate() {
         close(ring.force_harmonics[h], wanted, 0.06);

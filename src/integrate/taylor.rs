@@ -255,9 +255,9 @@ impl Integrator for Taylor {
         extent.resize(x.len(), 0.0);
         loop {
             let span = clock.between(at, arc.bound);
-            // Instants are pairs of doubles: what is left below their rounding is no time at all.
+            // Instants are pairs of doubles: what is left within a few of their roundings is no time at all.
             let resolution = RESOLUTION * clock.time(at).hi.abs();
-            if span <= resolution {
+            if span <= 4.0 * resolution {
                 end.copy_from_slice(x);
                 return Ok(());
             }

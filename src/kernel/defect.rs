@@ -9,8 +9,10 @@
 //! and `|pⁿ − u| ≤ (max p/min p)ⁿ Σ|R_k|/(k+1)/min p`.
 
 use super::{
-    Elasticity, Expansion, FACTOR, Force, Layout, PENETRATION, POWER, RATE, ROW, STIFFNESS, bound::root_below,
+    Elasticity, Expansion, FACTOR, Force, Layout, PENETRATION, POWER, RATE, ROW, STIFFNESS,
+    bound::root_below,
     rooted::Owner,
+    sizes::{Factor, Sizes, beyond, paired, sizes, tails, total},
 };
 use crate::{
     hybrid::Jet,
@@ -51,54 +53,6 @@ impl Defect {
     }
 }
 
-/// Absolute coefficients of a series at the end of the step.
-type Sizes = [f64; ROW];
-
-/// Sums of the last coefficients, by which each of another series is multiplied in the terms of order `from` and more of their product.
-#[inline(always)]
-fn tails(a: &Sizes, from: usize) -> Sizes {
-    let mut suffix = [0.0; ROW + 1];
-    for k in (0..ROW).rev() {
-        suffix[k] = suffix[k + 1] + a[k];
-    }
-    std::array::from_fn(|i| suffix[from.saturating_sub(i).min(ROW)])
-}
-
-/// `Σ a_k b_k`, four side by side.
-#[inline(always)]
-fn paired(a: &Sizes, b: &Sizes) -> f64 {
-    total(&std::array::from_fn(|k| a[k] * b[k]))
-}
-
-/// Sum of the terms of `a b` of order `from` and more.
-#[inline(always)]
-fn beyond(a: &Sizes, b: &Sizes, from: usize) -> f64 {
-    paired(a, &tails(b, from))
-}
-
-/// The sum, four side by side.
-#[inline(always)]
-fn total(a: &Sizes) -> f64 {
-    let (fours, rest) = a.as_chunks::<4>();
-    let mut sums = [0.0; 4];
-    for four in fours {
-        sums.iter_mut().zip(four).for_each(|(sum, a)| *sum += a);
-    }
-    sums.iter().chain(rest).sum()
-}
-
-/// The sizes of the coefficients in `series`, which has room for all orders, times the powers.
-#[inline(always)]
-fn sizes(series: &[f64], powers: &Sizes) -> Sizes {
-    let mut sizes = [0.0; ROW];
-    if let Some(series) = series.first_chunk::<ROW>() {
-        for k in 0..ROW {
-            sizes[k] = series[k].abs() * powers[k];
-        }
-    }
-    sizes
-}
-
 /// What is the same for all lengths of a step: for each order the largest size of all bodies, contacts or oscillators. Products of such
 /// sizes are as large as those of any one of them.
 struct Largest {
@@ -109,26 +63,6 @@ struct Largest {
     rate: Sizes,
     /// `|cos| + |sin|` of the oscillators.
     ring: Sizes,
-}
-
-/// A factor with its sum and what it leaves out.
-struct Factor {
-    sizes: Sizes,
-    total: f64,
-    missing: f64,
-}
-
-impl Factor {
-    #[inline(always)]
-    fn new(sizes: Sizes, missing: f64) -> Self {
-        Self { sizes, total: total(&sizes), missing }
-    }
-
-    /// What the product with `other`, truncated after `order`, leaves out.
-    #[inline(always)]
-    fn product(&self, other: &Self, order: usize) -> f64 {
-        beyond(&self.sizes, &other.sizes, order + 1) + self.missing * other.total + other.missing * self.total
-    }
 }
 
 /// A bound on the Jacobian of the accelerations, and what the forces leave out.

@@ -13,6 +13,7 @@
 
 mod bound;
 mod defect;
+mod fours;
 mod guards;
 mod leap;
 mod linear;
@@ -22,6 +23,7 @@ mod plain;
 mod propagator;
 mod rooted;
 mod rows;
+mod sizes;
 
 use bound::Tail;
 use motion::Motion;

@@ -5,9 +5,9 @@ use std::cell::{OnceCell, RefCell};
 use super::{
     Layout,
     bound::{Forcing, Growth},
+    fours::FourSeries,
     linear::{Four, LARGEST},
     propagator::Propagator,
-    rooted,
 };
 use crate::{
     hybrid::{GuardId, JetField, Mode},
@@ -77,7 +77,7 @@ pub(super) struct Motion<'s> {
     /// The contacts four at a time.
     pub(super) fours: Box<[Four]>,
     /// Room for series in a root clock.
-    pub(super) scratch: RefCell<Vec<rooted::Four>>,
+    pub(super) scratch: RefCell<Vec<FourSeries>>,
     /// Formed when it is first asked for.
     pub(super) propagator: OnceCell<Option<Propagator>>,
 }

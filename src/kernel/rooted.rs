@@ -4,7 +4,9 @@
 
 use super::{
     CARRIED, Elasticity, Expansion, FACTOR, FORCE, Force, LANES, Layout, Motion, PENETRATION, POWER, RATE, ROW,
-    STIFFNESS, product, waves,
+    STIFFNESS,
+    fours::{Does, FourSeries, convolve, convolved, lanes},
+    product, waves,
 };
 use crate::{
     gear::contact::PowerLaw,
@@ -24,142 +26,6 @@ pub(super) struct Owner {
     /// The clock's root q, the law's own. It is 1, plain time, where the contact starts from rest: with neither
     /// penetration nor speed a root clock stands still, and `p ~ t²` has its root already.
     pub root: u32,
-}
-
-/// What a contact does in a root clock.
-#[derive(Clone, Copy, Debug, Default)]
-enum Does {
-    /// Neither force nor guard.
-    #[default]
-    Nothing,
-    /// A power law that is only watched.
-    Watched,
-    /// A closed power law, by the recurrence of a power of its penetration.
-    Pressed,
-    /// The same as the owner of the clock.
-    AsOwner,
-    /// A closed power law that has a way of its own: the owner of the clock, one that starts with it, one that leaves unfelt.
-    Alone(PowerLaw),
-    /// Another law.
-    Else,
-}
-
-/// Series of four contacts side by side, and their numbers.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Four {
-    rate: [[f64; LANES]; ROW],
-    penetration: [[f64; LANES]; ROW],
-    power: [[f64; LANES]; ROW],
-    factor: [[f64; LANES]; ROW],
-    /// Forces carried.
-    force: [[f64; LANES]; ROW],
-    does: [Does; LANES],
-    side: [f64; LANES],
-    exponent: [f64; LANES],
-    /// Penetrations at the start; 1 for those that do without.
-    start: [f64; LANES],
-    stiffness: [f64; LANES],
-    chi: [f64; LANES],
-}
-
-impl Default for Four {
-    fn default() -> Self {
-        let (rows, zeros) = ([[0.0; LANES]; ROW], [0.0; LANES]);
-        Self {
-            rate: rows,
-            penetration: rows,
-            power: rows,
-            factor: rows,
-            force: rows,
-            does: [Does::Nothing; LANES],
-            side: [1.0; LANES],
-            exponent: zeros,
-            start: [1.0; LANES],
-            stiffness: zeros,
-            chi: zeros,
-        }
-    }
-}
-
-impl Four {
-    /// `pⁿ` at order `k`, of those that are pressed: `k p_0 u_k = Σ (l (n + 1) − k) p_l u_{k−l}`.
-    #[inline(always)]
-    fn powers<P: Path>(&self, k: usize) -> [f64; LANES] {
-        let mut powers = [0.0; LANES];
-        if k == 0 {
-            let pressed =
-                self.does.iter().zip(&mut powers).enumerate().filter(|(_, (does, _))| matches!(does, Does::Pressed));
-            pressed.for_each(|(l, (_, power))| *power = libm::pow(self.start[l], self.exponent[l]));
-            return powers;
-        }
-        for (l, p) in self.penetration[..=k].iter().enumerate().skip(1) {
-            let u = &self.power[k - l];
-            for i in 0..LANES {
-                let weight = fused::<P>(l as f64, self.exponent[i] + 1.0, -(k as f64));
-                powers[i] = fused::<P>(weight * p[i], u[i], powers[i]);
-            }
-        }
-        for i in 0..LANES {
-            powers[i] /= k as f64 * self.start[i];
-        }
-        powers
-    }
-}
-
-/// `Σ w_i rows_{k−i}` into `out`, whose length the rows have; they begin `stride` apart. Sixteen columns at a time stay in registers.
-#[inline(always)]
-fn convolve<P: Path>(weights: &[f64], rows: &[f64], stride: usize, out: &mut [f64]) {
-    let mut at = 0;
-    while at < out.len() {
-        let left = out.len() - at;
-        let (rows, out) = (&rows[at..], &mut out[at..]);
-        at += match left {
-            16.. => columns::<P, 16>(weights, rows, stride, out),
-            8.. => columns::<P, 8>(weights, rows, stride, out),
-            4.. => columns::<P, 4>(weights, rows, stride, out),
-            _ => columns::<P, 1>(weights, rows, stride, out),
-        };
-    }
-}
-
-/// The first `W` columns.
-#[inline(always)]
-fn columns<P: Path, const W: usize>(weights: &[f64], rows: &[f64], stride: usize, out: &mut [f64]) -> usize {
-    let mut sums = [0.0; W];
-    let last = weights.len() - 1;
-    for (i, w) in weights.iter().enumerate() {
-        if let Some(row) = rows[(last - i) * stride..].first_chunk::<W>() {
-            for c in 0..W {
-                sums[c] = fused::<P>(*w, row[c], sums[c]);
-            }
-        }
-    }
-    out[..W].copy_from_slice(&sums);
-    W
-}
-
-/// `Σ w_i rows_{k−i}`.
-#[inline(always)]
-fn lanes<P: Path>(weights: &[f64], rows: &[[f64; LANES]]) -> [f64; LANES] {
-    let mut sums = [0.0; LANES];
-    for (w, row) in weights.iter().zip(rows.iter().rev()) {
-        for l in 0..LANES {
-            sums[l] = fused::<P>(*w, row[l], sums[l]);
-        }
-    }
-    sums
-}
-
-/// `Σ a_i b_{k−i}`.
-#[inline(always)]
-fn convolved<P: Path>(a: &[[f64; LANES]], b: &[[f64; LANES]]) -> [f64; LANES] {
-    let mut sums = [0.0; LANES];
-    for (a, b) in a.iter().zip(b.iter().rev()) {
-        for l in 0..LANES {
-            sums[l] = fused::<P>(a[l], b[l], sums[l]);
-        }
-    }
-    sums
 }
 
 impl Motion<'_> {
@@ -219,7 +85,7 @@ impl Expansion<'_> {
         work[layout.y(1)] = libm::pow(p, 1.0 / f64::from(owner.root));
         // Every number is written before it is read.
         let fours = &mut *self.motion.scratch.borrow_mut();
-        fours.resize_with(s.columns.fours.len(), Four::default);
+        fours.resize_with(s.columns.fours.len(), FourSeries::default);
         for k in 0..=self.order {
             let (low, high) = state.split_at_mut((k + 1) * dim);
             let (q, v) = low[k * dim..k * dim + 2 * n].split_at(n);
@@ -264,7 +130,7 @@ impl Expansion<'_> {
 
     /// Writes the series of four contacts one after the other, as far as they are not there.
     #[inline(always)]
-    fn keep(&self, chunk: usize, four: &Four, work: &mut [f64]) {
+    fn keep(&self, chunk: usize, four: &FourSeries, work: &mut [f64]) {
         for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
             let mut write = |which: usize, lanes: &[[f64; LANES]; ROW]| {
                 let row = &mut work[self.layout.of(j, which)..][..ROW];
@@ -282,7 +148,7 @@ impl Expansion<'_> {
 
     /// Rates of four contacts at order `k`, and their deflections, the integrals of `w δ̇`.
     #[inline(always)]
-    fn rates<P: Path>(&self, chunk: usize, four: &mut Four, k: usize, v: &[f64], work: &mut [f64]) {
+    fn rates<P: Path>(&self, chunk: usize, four: &mut FourSeries, k: usize, v: &[f64], work: &mut [f64]) {
         let (s, layout) = (self.s, self.layout);
         let columns = &s.columns.fours[chunk];
         let mut rate = [0.0; LANES];
@@ -318,7 +184,7 @@ impl Expansion<'_> {
     }
 
     /// What the contacts of four do, from their penetrations at order zero on.
-    fn begin(&self, owner: Owner, chunk: usize, four: &mut Four, work: &mut [f64]) {
+    fn begin(&self, owner: Owner, chunk: usize, four: &mut FourSeries, work: &mut [f64]) {
         let layout = self.layout;
         for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
             let part = &self.motion.parts[j];
@@ -350,7 +216,7 @@ impl Expansion<'_> {
 
     /// The forces of four contacts along their directions at order `k`, and what of them is carried.
     #[inline(always)]
-    fn forces<P: Path>(&self, owner: Owner, chunk: usize, four: &mut Four, k: usize, work: &mut [f64]) {
+    fn forces<P: Path>(&self, owner: Owner, chunk: usize, four: &mut FourSeries, k: usize, work: &mut [f64]) {
         let layout = self.layout;
         let mut factor = [0.0; LANES];
         for l in 0..LANES {

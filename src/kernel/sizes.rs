@@ -1,0 +1,72 @@
+//! Sums of absolute coefficients, which bound what a truncated product leaves out.
+#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
+
+use super::ROW;
+
+/// Absolute coefficients of a series at the end of the step.
+pub(super) type Sizes = [f64; ROW];
+
+/// Sums of the last coefficients, by which each of another series is multiplied in the terms of order `from` and more of their product.
+#[inline(always)]
+pub(super) fn tails(a: &Sizes, from: usize) -> Sizes {
+    let mut suffix = [0.0; ROW + 1];
+    for k in (0..ROW).rev() {
+        suffix[k] = suffix[k + 1] + a[k];
+    }
+    std::array::from_fn(|i| suffix[from.saturating_sub(i).min(ROW)])
+}
+
+/// `Σ a_k b_k`, four side by side.
+#[inline(always)]
+pub(super) fn paired(a: &Sizes, b: &Sizes) -> f64 {
+    total(&std::array::from_fn(|k| a[k] * b[k]))
+}
+
+/// Sum of the terms of `a b` of order `from` and more.
+#[inline(always)]
+pub(super) fn beyond(a: &Sizes, b: &Sizes, from: usize) -> f64 {
+    paired(a, &tails(b, from))
+}
+
+/// The sum, four side by side.
+#[inline(always)]
+pub(super) fn total(a: &Sizes) -> f64 {
+    let (fours, rest) = a.as_chunks::<4>();
+    let mut sums = [0.0; 4];
+    for four in fours {
+        sums.iter_mut().zip(four).for_each(|(sum, a)| *sum += a);
+    }
+    sums.iter().chain(rest).sum()
+}
+
+/// The sizes of the coefficients in `series`, which has room for all orders, times the powers.
+#[inline(always)]
+pub(super) fn sizes(series: &[f64], powers: &Sizes) -> Sizes {
+    let mut sizes = [0.0; ROW];
+    if let Some(series) = series.first_chunk::<ROW>() {
+        for k in 0..ROW {
+            sizes[k] = series[k].abs() * powers[k];
+        }
+    }
+    sizes
+}
+
+/// A factor with its sum and what it leaves out.
+pub(super) struct Factor {
+    pub sizes: Sizes,
+    pub total: f64,
+    pub missing: f64,
+}
+
+impl Factor {
+    #[inline(always)]
+    pub fn new(sizes: Sizes, missing: f64) -> Self {
+        Self { sizes, total: total(&sizes), missing }
+    }
+
+    /// What the product with `other`, truncated after `order`, leaves out.
+    #[inline(always)]
+    pub fn product(&self, other: &Self, order: usize) -> f64 {
+        beyond(&self.sizes, &other.sizes, order + 1) + self.missing * other.total + other.missing * self.total
+    }
+}
