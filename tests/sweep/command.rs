@@ -220,6 +220,16 @@ fn an_interrupt_keeps_rows_and_says_how_to_go_on() {
     assert_eq!(code(&other), 2);
     assert!(String::from_utf8_lossy(&other.stderr).contains("holds another sweep"));
     assert_eq!(fs::read_to_string(folder.path().join("sweep/sweep.journal")).unwrap(), journal, "nothing was changed");
+
+    // Begun on a processor with other vector instructions: its rows have other bits.
+    let instructions = flank::Instructions::best().name();
+    let elsewhere = journal.replacen(&format!("\"instructions\":\"{instructions}\""), "\"instructions\":\"other\"", 1);
+    assert_ne!(elsewhere, journal);
+    fs::write(folder.path().join("sweep/sweep.journal"), elsewhere).unwrap();
+    let here = large(&folder, 600, &[&words[..], &["--resume"]].concat()).output().unwrap();
+    assert_eq!(code(&here), 2);
+    let told = format!("instructions: \"other\" there, \"{instructions}\" here");
+    assert!(String::from_utf8_lossy(&here.stderr).contains(&told), "{}", String::from_utf8_lossy(&here.stderr));
 }
 
 #[test]
