@@ -1,0 +1,116 @@
+//! How the cost of a run grows with degrees of freedom, contacts, harmonics and length.
+//!
+//! ```text
+//! cargo bench --bench growth
+//! ```
+//!
+//! A chain of equal masses between springs, lightly damped; the first mass is driven and meets a compliant wall, and further masses meet
+//! walls of their own where more contacts are asked for. One number is varied at a time. The table has the best of five runs, as every
+//! disturbance makes a run longer.
+
+use std::{
+    error::Error,
+    io::{self, Write},
+    time::Instant as Stopwatch,
+};
+
+use flank::{
+    engine::{Counters, Engine, Options, State},
+    gear::{
+        Stiffness,
+        contact::{Law, Linear, Release},
+    },
+    integrate::{Choice, build},
+    system::{ContactSpec, Flanks, LoadHarmonic, Spec, Structure},
+};
+use nalgebra::DMatrix;
+
+const ROUNDS: usize = 5;
+
+/// What is varied.
+#[derive(Clone, Copy)]
+struct Size {
+    freedoms: usize,
+    contacts: usize,
+    harmonics: usize,
+    cycles: u64,
+}
+
+const USUAL: Size = Size { freedoms: 8, contacts: 1, harmonics: 1, cycles: 200 };
+
+/// The chain: masses of 1 kg, springs of 1 N/m to the neighbours and to the ground, 1 % of that as damping.
+fn chain(size: Size) -> Spec {
+    let n = size.freedoms;
+    let tridiagonal = |scale: f64| {
+        DMatrix::from_fn(n, n, |i, j| match i.abs_diff(j) {
+            0 => 3.0 * scale,
+            1 => -scale,
+            _ => 0.0,
+        })
+    };
+    let unit = |i: usize| (0..n).map(|k| f64::from(u8::from(k == i))).collect::<Vec<f64>>();
+    let contact = |j: usize| ContactSpec {
+        name: format!("wall {j}"),
+        direction: unit(j * n / size.contacts),
+        error: Vec::new(),
+        error_offset: 0.0,
+        half_backlash: 0.1,
+        flanks: Flanks::Drive,
+        stiffness: Stiffness::Constant(10.0),
+        law: Law::KelvinVoigt(Linear { damping: 0.1 }, Release::Deflection),
+    };
+    let load = |h: usize| LoadHarmonic {
+        vector: vec![1.0 / (h * h) as f64; n],
+        omega: 1.3 * h as f64,
+        phase: 0.3 * h as f64,
+    };
+    Spec {
+        freedoms: (0..n).map(|i| format!("u_{i}")).collect(),
+        mass: DMatrix::identity(n, n),
+        damping: tridiagonal(0.01),
+        stiffness: tridiagonal(1.0),
+        load: vec![0.2; n],
+        load_harmonics: (1..=size.harmonics).map(load).collect(),
+        contacts: (0..size.contacts).map(contact).collect(),
+        omega: Some(1.3),
+    }
+}
+
+/// Seconds of the best run, and its work.
+fn run(size: Size) -> Result<(f64, Counters), Box<dyn Error>> {
+    let structure = Structure::new(chain(size))?;
+    let (from, to) = (structure.clock().at(0, 0.0), structure.clock().at(size.cycles as i64, 0.0));
+    let start = structure.start(from, &vec![0.0; size.freedoms], &vec![0.0; size.freedoms])?;
+    let (mut best, mut work) = (f64::INFINITY, Counters::default());
+    for _ in 0..ROUNDS {
+        let (integrator, _) = build(Choice::Auto, 1e-13, &structure)?;
+        let state = State { at: from, x: start.x.clone(), jump: start.jump.clone() };
+        let mut engine = Engine::new(&structure, integrator, Options::default(), state);
+        let watch = Stopwatch::now();
+        engine.run(to, &mut ())?;
+        best = best.min(watch.elapsed().as_secs_f64());
+        work = engine.counters();
+    }
+    Ok((best, work))
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut out = io::stdout().lock();
+    let vary = |name: &'static str, values: &[usize], with: &dyn Fn(usize) -> Size| {
+        values.iter().map(|value| (name, *value, with(*value))).collect::<Vec<_>>()
+    };
+    let sizes = [
+        vary("freedoms", &[2, 3, 5, 8, 12, 16, 24, 25, 50, 100, 200], &|freedoms| Size { freedoms, ..USUAL }),
+        vary("contacts", &[1, 2, 4, 8, 16, 32, 64], &|contacts| Size { contacts, freedoms: 24.max(contacts), ..USUAL }),
+        vary("harmonics", &[1, 3, 10, 30, 100], &|harmonics| Size { harmonics, ..USUAL }),
+        vary("cycles", &[1_000, 10_000, 100_000], &|cycles| Size { cycles: cycles as u64, ..USUAL }),
+    ];
+    writeln!(out, "{:<10} {:>7} {:>9} {:>9} {:>10} {:>10}", "varied", "value", "steps", "events", "us/event", "us/step")?;
+    for (name, value, size) in sizes.into_iter().flatten() {
+        let (seconds, work) = run(size)?;
+        let each = |count: u64| 1e6 * seconds / count.max(1) as f64;
+        let (events, steps) = (each(work.events), each(work.steps));
+        writeln!(out, "{name:<10} {value:>7} {:>9} {:>9} {events:>10.2} {steps:>10.2}", work.steps, work.events)?;
+    }
+    Ok(())
+}
