@@ -6,6 +6,7 @@ use super::{
     Layout,
     bound::{Forcing, Growth},
     linear::{Four, LARGEST},
+    pressed::Pressed,
     propagator::Propagator,
 };
 use crate::{
@@ -77,6 +78,8 @@ pub(super) struct Motion<'s> {
     pub(super) fours: Box<[Four]>,
     /// Formed when it is first asked for.
     pub(super) propagator: OnceCell<Option<Propagator>>,
+    /// As well.
+    pub(super) pressed: OnceCell<Option<Pressed>>,
 }
 
 impl<'s> Motion<'s> {
@@ -106,6 +109,7 @@ impl<'s> Motion<'s> {
             held,
             parts,
             propagator: OnceCell::new(),
+            pressed: OnceCell::new(),
         }
     }
 }
