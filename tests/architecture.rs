@@ -138,7 +138,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("gear", 1000),
     ("hybrid", 1300),
     ("integrate", 1700),
-    ("kernel", 3150),
+    ("kernel", 4400),
     ("linalg", 150),
     ("output", 450),
     ("plot", 1900),

@@ -34,6 +34,9 @@ pub(super) const SUMMED: f64 = (PAIRS + 5) as f64 * 0.5 * f64::EPSILON;
 /// Sums of half axes of the ellipses on which functions are bounded.
 const ELLIPSES: [f64; 5] = [7.0, 6.0, 8.5, 5.0, 11.0];
 
+/// Covers the rounding of sums of sizes.
+pub(super) const ROUNDED: f64 = 1.001;
+
 /// Values, or coefficients: the even ones, then the odd ones.
 pub(super) type Values = [f64; LANES];
 type Half = [f64; SIDE];
@@ -106,7 +109,7 @@ static TABLE: LazyLock<Box<Nodes>> = LazyLock::new(|| {
     let basis: Vec<Vec<Wide>> = x.iter().map(|x| chebyshev(*x, LANES)).collect();
     let ellipses = ELLIPSES.map(|rho: f64| Ellipse {
         powers: std::array::from_fn(|l| rho.powi((2 * (l % SIDE) + l / SIDE) as i32)),
-        share: 4.0 * rho.powi(-(NODES as i32)) / (1.0 - rho.recip()),
+        share: ROUNDED * 4.0 * rho.powi(-(NODES as i32)) / (1.0 - rho.recip()),
     });
     let theta = |l: usize| {
         let x = if l < SIDE { x[l] } else { x[l - SIDE] * -1.0 };
@@ -324,6 +327,18 @@ pub(super) fn dot<P: Path>(a: &Values, b: &Values) -> f64 {
     for (a, b) in a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0) {
         for l in 0..4 {
             sums[l] = fused::<P>(a[l], b[l], sums[l]);
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
+}
+
+/// `Σ |a_k|`.
+#[inline(always)]
+pub(super) fn total(a: &Values) -> f64 {
+    let mut sums = [0.0; 4];
+    for a in a.as_chunks::<4>().0 {
+        for l in 0..4 {
+            sums[l] += a[l].abs();
         }
     }
     (sums[0] + sums[1]) + (sums[2] + sums[3])

@@ -12,7 +12,8 @@
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
 use super::nodes::{
-    END, Ellipse, LANES, LEBESGUE, Nodes, SUMMED, Values, antiderivative, coefficient, dot, sizes, value,
+    END, Ellipse, LANES, LEBESGUE, Nodes, ROUNDED, SUMMED, Values, antiderivative, coefficient, dot, sizes, total,
+    value,
 };
 use crate::vectors::{Path, fused};
 
@@ -26,8 +27,8 @@ pub(super) const CUT: f64 = 2e-17;
 const LASTING: f64 = 1.1;
 /// Sweeps after which the iteration has failed.
 const SWEEPS: usize = 28;
-/// Sweeps between two of the time: it feels the others through the drive alone.
-const LATE: usize = 3;
+/// Share by which F has to settle between two sweeps of the time: it is felt through the drive alone.
+const LATE: f64 = 1e-4;
 /// A change of F this much smaller than its largest value is rounding.
 const SETTLED: f64 = 16.0 * f64::EPSILON;
 /// Half a unit in the last place.
@@ -35,7 +36,7 @@ const UNIT: f64 = 0.5 * f64::EPSILON;
 /// Largest sum of the sizes of the factors of an integral, that of its ends included.
 const SIZE: f64 = 2.5;
 /// Coefficients of F that guess the next piece.
-const CONTINUED: usize = 9;
+const CONTINUED: usize = 14;
 /// The length of a piece times the rate of its motion: at the end of its ellipse, and where it starts.
 const LENGTHS: [f64; 2] = [1.7, 1.2];
 /// How far beyond a piece its ellipse reaches, in lengths; more for forces that rise more steeply.
@@ -77,6 +78,13 @@ pub(super) struct Drive {
     pub fastest: f64,
     /// How long the series hold, s: what they leave out is below [`CUT`] of the sizes.
     pub lasts: f64,
+}
+
+/// F of a piece, by its coefficients, and its length.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Before {
+    pub f: Values,
+    pub h: f64,
 }
 
 /// Where a piece starts.
@@ -207,14 +215,15 @@ impl Law {
         let around = AROUND[0] + AROUND[1] * f64::from(m);
         let reach = around * v.abs() + if v > 0.0 { v } else { 0.0 };
         let mut h = (near / rate(y)).sqrt();
-        let steepest = self.stiffening(reach, factor);
-        h = h.min(libm::pow(far / steepest, 1.0 / f64::from(m + 2)));
+        if h * reach > y {
+            h = h.min(libm::pow(far / self.stiffening(reach, factor), 1.0 / f64::from(m + 2)));
+        }
         // From above Newton's method comes down to the root of a convex function.
         for _ in 0..8 {
             let end = y + h * reach;
             let square = rate(end);
             let by = (h * h * square - far) / (h * square * (2.0 + h * reach * f64::from(m) / end));
-            if by.is_nan() || by <= 0.03 * h {
+            if by.is_nan() || by * f64::from(m + 2) <= 0.2 * h {
                 break;
             }
             h -= by;
@@ -280,7 +289,7 @@ impl Piece {
         drive: &Drive,
         start: &Point,
         h: f64,
-        before: Option<&Self>,
+        before: Option<&Before>,
         scale: f64,
     ) -> Option<Self> {
         let nodes = Nodes::table();
@@ -297,12 +306,10 @@ impl Piece {
         let time = antiderivative(&clock, h, 0.0);
         let end = [y[END], v[END], t[END]];
         let errors = [0.0; 3];
-        let mut piece = Self { h, f: coefficients, y: root, v: velocity, t: time, w: clock, end, range: [[0.0; 2]; 2], errors };
+        let mut piece =
+            Self { h, f: coefficients, y: root, v: velocity, t: time, w: clock, end, range: [[0.0; 2]; 2], errors };
         piece.ranges(start, scale);
-        let rest = Rest {
-            residual,
-            apart: nodes.differences::<P>([&coefficients, &clock], [f, w]),
-        };
+        let rest = Rest { residual, apart: nodes.differences::<P>([&coefficients, &clock], [f, w]) };
         piece.bound::<P>(nodes, law, drive, start, &rest, scale)?;
         Some(piece)
     }
@@ -311,7 +318,7 @@ impl Piece {
     #[inline(always)]
     fn ranges(&mut self, start: &Point, scale: f64) {
         let hull = |a: &Values| {
-            let around = a[1..].iter().fold(0.0, |sum, a| sum + a.abs());
+            let around = ROUNDED * total(a) - a[0].abs();
             [a[0] - around, a[0] + around]
         };
         let [low, high] = hull(&self.v);
@@ -342,19 +349,18 @@ impl Piece {
         // The polynomials of the coefficients are those of the values but for this.
         let apart: [f64; 2] = std::array::from_fn(|i| {
             let row = if i == 0 { &self.f } else { &self.w };
-            LEBESGUE * (rest.apart[i] + SUMMED * row.iter().fold(0.0, |sum, a| sum + a.abs()))
+            LEBESGUE * (rest.apart[i] + SUMMED * total(row))
         });
         let [[low, high], [slowest, fastest]] = self.range;
         let (speed, time) = (fastest.max(-slowest), self.end[2]);
         let [w, terms] = law.most(high, speed, drive.sizes[0]);
         let (most_f, most_w) = (w * terms, w);
         // What sums over the nodes are rounded by.
-        let [ty, tv, tt] =
-            [
-                h * h * (SIZE * SUMMED * most_f + apart[0]) + 4.0 * UNIT * (high + h * speed),
-                h * (SIZE * SUMMED * most_f + apart[0]) + 4.0 * UNIT * speed,
-                h * (SIZE * SUMMED * most_w + apart[1]),
-            ];
+        let [ty, tv, tt] = [
+            h * h * (SIZE * SUMMED * most_f + apart[0]) + 4.0 * UNIT * (high + h * speed),
+            h * (SIZE * SUMMED * most_f + apart[0]) + 4.0 * UNIT * speed,
+            h * (SIZE * SUMMED * most_w + apart[1]),
+        ];
         let turn = law.curvature(high);
         let forced = turn * (drive.sizes[0] + law.damping * speed);
         let softest = law.stiffening(low.max(0.0), (1.0 + law.hysteresis * slowest).max(0.0)) - forced;
@@ -364,24 +370,30 @@ impl Piece {
         let evaluated = UNIT * f64::from(p + q + 6) * w * terms;
         let felt = stiffest * ty + w * (by_rate * tv + drive.sizes[1] * tt);
         let [truncated, late] = self.truncated::<P>(nodes, law, drive, evaluated);
-        if !(h * truncated <= GOAL * scale) {
-            return None;
-        }
         let defect = truncated + apart[0] + LEBESGUE * (rest.residual + evaluated + felt) + w * CUT * drive.sizes[0];
         let late = late + apart[1] + LEBESGUE * (UNIT * f64::from(q + 2) * w + turn * ty);
         // In the norm √(mean e_y² + e_v²) the motion between two errors grows by the spread of −∂f/∂y alone.
         let mean = (0.5 * (stiffest + softest)).max(0.5 * stiffest);
         let (spread, root) = ((stiffest - mean).max(mean - softest), mean.sqrt());
-        let growth = 1.001 * libm::exp(h * spread / (2.0 * root));
+        // eᶻ is at most (1 + z/2)/(1 − z/2).
+        let half = 0.25 * h * spread / root;
+        let growth = 1.001 * (1.0 + half) / (1.0 - half);
         let [y0, v0, t0] = start.errors;
         let by_time = w * drive.sizes[1];
         let share = growth * h * h * by_time * turn / root;
-        let norm = libm::hypot(root * y0, v0) + h * (defect + by_time * (t0 + h * late));
+        let norm = (mean * y0 * y0 + v0 * v0).sqrt() + h * (defect + by_time * (t0 + h * late));
         let norm = growth * norm / (1.0 - share);
         let e_y = (norm / root).min(y0 + h * norm);
         let e_t = t0 + h * (turn * e_y + late);
         self.errors = [e_y + ty, norm + tv, e_t + tt + 2.0 * UNIT * time];
-        let is_known = share < 0.5 && e_y + ty <= TUBE * high && norm + tv <= TUBE * scale && time <= drive.lasts;
+        let is_small = h * truncated <= GOAL * scale;
+        let is_known = is_small
+            && half < 0.5
+            && low >= -high
+            && share < 0.5
+            && e_y + ty <= TUBE * high
+            && norm + tv <= TUBE * scale
+            && time <= drive.lasts;
         is_known.then_some(())
     }
 
@@ -449,7 +461,8 @@ impl Sweep {
     fn settle<P: Path>(&mut self, nodes: &Nodes, law: &Law, drive: &Drive, start: &Point) -> Option<f64> {
         let series = &drive.series[..drive.len];
         let mut is_timed = drive.len == 1;
-        for sweep in 1..=SWEEPS {
+        let mut late = LATE * LATE;
+        for _ in 0..SWEEPS {
             let [w, next] = law.forces::<P>(series, [&self.y, &self.v, &self.t]);
             self.w = w;
             let mut change = [0.0; LANES];
@@ -473,8 +486,9 @@ impl Sweep {
             self.f = next;
             [self.v, self.y] = nodes.integrals::<P>(&self.f, self.h, [start.y, start.v]);
             is_timed = drive.len == 1;
-            if !is_timed && sweep % LATE == 0 {
+            if !is_timed && residual <= late * size {
                 self.elapse::<P>(nodes);
+                late *= LATE * LATE;
             }
         }
         None

@@ -9,7 +9,7 @@ use super::{
     Motion, SMALL_STRETCH,
     guards::ROUNDING,
     nodes,
-    piece::{Drive, Law, POWERS, Piece, Point, lasting},
+    piece::{Before, Drive, Law, POWERS, Piece, Point, lasting},
 };
 use crate::{
     hybrid::{JetRequest, Known, Leap, Passage},
@@ -71,7 +71,15 @@ impl Pressed {
         }
         let mean = side * (g * s.load[0] - spring * c.spec.error_offset) - spring * c.gap();
         let exponent = [law.exponent.p, law.exponent.q];
-        let law = Law { exponent, stiffness: stiffness * c.mobility, hysteresis: 0.0, spring, damping, is_held: spring != 0.0 || damping != 0.0, root: f64::from(law.exponent.q) };
+        let law = Law {
+            exponent,
+            stiffness: stiffness * c.mobility,
+            hysteresis: 0.0,
+            spring,
+            damping,
+            is_held: spring != 0.0 || damping != 0.0,
+            root: f64::from(law.exponent.q),
+        };
         let is_usual = few && spring >= 0.0 && damping >= 0.0 && law.stiffness > 0.0 && g != 0.0;
         is_usual.then_some(Self { law, mean, waves, along: g.recip() })
     }
@@ -114,6 +122,19 @@ impl Pressed {
     }
 }
 
+/// A way in progress.
+struct Way {
+    law: Law,
+    /// How far it may go, s, and how far it has come.
+    span: f64,
+    time: f64,
+    at: Point,
+    /// The size of the speed.
+    scale: f64,
+    /// The largest y and v so far.
+    most: [f64; 2],
+}
+
 /// Where and how a leap ends.
 struct End {
     y: f64,
@@ -125,7 +146,7 @@ struct End {
     is_bound: bool,
 }
 
-/// The zero of `value − wanted` by Newton's method, from `theta`.
+/// The place where `value` is `wanted`, by Newton's method from `theta`.
 fn solve(mut theta: f64, wanted: f64, value: impl Fn(f64) -> f64, rate: impl Fn(f64) -> f64) -> Option<f64> {
     for _ in 0..NEWTON {
         let by = (value(theta) - wanted) / rate(theta);
@@ -137,90 +158,101 @@ fn solve(mut theta: f64, wanted: f64, value: impl Fn(f64) -> f64, rate: impl Fn(
     None
 }
 
-impl Pressed {
-    /// From `start` at `phases` up to the release or to `span`; `most` is the largest y. `None` where that is not decided.
-    #[inline(always)]
-    fn pass<P: Path>(&self, law: &Law, start: Point, phases: &mut [[f64; 2]], span: f64, most: &mut [f64; 2]) -> Option<End> {
-        let mut drive = self.drive();
-        let n = f64::from(law.exponent[0]) / f64::from(law.exponent[1]);
-        let p = libm::pow(start.y, f64::from(law.exponent[1]));
-        let scale = libm::hypot(start.v, (2.0 * law.stiffness / (n + 1.0) * libm::pow(p, n + 1.0)).sqrt());
-        let (mut at, mut time): (Point, f64) = (start, 0.0);
-        let mut before: Option<Piece> = None;
-        for _ in 0..PIECES {
-            let mut h = law.length(&drive, &at);
-            let mut found = None;
-            for _ in 0..TRIALS {
-                self.expand(&mut drive, phases, law.lasts(&at, h));
-                found = Piece::new::<P>(law, &drive, &at, h, before.as_ref(), scale).filter(Piece::is_told);
-                if found.is_some() {
-                    break;
-                }
-                h *= SHORTER;
-            }
-            let piece = found?;
-            let [[_, high], [slowest, fastest]] = piece.range;
-            let factor = 1.0 + law.hysteresis * slowest;
-            if !(factor > PRESSED * (1.0 + law.hysteresis * fastest.abs().max(slowest.abs()))) {
-                return None;
-            }
-            *most = [most[0].max(high), most[1].max(fastest.abs()).max(slowest.abs())];
-            let falls = piece.end[0] < 0.0;
-            let is_bound = time + piece.end[2] * (1.0 + SHARP) >= span;
-            if falls || is_bound {
-                return self.end::<P>(law, &piece, &at, time, span, scale, *most);
-            }
-            let [y, v, t] = piece.end;
-            self.turn(phases, t);
-            time += t;
-            at = Point { y, v, errors: piece.errors };
-            before = Some(piece);
-        }
-        self.known(End { y: at.y, v: at.v, time, errors: at.errors, falls: false, is_bound: false }, scale, *most)
+impl Way {
+    fn new(law: Law, at: Point, span: f64) -> Self {
+        let n = f64::from(law.exponent[0]) / law.root;
+        let stored = 2.0 * law.stiffness / (n + 1.0) * libm::pow(at.y, law.root * (n + 1.0));
+        let scale = (at.v * at.v + stored).sqrt();
+        Self { law, span, time: 0.0, at, scale, most: [at.y, at.v.abs()] }
     }
 
-    /// The leap ends on this piece.
-    fn end<P: Path>(&self, law: &Law, piece: &Piece, at: &Point, time: f64, span: f64, scale: f64, most: [f64; 2]) -> Option<End> {
-        let w = |y: f64| law.most(y, 0.0, 0.0)[0];
+    /// The next piece; `None` where its signs do not tell what happens on it.
+    #[inline(always)]
+    fn piece<P: Path>(
+        &mut self,
+        pressed: &Pressed,
+        drive: &mut Drive,
+        phases: &[[f64; 2]],
+        before: Option<&Before>,
+    ) -> Option<Piece> {
+        let Self { law, at, scale, .. } = self;
+        let mut h = law.length(drive, at);
+        for _ in 0..TRIALS {
+            pressed.expand(drive, phases, law.lasts(at, h));
+            let piece = Piece::new::<P>(law, drive, at, h, before, *scale);
+            if let Some(piece) = piece.filter(Piece::is_told) {
+                let [[_, high], [slowest, fastest]] = piece.range;
+                let speed = fastest.abs().max(slowest.abs());
+                let is_pressed = 1.0 + law.hysteresis * slowest > PRESSED * (1.0 + law.hysteresis * speed);
+                self.most = [self.most[0].max(high), self.most[1].max(speed)];
+                return is_pressed.then_some(piece);
+            }
+            h *= SHORTER;
+        }
+        None
+    }
+
+    /// The way ends on this piece.
+    fn end(&self, piece: &Piece) -> Option<End> {
+        let w = |y: f64| self.law.most(y, 0.0, 0.0)[0];
         let y_at = |theta: f64| nodes::value(&piece.y, theta);
-        let v_at = |theta: f64| nodes::value(&piece.v, theta);
-        let t_at = |theta: f64| nodes::value(&piece.t, theta);
         let here = |theta: f64| {
             let [y, v, t] = piece.at(theta);
             let [e_y, e_v, e_t] = piece.errors;
-            (y[0], v[0], time + t[0], [e_y + y[1], e_v + v[1], e_t + t[1]])
+            (y[0], v[0], self.time + t[0], [e_y + y[1], e_v + v[1], e_t + t[1]])
         };
         if piece.end[0] < 0.0 {
             let [y, v, _] = piece.end;
-            let theta = solve(1.0 - y / (piece.h * v), 0.0, y_at, |theta| piece.h * v_at(theta))?;
-            let (y, v, t, [e_y, e_v, e_t]) = here(theta);
+            let rate = |theta: f64| piece.h * nodes::value(&piece.v, theta);
+            let (y, v, t, [e_y, e_v, e_t]) = here(solve(1.0 - y / (piece.h * v), 0.0, y_at, rate)?);
             // How late y is zero, and what time that is.
-            let late = (e_y + y.abs()) / (-v);
-            let errors = [e_y, e_v, e_t + w(e_y + y.abs()) * late];
-            let end = End { y: 0.0, v, time: t, errors, falls: true, is_bound: false };
+            let off = e_y + y.abs();
+            let errors = [e_y, e_v, e_t + w(off) * off / -v];
             let width = APART * errors[2];
-            if t + width < span {
-                return self.known(end, scale, most);
+            if t + width < self.span {
+                return self.known(End { y: 0.0, v, time: t, errors, falls: true, is_bound: false });
             }
-            if t - width < span {
+            if t - width < self.span {
                 return None;
             }
         }
         // Where y starts at zero the clock stands still.
-        let wanted = span - time;
-        if at.y == 0.0 || wanted <= 0.0 {
+        let wanted = self.span - self.time;
+        if self.at.y == 0.0 || wanted <= 0.0 {
             return None;
         }
+        let t_at = |theta: f64| nodes::value(&piece.t, theta);
         let theta = solve((wanted / piece.end[2]).min(1.0), wanted, t_at, |theta| piece.h * w(y_at(theta)))?;
         let (y, v, _, errors) = here(theta);
-        let end = End { y, v, time: span, errors, falls: false, is_bound: true };
-        self.known(end, scale, most).filter(|_| y > 0.0)
+        self.known(End { y, v, time: self.span, errors, falls: false, is_bound: true }).filter(|_| y > 0.0)
     }
 
     /// The end, if its errors are small.
-    fn known(&self, end: End, scale: f64, [y, _]: [f64; 2]) -> Option<End> {
+    fn known(&self, end: End) -> Option<End> {
         let [e_y, e_v, e_t] = end.errors;
-        (e_y <= SHARP * y && e_v <= SHARP * scale && e_t <= SHARP * end.time).then_some(end)
+        (e_y <= SHARP * self.most[0] && e_v <= SHARP * self.scale && e_t <= SHARP * end.time).then_some(end)
+    }
+}
+
+impl Pressed {
+    /// On this way, the oscillators at `phases`, up to the release or to the bound. `None` where that is not decided.
+    #[inline(always)]
+    fn pass<P: Path>(&self, way: &mut Way, phases: &mut [[f64; 2]]) -> Option<End> {
+        let mut drive = self.drive();
+        let mut before: Option<Before> = None;
+        for _ in 0..PIECES {
+            let piece = way.piece::<P>(self, &mut drive, phases, before.as_ref())?;
+            let [y, v, t] = piece.end;
+            if y < 0.0 || way.time + t >= way.span {
+                return way.end(&piece);
+            }
+            self.turn(phases, t);
+            way.time += t;
+            way.at = Point { y, v, errors: piece.errors };
+            before = Some(Before { f: piece.f, h: piece.h });
+        }
+        let Point { y, v, errors } = way.at;
+        way.known(End { y, v, time: way.time, errors, falls: false, is_bound: false })
     }
 
     /// The way from `request` to the release, to the bound or as far as pieces go; `false` where the series have to decide.
@@ -246,23 +278,25 @@ impl Pressed {
             None => (side * deflection - c.gap(), ROUNDING * size),
         };
         let v = side * rate;
-        // Within its rounding of the flank a penetration is not known.
-        if !is_on_flank && p * SHARP <= error || is_on_flank && v <= 0.0 {
+        if !is_on_flank && p <= error || is_on_flank && v <= 0.0 {
             return false;
         }
         let q = self.law.root;
         let y = if is_on_flank { 0.0 } else { libm::pow(p, q.recip()) };
         let Some(chi) = part.force().map(|force| force.chi(x)) else { return false };
         let law = Law { hysteresis: chi, ..self.law };
-        let start = Point { y, v, errors: [0.0; 3] };
-        let a = self.waves.iter().zip(&phases).fold(self.mean, |a, ([_, c, s], [cosine, sine])| a + c * cosine + s * sine);
+        // The root of a penetration is known as well as that, and rounded.
+        let w = law.most(y, 0.0, 0.0)[0];
+        let off = if is_on_flank { 0.0 } else { error / w + 2.0 * f64::EPSILON * y };
+        let a =
+            self.waves.iter().zip(&phases).fold(self.mean, |a, ([_, c, s], [cosine, sine])| a + c * cosine + s * sine);
         let first = law.acceleration(y, v, a);
-        let mut most = [y, v.abs()];
+        let mut way = Way::new(law, Point { y, v, errors: [off, 0.0, 0.0] }, request.span);
         let mut turned = phases.clone();
-        let Some(end) = self.pass::<P>(&law, start, &mut turned, request.span, &mut most) else { return false };
+        let Some(end) = self.pass::<P>(&mut way, &mut turned) else { return false };
         self.turn(&mut phases, end.time);
         let [e1, de1] = errors(s, &phases);
-        let [depth, deepest] = [end.y, most[0]].map(|y| libm::pow(y, q));
+        let [depth, deepest] = [end.y, way.most[0]].map(|y| libm::pow(y, q));
         leap.x.clear();
         leap.x.extend_from_slice(x);
         leap.x[0] = (side * (depth + c.gap()) + e1) * self.along;
@@ -270,7 +304,7 @@ impl Pressed {
         leap.sizes.clear();
         leap.sizes.extend(leap.x.iter().zip(x).map(|(a, b)| a.abs().max(b.abs())));
         leap.sizes[0] = leap.sizes[0].max((deepest + c.gap() + c.error_sizes[0]) * self.along.abs());
-        leap.sizes[1] = leap.sizes[1].max((most[1] + c.error_sizes[1]) * self.along.abs());
+        leap.sizes[1] = leap.sizes[1].max((way.most[1] + c.error_sizes[1]) * self.along.abs());
         leap.time = end.time;
         leap.is_bound = end.is_bound;
         leap.passage = end.falls.then(|| Passage {
@@ -280,21 +314,21 @@ impl Pressed {
             error: end.errors[2] * end.v.abs(),
         });
         let rate_size = s.rate_size(c, x);
-        let known = |watch: Watch, p: f64, v: f64, errors: [f64; 2], derivatives: [f64; 3]| {
+        let known = |watch: Watch, p: f64, v: f64, errors: [f64; 2], rates: [f64; 2]| {
             let of_force = watch == Watch::Force;
             let (value, error) = if of_force { (1.0 + chi * v, errors[1]) } else { (p, errors[0]) };
-            let [first, second, third] = derivatives;
-            let derivatives = if of_force { [chi * second, chi * third, 0.0] } else { [first, second, third] };
+            // The third derivative is asked of rigid flanks alone.
+            let derivatives = if of_force { [chi * rates[1], 0.0, 0.0] } else { [rates[0], rates[1], 0.0] };
             Known { guard: guard_id(0, watch), value, error, terms: value.abs(), derivatives }
         };
         leap.starts.clear();
         let errors = [ROUNDING * size, ROUNDING * (1.0 + chi * rate_size)];
-        leap.starts.extend(motion.guards.iter().map(|g| known(g.watch, p, v, errors, [v, first, 0.0])));
+        leap.starts.extend(motion.guards.iter().map(|g| known(g.watch, p, v, errors, [v, first])));
         leap.ends.clear();
         leap.carried.clear();
         if !end.falls {
             let errors = [law.penetration_error(end.y, end.errors[0]), chi * end.errors[1]];
-            leap.ends.extend(motion.guards.iter().map(|g| known(g.watch, depth, end.v, errors, [0.0; 3])));
+            leap.ends.extend(motion.guards.iter().map(|g| known(g.watch, depth, end.v, errors, [0.0; 2])));
             let is_small = depth < SMALL_STRETCH * s.deflection_size(c, &leap.x);
             leap.carried.push(if is_small { side * depth } else { f64::NAN });
         }
