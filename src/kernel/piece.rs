@@ -188,6 +188,16 @@ impl Law {
         if self.exponent[1] < 2 { 0.0 } else { q * (q - 1.0) * power(y, self.exponent[1] - 2) }
     }
 
+    /// `y^q`.
+    pub fn penetration(&self, y: f64) -> f64 {
+        power(y, self.exponent[1])
+    }
+
+    /// `y^P = pⁿ`.
+    pub fn elastic(&self, y: f64) -> f64 {
+        power(y, self.exponent[0])
+    }
+
     /// `p̈` at a penetration of `y^q`.
     pub fn acceleration(&self, y: f64, v: f64, a: f64) -> f64 {
         let [p, q] = self.exponent;
@@ -228,15 +238,12 @@ impl Law {
             }
             h -= by;
         }
+        if v < 0.0 && h >= NEARLY * BEYOND * y / -v {
+            h = BEYOND * y / -v;
+        }
         // The clock runs fastest where y is largest.
         if drive.fastest > 0.0 {
             h = h.min(h * SLOW / (drive.fastest * self.lasts(start, h)));
-        }
-        if v < 0.0 {
-            let out = BEYOND * y / -v;
-            if h >= NEARLY * out {
-                return out;
-            }
         }
         h
     }

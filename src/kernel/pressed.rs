@@ -161,7 +161,7 @@ fn solve(mut theta: f64, wanted: f64, value: impl Fn(f64) -> f64, rate: impl Fn(
 impl Way {
     fn new(law: Law, at: Point, span: f64) -> Self {
         let n = f64::from(law.exponent[0]) / law.root;
-        let stored = 2.0 * law.stiffness / (n + 1.0) * libm::pow(at.y, law.root * (n + 1.0));
+        let stored = 2.0 * law.stiffness / (n + 1.0) * law.penetration(at.y) * law.elastic(at.y);
         let scale = (at.v * at.v + stored).sqrt();
         Self { law, span, time: 0.0, at, scale, most: [at.y, at.v.abs()] }
     }
@@ -281,8 +281,7 @@ impl Pressed {
         if !is_on_flank && p <= error || is_on_flank && v <= 0.0 {
             return false;
         }
-        let q = self.law.root;
-        let y = if is_on_flank { 0.0 } else { libm::pow(p, q.recip()) };
+        let y = if is_on_flank { 0.0 } else { libm::pow(p, self.law.root.recip()) };
         let Some(chi) = part.force().map(|force| force.chi(x)) else { return false };
         let law = Law { hysteresis: chi, ..self.law };
         // The root of a penetration is known as well as that, and rounded.
@@ -296,7 +295,7 @@ impl Pressed {
         let Some(end) = self.pass::<P>(&mut way, &mut turned) else { return false };
         self.turn(&mut phases, end.time);
         let [e1, de1] = errors(s, &phases);
-        let [depth, deepest] = [end.y, way.most[0]].map(|y| libm::pow(y, q));
+        let [depth, deepest] = [end.y, way.most[0]].map(|y| law.penetration(y));
         leap.x.clear();
         leap.x.extend_from_slice(x);
         leap.x[0] = (side * (depth + c.gap()) + e1) * self.along;

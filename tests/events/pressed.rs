@@ -74,13 +74,41 @@ fn l39_free_contacts_obey_their_closed_forms() {
                 assert!(!event.conditioning.estimated);
                 assert!((event.conditioning.slope + event.x_minus[1].abs()).abs() <= 1e-15 * speed);
                 let time = system.clock().time(event.at).value();
-                assert!(event.conditioning.time <= 1e-11 * time);
+                // A bound counts the roundings of thousands of operations.
+                let stated = event.conditioning.time / time;
+                assert!((1e-14..1e-11).contains(&stated), "{exponent} {speed} {hysteresis} {stated:e}");
                 if hysteresis == 0.0 {
                     let m = 1.0 / (exponent + 1.0);
                     let depth = (speed * speed / 1e5).powf(m);
                     let gammas = libm::tgamma(1.0 + m) / libm::tgamma(0.5 + m) * std::f64::consts::PI.sqrt();
                     let known = 2.0 * depth / speed * (0.5 * (exponent + 1.0)).powf(m) * gammas;
                     assert!((time / known - 1.0).abs() <= 4e-15, "{exponent} {speed} {time} {known}");
+                }
+            }
+        }
+    }
+}
+
+/// Pressed with a unit force on unit stiffness, a mass swings about a penetration of one. With the energy ε at the flank it leaves at
+/// the speed √2ε, and below that energy it comes as near to the flank as −ε and stays.
+#[test]
+fn l39_a_contact_that_hardly_opens_is_not_stepped_over() {
+    for exponent in EXPONENTS {
+        for energy in [-1e-1, -1e-3, -1e-6, -1e-9, 1e-9, 1e-6, 1e-4, 1e-3, 1e-2, 1e-1] {
+            let load_harmonics = vec![Harmonic { omega: 1e-9, amplitude: 1e-200, phase: 0.0 }];
+            let (walls, law) = (Walls::Above { position: 0.0 }, power(exponent, 0.0));
+            let unit = Stiffness::Constant(1.0);
+            let system = walled(&Walled { load: 1.0, load_harmonics, ..Walled::new(1.0, walls, law, unit) });
+            let speed = (2.0 * (1.0 - 1.0 / (exponent + 1.0) + energy)).sqrt();
+            for v in [-speed, speed] {
+                let (event, _) = first(&system, Box::new(Taylor::default()), 1.0, v, 9.0);
+                let found = event.as_ref().map(|event| -event.x_minus[1]);
+                match found {
+                    // The speed is squared: ε is known to a few units of what it is a difference of.
+                    Some(speed) => {
+                        assert!((0.5 * speed * speed - energy).abs() <= 1e-14, "{exponent} {energy} {speed}")
+                    }
+                    None => assert!(energy < 0.0, "{exponent} {energy}"),
                 }
             }
         }
@@ -204,9 +232,9 @@ proptest! {
     }
 }
 
-fn bouncing(exponent: f64, hysteresis: f64) -> Structure {
+fn bouncing(exponent: f64, hysteresis: f64, position: f64) -> Structure {
     let load_harmonics = vec![Harmonic { omega: 3.0, amplitude: 0.5, phase: -4.05 }];
-    let walls = Walls::Below { position: 0.0 };
+    let walls = Walls::Below { position };
     let law = power(exponent, hysteresis);
     walled(&Walled { load: -1.0, load_harmonics, ..Walled::new(1.0, walls, law, Stiffness::Constant(1e7)) })
 }
@@ -214,7 +242,7 @@ fn bouncing(exponent: f64, hysteresis: f64) -> Structure {
 #[test]
 fn l39_a_short_contact_is_one_step() {
     for exponent in EXPONENTS {
-        let run = run(&bouncing(exponent, 0.2), &[0.4], &[0.0], 20.0);
+        let run = run(&bouncing(exponent, 0.2, 0.0), &[0.4], &[0.0], 20.0);
         assert!(run.counters.events > 15, "{exponent} {:?}", run.counters);
         // A flight may take two spans.
         assert!(2 * run.counters.steps <= 3 * run.counters.arcs + 4, "{exponent} {:?}", run.counters);
@@ -249,7 +277,7 @@ impl Observer for Shown {
 #[test]
 fn l39_an_observer_of_steps_changes_no_bit_of_the_motion() {
     for exponent in EXPONENTS {
-        let system = bouncing(exponent, 0.2);
+        let system = bouncing(exponent, 0.2, 0.0);
         let plain = run(&system, &[0.4], &[0.0], 20.0);
         let mut shown = Shown::default();
         let mut engine = engine(&system, state(&system, &[0.4], &[0.0]), Options::default());
@@ -261,23 +289,24 @@ fn l39_an_observer_of_steps_changes_no_bit_of_the_motion() {
     }
 }
 
-/// Where a run is cut inside a contact changes the way, and the motion by rounding alone.
+/// Where a run is cut inside a contact changes the way, and the motion by rounding alone: that of a penetration of 1e-4 which is carried on,
+/// not that of the displacement of 1000, which would move the release by some 1e-13.
 #[test]
 fn l39_a_run_that_ends_in_a_contact_goes_on_from_there() {
     for exponent in EXPONENTS {
-        let system = bouncing(exponent, 0.2);
-        let whole = run(&system, &[0.4], &[0.0], 3.0);
+        let system = bouncing(exponent, 0.2, 1000.0);
+        let whole = run(&system, &[1000.4], &[0.0], 3.0);
         let (strike, release) = (whole.time(0), whole.time(1));
         for share in [0.01, 0.3, 0.5, 0.8, 0.99] {
             let cut = strike + share * (release - strike);
             let mut log = crate::support::Log::default();
-            let mut engine = engine(&system, state(&system, &[0.4], &[0.0]), Options::default());
+            let mut engine = engine(&system, state(&system, &[1000.4], &[0.0]), Options::default());
             for end in [cut, 3.0] {
                 engine.run(system.clock().instant(end), &mut log).unwrap();
             }
             assert_eq!(log.records.len(), whole.records.len(), "{exponent} {share}");
             let off = (system.clock().time(log.records[1].at).value() - release).abs();
-            assert!(off <= 1e-15, "{exponent} {share} {off:e}");
+            assert!(off <= 2e-15, "{exponent} {share} {off:e}");
         }
     }
 }
