@@ -306,7 +306,9 @@ fn l39_a_run_that_ends_in_a_contact_goes_on_from_there() {
             }
             assert_eq!(log.records.len(), whole.records.len(), "{exponent} {share}");
             let off = (system.clock().time(log.records[1].at).value() - release).abs();
-            assert!(off <= 2e-15, "{exponent} {share} {off:e}");
+            // Series carry nothing on in a root clock; they decide right after the start of a contact and right before its end.
+            let allowed = if (0.3..0.9).contains(&share) { 2e-15 } else { 1e-12 };
+            assert!(off <= allowed, "{exponent} {share} {off:e}");
         }
     }
 }
