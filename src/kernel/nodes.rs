@@ -28,9 +28,9 @@ pub(super) const LANES: usize = 2 * SIDE;
 pub(super) const END: usize = PAIRS;
 /// Largest factor from values at the nodes to a value of their interpolant: `(2/π)(ln S + γ + ln(8/π))` is 2.93.
 pub(super) const LEBESGUE: f64 = 3.0;
-/// Roundings of a sum over the nodes, relative to the sum of the sizes of its terms: one for each pair, one for the factor, one each for
-/// the pair, the two parts and the two ends.
-pub(super) const SUMMED: f64 = (PAIRS + 5) as f64 * 0.5 * f64::EPSILON;
+/// Roundings of a sum over the nodes, relative to the sum of the sizes of its terms: one for each pair, one for the factor, one for
+/// the product where it is rounded by itself, one each for the pair, the two parts and the two ends.
+pub(super) const SUMMED: f64 = (PAIRS + 6) as f64 * 0.5 * f64::EPSILON;
 /// Sums of half axes of the ellipses on which functions are bounded.
 const ELLIPSES: [f64; 5] = [7.0, 6.0, 8.5, 5.0, 11.0];
 

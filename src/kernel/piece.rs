@@ -374,7 +374,7 @@ impl Piece {
         let stiffest = law.stiffening(high, 1.0 + law.hysteresis * fastest) + forced;
         let [p, q] = law.exponent;
         let by_rate = law.damping + law.stiffness * law.hysteresis * power(high, p);
-        let evaluated = UNIT * f64::from(p + q + 6) * w * terms;
+        let evaluated = UNIT * f64::from(p + q + 8) * w * terms;
         let felt = stiffest * ty + w * (by_rate * tv + drive.sizes[1] * tt);
         let [truncated, late] = self.truncated::<P>(nodes, law, drive, evaluated);
         let defect = truncated + apart[0] + LEBESGUE * (rest.residual + evaluated + felt) + w * CUT * drive.sizes[0];
