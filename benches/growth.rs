@@ -59,11 +59,8 @@ fn chain(size: Size) -> Spec {
         stiffness: Stiffness::Constant(10.0),
         law: Law::KelvinVoigt(Linear { damping: 0.1 }, Release::Deflection),
     };
-    let load = |h: usize| LoadHarmonic {
-        vector: vec![1.0 / (h * h) as f64; n],
-        omega: 1.3 * h as f64,
-        phase: 0.3 * h as f64,
-    };
+    let load =
+        |h: usize| LoadHarmonic { vector: vec![1.0 / (h * h) as f64; n], omega: 1.3 * h as f64, phase: 0.3 * h as f64 };
     Spec {
         freedoms: (0..n).map(|i| format!("u_{i}")).collect(),
         mass: DMatrix::identity(n, n),
@@ -105,7 +102,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         vary("harmonics", &[1, 3, 10, 30, 100], &|harmonics| Size { harmonics, ..USUAL }),
         vary("cycles", &[1_000, 10_000, 100_000], &|cycles| Size { cycles: cycles as u64, ..USUAL }),
     ];
-    writeln!(out, "{:<10} {:>7} {:>9} {:>9} {:>10} {:>10}", "varied", "value", "steps", "events", "us/event", "us/step")?;
+    writeln!(
+        out,
+        "{:<10} {:>7} {:>9} {:>9} {:>10} {:>10}",
+        "varied", "value", "steps", "events", "us/event", "us/step"
+    )?;
     for (name, value, size) in sizes.into_iter().flatten() {
         let (seconds, work) = run(size)?;
         let each = |count: u64| 1e6 * seconds / count.max(1) as f64;

@@ -138,7 +138,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("gear", 1000),
     ("hybrid", 1300),
     ("integrate", 1800),
-    ("kernel", 3650),
+    ("kernel", 4850),
     ("linalg", 150),
     ("output", 450),
     ("plot", 1900),

@@ -17,6 +17,7 @@ use crate::{
     event::{Conditioning, Located},
     hybrid::{GuardId, GuardSet, Instant, Jet, JetField, JetRequest, Leap, Passage},
     integrate::{Arc, Integrator, Taylor, gathered},
+    poly::{FirstRoot, first_root},
 };
 
 /// Leaps that an arc may take: where more are needed, something is much faster than the motion, and series hold for longer.
@@ -162,12 +163,20 @@ impl Leaps {
         x.clone_from(&state.x);
         rest.clone_from(low);
         let mut stopped = None;
+        let falls = self.leap.passage.map(|passage| passage.guard);
         let shown = self.shown.integrate_arc(core.system, &arc, x, rest, &mut |step| {
-            if observer.step(&jump.mode, step, 1.0).is_continue() {
-                return ControlFlow::Continue(());
+            // The clock of a contact that ends runs past its end, where it stands still: a step is cut there.
+            let row = falls.filter(|_| step.plain_span().is_none());
+            let row = row.and_then(|id| step.guards().iter().position(|guard| *guard == id));
+            let until = match row.map(|i| first_root(step.guard(i), 1.0, 0.0).root) {
+                Some(FirstRoot::At(until)) => until,
+                _ => 1.0,
+            };
+            if observer.step(&jump.mode, step, until).is_continue() {
+                return if until < 1.0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
             }
-            stopped = Some(core.system.clock().advance(step.start(), step.time(1.0)));
-            step.state(1.0, &mut self.leap.x);
+            stopped = Some(core.system.clock().advance(step.start(), step.time(until)));
+            step.state(until, &mut self.leap.x);
             ControlFlow::Break(())
         });
         shown.map_err(|source| EngineError::Integrate { mode: core.system.mode_in_words(&jump.mode), source })?;

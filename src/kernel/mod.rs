@@ -19,7 +19,10 @@ mod leap;
 mod linear;
 mod low;
 mod motion;
+mod nodes;
+mod piece;
 mod plain;
+mod pressed;
 mod propagator;
 mod rooted;
 mod rows;
@@ -27,6 +30,7 @@ mod sizes;
 
 use bound::Tail;
 use motion::Motion;
+use pressed::Pressed;
 
 use crate::hybrid::{GuardId, Instant, Jet, JetField, JetRequest, Leap, Shown};
 use crate::system::{ContactMode, Elasticity, Force, Structure, Watch, Wave, dot, guard_id};
@@ -167,7 +171,10 @@ impl Work for Forward<'_> {
         // No closure around what is to be compiled for P: it would be a function of its own.
         match self.motion.propagator.get_or_init(|| self.motion.propagate()) {
             Some(propagator) => propagator.leap::<P>(self.motion, self.request, self.leap),
-            None => false,
+            None => match self.motion.pressed.get_or_init(|| Pressed::new(self.motion)) {
+                Some(pressed) => pressed.leap::<P>(self.motion, self.request, self.leap),
+                None => false,
+            },
         }
     }
 }

@@ -7,6 +7,7 @@ use super::{
     bound::{Forcing, Growth},
     fours::FourSeries,
     linear::{Four, LARGEST},
+    pressed::Pressed,
     propagator::Propagator,
 };
 use crate::{
@@ -80,6 +81,8 @@ pub(super) struct Motion<'s> {
     pub(super) scratch: RefCell<Vec<FourSeries>>,
     /// Formed when it is first asked for.
     pub(super) propagator: OnceCell<Option<Propagator>>,
+    /// As well.
+    pub(super) pressed: OnceCell<Option<Pressed>>,
 }
 
 impl<'s> Motion<'s> {
@@ -110,6 +113,7 @@ impl<'s> Motion<'s> {
             parts,
             scratch: RefCell::default(),
             propagator: OnceCell::new(),
+            pressed: OnceCell::new(),
         }
     }
 }

@@ -12,6 +12,7 @@ mod frequencies;
 mod instructions;
 mod isolation;
 mod leaps;
+mod pressed;
 mod release;
 mod rest;
 mod schedule;

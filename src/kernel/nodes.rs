@@ -1,0 +1,353 @@
+//! Polynomials on `[0, 1]` by their values at the zeros of a Chebyshev polynomial: integrals, coefficients, bounds beyond the interval.
+//!
+//! With `x = 2θ − 1` the nodes are the zeros of `T_S(x)`, in pairs ±x. Even and odd parts go through matrices of half the order each. A
+//! function that is analytic inside the ellipse with foci ±1 and half axes of sum ρ, and at most M there, has Chebyshev coefficients of at
+//! most `2Mρ⁻ᵏ`. At the nodes a `T_k` beyond the interpolant looks like one of it, so the interpolant is off by at most
+//!
+//! ```text
+//! 2 Σ_{k≥S} 2Mρ⁻ᵏ = 4M ρ⁻ˢ/(1 − 1/ρ)
+//! ```
+
+#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
+
+use std::{hint::black_box, sync::LazyLock};
+
+use crate::{
+    hybrid::Wide,
+    vectors::{Path, fused},
+};
+
+/// Pairs of nodes, and nodes.
+const PAIRS: usize = 11;
+pub(super) const NODES: usize = 2 * PAIRS;
+/// Room for one of each pair and for an end: whole vectors of four.
+const SIDE: usize = PAIRS + 1;
+/// Room for values: those at positive x and at x = 1, then those at −x. And for coefficients: a second integral has `NODES + 2`.
+pub(super) const LANES: usize = 2 * SIDE;
+/// Place of the value at the end.
+pub(super) const END: usize = PAIRS;
+/// Largest factor from values at the nodes to a value of their interpolant: `(2/π)(ln S + γ + ln(8/π))` is 2.93.
+pub(super) const LEBESGUE: f64 = 3.0;
+/// Roundings of a sum over the nodes, relative to the sum of the sizes of its terms: one for each pair, one for the factor, one for
+/// the product where it is rounded by itself, one each for the pair, the two parts and the two ends.
+pub(super) const SUMMED: f64 = (PAIRS + 6) as f64 * 0.5 * f64::EPSILON;
+/// Sums of half axes of the ellipses on which functions are bounded.
+const ELLIPSES: [f64; 5] = [7.0, 6.0, 8.5, 5.0, 11.0];
+
+/// Covers the rounding of sums of sizes.
+pub(super) const ROUNDED: f64 = 1.001;
+
+/// Values, or coefficients: the even ones, then the odd ones.
+pub(super) type Values = [f64; LANES];
+type Half = [f64; SIDE];
+type Matrix = [Half; PAIRS];
+
+/// The ends are no nodes.
+const INSIDE: Half = {
+    let mut inside = [1.0; SIDE];
+    inside[END] = 0.0;
+    inside
+};
+
+/// Constants of one ellipse.
+pub(super) struct Ellipse {
+    /// `ρᵏ`, at least the largest size of `T_k` on it.
+    pub powers: Values,
+    /// What of a bound on it an interpolant may be off by.
+    pub share: f64,
+}
+
+/// The constants. Of two matrices the first takes the even part of a function, the second the odd one.
+pub(super) struct Nodes {
+    /// θ.
+    pub theta: Values,
+    /// The integral over θ from the middle, and the integral of that.
+    once: [Matrix; 2],
+    twice: [Matrix; 2],
+    /// Even and odd Chebyshev coefficients, and back.
+    coefficients: [Matrix; 2],
+    values: [Matrix; 2],
+    pub ellipses: [Ellipse; ELLIPSES.len()],
+}
+
+/// `T_0(x) … T_{count−1}(x)`.
+fn chebyshev(x: Wide, count: usize) -> Vec<Wide> {
+    let mut t = vec![Wide::from(1.0), x];
+    for k in 2..count {
+        t.push(x * t[k - 1] * 2.0 - t[k - 2]);
+    }
+    t
+}
+
+/// Chebyshev coefficients of the integral over θ from the middle, `x = 0`.
+fn integrated(a: &[Wide]) -> Vec<Wide> {
+    let at = |k: usize| a.get(k).copied().unwrap_or_default();
+    let mut b = vec![Wide::default()];
+    for k in 1..=a.len() {
+        let lower = at(k - 1) * if k == 1 { 2.0 } else { 1.0 };
+        b.push(Wide::quotient(lower - at(k + 1), (4 * k) as f64));
+    }
+    // T_k(0) is 0, or ±1 in turn.
+    b[0] = (2..b.len()).step_by(2).fold(b[0], |sum, k| if k % 4 == 0 { sum - b[k] } else { sum + b[k] });
+    b
+}
+
+fn value_of(a: &[Wide], basis: &[Wide]) -> Wide {
+    a.iter().zip(basis).fold(Wide::default(), |sum, (a, t)| sum + *a * *t)
+}
+
+/// Formed in two doubles and rounded once.
+static TABLE: LazyLock<Box<Nodes>> = LazyLock::new(|| {
+    let node = |l: usize| {
+        let angle = std::f64::consts::PI * (2 * l + 1) as f64 / (2 * NODES) as f64;
+        let first = Wide::from(libm::cos(angle));
+        // One step of Newton's method squares an error of 1e-16.
+        let t = chebyshev(first, NODES + 1)[NODES];
+        first - Wide::quotient(t, NODES as f64 * libm::sin(NODES as f64 * angle) / libm::sin(angle))
+    };
+    let x: Vec<Wide> = (0..PAIRS).map(node).chain([1.0.into()]).collect();
+    let basis: Vec<Vec<Wide>> = x.iter().map(|x| chebyshev(*x, LANES)).collect();
+    let ellipses = ELLIPSES.map(|rho: f64| Ellipse {
+        powers: std::array::from_fn(|l| rho.powi((2 * (l % SIDE) + l / SIDE) as i32)),
+        share: ROUNDED * 4.0 * rho.powi(-(NODES as i32)) / (1.0 - rho.recip()),
+    });
+    let theta = |l: usize| {
+        let x = if l < SIDE { x[l] } else { x[l - SIDE] * -1.0 };
+        ((x + 1.0.into()) * 0.5).value()
+    };
+    let zero = [[[0.0; SIDE]; PAIRS]; 2];
+    let mut table = Box::new(Nodes {
+        theta: std::array::from_fn(theta),
+        once: zero,
+        twice: zero,
+        coefficients: zero,
+        values: zero,
+        ellipses,
+    });
+    for odd in 0..2 {
+        for i in 0..PAIRS {
+            // One at x_i, ±1 at −x_i.
+            let of = |k: usize| if k % 2 == odd { basis[i][k] * if k == 0 { 2.0 } else { 4.0 } } else { 0.0.into() };
+            let unit: Vec<Wide> = (0..NODES).map(|k| Wide::quotient(of(k), NODES as f64)).collect();
+            let once = integrated(&unit);
+            let twice = integrated(&once);
+            for l in 0..SIDE {
+                table.once[odd][i][l] = value_of(&once, &basis[l]).value();
+                table.twice[odd][i][l] = value_of(&twice, &basis[l]).value();
+                table.coefficients[odd][i][l] = unit.get(2 * l + odd).map_or(0.0, |c| c.value());
+                table.values[odd][i][l] = basis[l][2 * i + odd].value();
+            }
+        }
+    }
+    table
+});
+
+/// Even and odd part.
+#[inline(always)]
+fn parts(f: &Values) -> [Half; 2] {
+    let mut parts = [[0.0; SIDE]; 2];
+    for l in 0..SIDE {
+        parts[0][l] = 0.5 * (f[l] + f[l + SIDE]);
+        parts[1][l] = 0.5 * (f[l] - f[l + SIDE]);
+    }
+    parts
+}
+
+/// `Σ parts_i matrix_i`, of both parts.
+#[inline(always)]
+fn products<P: Path>(matrices: &[Matrix; 2], parts: &[Half; 2]) -> [Half; 2] {
+    let mut sums = [[0.0; SIDE]; 2];
+    for i in 0..PAIRS {
+        for l in 0..SIDE {
+            sums[0][l] = fused::<P>(matrices[0][i][l], parts[0][i], sums[0][l]);
+            sums[1][l] = fused::<P>(matrices[1][i][l], parts[1][i], sums[1][l]);
+        }
+    }
+    black_box(sums)
+}
+
+impl Nodes {
+    /// The one table.
+    pub fn table() -> &'static Self {
+        &TABLE
+    }
+
+    /// `v = start + h ∫ f dθ`.
+    #[inline(always)]
+    pub fn integral<P: Path>(&self, f: &Values, h: f64, start: f64) -> Values {
+        // The integral of an even function from the middle is odd.
+        let [odd, even] = products::<P>(&self.once, &parts(f));
+        let middle = fused::<P>(h, odd[END] - even[END], start);
+        let mut v = [0.0; LANES];
+        for l in 0..SIDE {
+            v[l] = fused::<P>(h, even[l] + odd[l], middle);
+            v[l + SIDE] = fused::<P>(h, even[l] - odd[l], middle);
+        }
+        v
+    }
+
+    /// `v = rate + h ∫ f dθ`, and `start + h ∫ v dθ`.
+    #[inline(always)]
+    pub fn integrals<P: Path>(&self, f: &Values, h: f64, [start, rate]: [f64; 2]) -> [Values; 2] {
+        let parts = parts(f);
+        let [mut once, mut twice] = [[[0.0; SIDE]; 2]; 2];
+        for i in 0..PAIRS {
+            for l in 0..SIDE {
+                once[0][l] = fused::<P>(self.once[0][i][l], parts[0][i], once[0][l]);
+                once[1][l] = fused::<P>(self.once[1][i][l], parts[1][i], once[1][l]);
+                twice[0][l] = fused::<P>(self.twice[0][i][l], parts[0][i], twice[0][l]);
+                twice[1][l] = fused::<P>(self.twice[1][i][l], parts[1][i], twice[1][l]);
+            }
+        }
+        let [[odd, even], [second_even, second_odd]] = [once, twice];
+        let middle = fused::<P>(h, odd[END] - even[END], rate);
+        let from = fused::<P>(h * h, second_odd[END] - second_even[END], start);
+        let (mut v, mut y) = ([0.0; LANES], [0.0; LANES]);
+        for l in 0..SIDE {
+            v[l] = fused::<P>(h, even[l] + odd[l], middle);
+            v[l + SIDE] = fused::<P>(h, even[l] - odd[l], middle);
+            let straight = fused::<P>(h * middle, self.theta[l], from);
+            y[l] = fused::<P>(h * h, second_even[l] + second_odd[l], straight);
+            let straight = fused::<P>(h * middle, self.theta[l + SIDE], from);
+            y[l + SIDE] = fused::<P>(h * h, second_even[l] - second_odd[l], straight);
+        }
+        [v, y]
+    }
+
+    /// The Chebyshev coefficients of the interpolants of two functions.
+    #[inline(always)]
+    pub fn coefficients<P: Path>(&self, f: &Values, g: &Values) -> [Values; 2] {
+        twin_products::<P>(&self.coefficients, [&parts(f), &parts(g)]).map(|[even, odd]| joined(&even, &odd))
+    }
+
+    /// Bounds on the differences between two functions and the polynomials with these coefficients, at the nodes.
+    #[inline(always)]
+    pub fn differences<P: Path>(&self, [a, b]: [&Values; 2], [f, g]: [&Values; 2]) -> [f64; 2] {
+        let [a, b] = twin_products::<P>(&self.values, [&halves(a), &halves(b)]);
+        [difference::<P>(&a, f), difference::<P>(&b, g)]
+    }
+}
+
+/// Even and odd coefficients.
+#[inline(always)]
+fn halves(a: &Values) -> [Half; 2] {
+    let mut halves = [[0.0; SIDE]; 2];
+    halves[0].copy_from_slice(&a[..SIDE]);
+    halves[1].copy_from_slice(&a[SIDE..]);
+    halves
+}
+
+#[inline(always)]
+fn joined(even: &Half, odd: &Half) -> Values {
+    let mut joined = [0.0; LANES];
+    joined[..SIDE].copy_from_slice(even);
+    joined[SIDE..].copy_from_slice(odd);
+    joined
+}
+
+/// Of a function with these even and odd parts, and f, at the nodes.
+#[inline(always)]
+fn difference<P: Path>([even, odd]: &[Half; 2], f: &Values) -> f64 {
+    let mut difference = [0.0; LANES];
+    for l in 0..SIDE {
+        difference[l] = INSIDE[l] * (even[l] + odd[l] - f[l]);
+        difference[l + SIDE] = INSIDE[l] * (even[l] - odd[l] - f[l + SIDE]);
+    }
+    dot::<P>(&difference, &difference).sqrt()
+}
+
+/// `Σ parts_i matrix_i` of the parts of two functions: so many sums fill the registers.
+#[inline(always)]
+fn twin_products<P: Path>(matrices: &[Matrix; 2], [a, b]: [&[Half; 2]; 2]) -> [[Half; 2]; 2] {
+    let [mut first, mut second] = [[[0.0; SIDE]; 2]; 2];
+    for i in 0..PAIRS {
+        for l in 0..SIDE {
+            first[0][l] = fused::<P>(matrices[0][i][l], a[0][i], first[0][l]);
+            first[1][l] = fused::<P>(matrices[1][i][l], a[1][i], first[1][l]);
+            second[0][l] = fused::<P>(matrices[0][i][l], b[0][i], second[0][l]);
+            second[1][l] = fused::<P>(matrices[1][i][l], b[1][i], second[1][l]);
+        }
+    }
+    black_box([first, second])
+}
+
+/// `1/4k`, in the order of coefficients.
+const QUARTERS: Values = {
+    let mut quarters = [0.0; LANES];
+    let mut l = 1;
+    while l < LANES {
+        quarters[l] = 0.25 / (2 * (l % SIDE) + l / SIDE) as f64;
+        l += 1;
+    }
+    quarters
+};
+
+/// Coefficients of `start + h ∫ a dθ`, from those of a, of which the last is zero.
+#[inline(always)]
+pub(super) fn antiderivative(a: &Values, h: f64, start: f64) -> Values {
+    let mut b = [0.0; LANES];
+    for l in 1..SIDE {
+        b[l] = h * QUARTERS[l] * (a[SIDE + l - 1] - a[SIDE + l]);
+    }
+    for l in 0..PAIRS {
+        b[SIDE + l] = h * QUARTERS[SIDE + l] * (a[l] - a[l + 1]);
+    }
+    // T_0 is integrated to T_1 alone.
+    b[SIDE] += h * 0.25 * a[0];
+    b[LANES - 1] = h * QUARTERS[LANES - 1] * a[SIDE - 1];
+    let mut sums = [0.0; 4];
+    for (even, odd) in b[..SIDE].as_chunks::<4>().0.iter().zip(b[SIDE..].as_chunks::<4>().0) {
+        for l in 0..4 {
+            sums[l] += odd[l] - even[l];
+        }
+    }
+    b[0] = start + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
+    b
+}
+
+/// Coefficient `k`.
+pub(super) fn coefficient(a: &Values, k: usize) -> f64 {
+    a[k % 2 * SIDE + k / 2]
+}
+
+/// `Σ a_k T_k(2θ − 1)`.
+pub(super) fn value(a: &Values, theta: f64) -> f64 {
+    let x = 2.0 * theta - 1.0;
+    let (mut b, mut before) = (0.0, 0.0);
+    for k in (1..LANES).rev() {
+        (b, before) = (2.0 * x * b - before + coefficient(a, k), b);
+    }
+    x * b - before + a[0]
+}
+
+/// `Σ a_k b_k`.
+#[inline(always)]
+pub(super) fn dot<P: Path>(a: &Values, b: &Values) -> f64 {
+    let mut sums = [0.0; 4];
+    for (a, b) in a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0) {
+        for l in 0..4 {
+            sums[l] = fused::<P>(a[l], b[l], sums[l]);
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
+}
+
+/// `Σ |a_k|`.
+#[inline(always)]
+pub(super) fn total(a: &Values) -> f64 {
+    let mut sums = [0.0; 4];
+    for a in a.as_chunks::<4>().0 {
+        for l in 0..4 {
+            sums[l] += a[l].abs();
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
+}
+
+/// The sizes of coefficients.
+#[inline(always)]
+pub(super) fn sizes(a: &Values) -> Values {
+    let mut sizes = *a;
+    sizes.iter_mut().for_each(|a| *a = a.abs());
+    sizes
+}

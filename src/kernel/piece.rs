@@ -1,0 +1,503 @@
+//! A piece of the motion of one closed power law, by collocation in its root clock.
+//!
+//! With penetration `p = y^q`, `dt = q y^(q−1) ds` and the piece `s = hθ`,
+//!
+//! ```text
+//! dy/ds = v,   dt/ds = w,   dv/ds = f = w (A(t) − κ y^q − γ v − k y^P (1 + χ v)),   w = q y^(q−1)
+//! ```
+//!
+//! f is a polynomial F of degree S − 1, by its values at S nodes, v and y are its integrals, t that of the interpolant of w. Picard
+//! iteration brings F to f at the nodes. What is left is bounded, [`docs/EVENTS.md`](../../docs/EVENTS.md), line 39.
+
+#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
+
+use super::nodes::{
+    END, Ellipse, LANES, LEBESGUE, Nodes, ROUNDED, SUMMED, Values, antiderivative, coefficient, dot, sizes, total,
+    value,
+};
+use crate::vectors::{Path, fused};
+
+/// Powers of the time in the series of what drives the contact.
+pub(super) const POWERS: usize = 16;
+/// Radians of the fastest drive that a piece may last: what that series leaves out is below 2e-17 of the amplitude.
+const SLOW: f64 = 0.6;
+/// What the series may leave out.
+pub(super) const CUT: f64 = 2e-17;
+/// Times the longest that a piece at its first speed would last.
+const LASTING: f64 = 1.1;
+/// Sweeps after which the iteration has failed.
+const SWEEPS: usize = 28;
+/// Share by which F has to settle between two sweeps of the time: it is felt through the drive alone.
+const LATE: f64 = 1e-4;
+/// A change of F this much smaller than its largest value is rounding.
+const SETTLED: f64 = 16.0 * f64::EPSILON;
+/// Half a unit in the last place.
+const UNIT: f64 = 0.5 * f64::EPSILON;
+/// Largest sum of the sizes of the factors of an integral, that of its ends included.
+const SIZE: f64 = 2.5;
+/// Coefficients of F that guess the next piece.
+const CONTINUED: usize = 14;
+/// The length of a piece times the rate of its motion: at the end of its ellipse, and where it starts.
+const LENGTHS: [f64; 2] = [1.7, 1.2];
+/// How far beyond a piece its ellipse reaches, in lengths; more for forces that rise more steeply.
+const AROUND: [f64; 2] = [0.85, 0.03];
+/// A piece that could end the contact is this much longer than it takes at its first speed.
+const BEYOND: f64 = 1.02;
+/// And ends it where its length would be this share of that.
+const NEARLY: f64 = 0.7;
+/// Share by which bounds on the motion are widened for its error.
+const TUBE: f64 = 1e-6;
+/// Largest defect of a piece, times its length and relative to the speed, that makes no shorter one worth while.
+const GOAL: f64 = 3e-14;
+
+/// The numbers of a closed contact.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Law {
+    /// Numerator and denominator of the exponent.
+    pub exponent: [u32; 2],
+    /// `k` and χ: the force on the mass that the contact feels is `k pⁿ (1 + χ ṗ)`.
+    pub stiffness: f64,
+    pub hysteresis: f64,
+    /// `κ` and γ: the body's own spring and damper; and whether there is one.
+    pub spring: f64,
+    pub damping: f64,
+    pub is_held: bool,
+    /// q.
+    pub root: f64,
+}
+
+/// What drives the contact, from the start of a piece on.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Drive {
+    /// Taylor coefficients of A, as far as they are needed.
+    pub series: [f64; POWERS],
+    pub len: usize,
+    /// Sums of the sizes of all terms of A and of its rate.
+    pub sizes: [f64; 2],
+    /// The fastest frequency, rad/s.
+    pub fastest: f64,
+    /// How long the series hold, s: what they leave out is below [`CUT`] of the sizes.
+    pub lasts: f64,
+}
+
+/// F of a piece, by its coefficients, and its length.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Before {
+    pub f: Values,
+    pub h: f64,
+}
+
+/// Where a piece starts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Point {
+    pub y: f64,
+    pub v: f64,
+    /// Bounds on the errors of y, of v and of the time so far.
+    pub errors: [f64; 3],
+}
+
+/// A piece.
+#[derive(Clone, Debug)]
+pub(super) struct Piece {
+    pub h: f64,
+    /// Chebyshev coefficients of F, and of y, v and the time since the start of the piece.
+    pub f: Values,
+    pub y: Values,
+    pub v: Values,
+    pub t: Values,
+    /// And of w.
+    w: Values,
+    /// y, v and the time at the end.
+    pub end: [f64; 3],
+    /// The least and the largest value of y and v.
+    pub range: [[f64; 2]; 2],
+    /// Bounds on the errors of y, v and the time, on the whole piece where y is not negative.
+    pub errors: [f64; 3],
+}
+
+#[inline(always)]
+fn power(mut y: f64, mut n: u32) -> f64 {
+    let mut product = 1.0;
+    while n > 0 {
+        product = if n % 2 == 1 { product * y } else { product };
+        y *= y;
+        n /= 2;
+    }
+    product
+}
+
+/// Exponents are small: products one by one are as short as squares.
+#[inline(always)]
+fn powers(y: &Values, n: u32) -> Values {
+    if n == 0 {
+        return [1.0; LANES];
+    }
+    let mut product = *y;
+    for _ in 1..n {
+        for l in 0..LANES {
+            product[l] *= y[l];
+        }
+    }
+    product
+}
+
+impl Law {
+    /// w, and f.
+    #[inline(always)]
+    fn forces<P: Path>(&self, drive: &[f64], [y, v, t]: [&Values; 3]) -> [Values; 2] {
+        let mut w = powers(y, self.exponent[1] - 1);
+        let force = powers(y, self.exponent[0]);
+        let mut a = [drive[drive.len() - 1]; LANES];
+        for c in drive[..drive.len() - 1].iter().rev() {
+            for l in 0..LANES {
+                a[l] = fused::<P>(a[l], t[l], *c);
+            }
+        }
+        if self.is_held {
+            for l in 0..LANES {
+                a[l] = fused::<P>(-self.spring, w[l] * y[l], fused::<P>(-self.damping, v[l], a[l]));
+            }
+        }
+        for l in 0..LANES {
+            w[l] *= self.root;
+            a[l] = w[l] * fused::<P>(-self.stiffness * force[l], fused::<P>(self.hysteresis, v[l], 1.0), a[l]);
+        }
+        [w, a]
+    }
+
+    /// A bound on w, and on the sum of the sizes of the terms of f over it, for sizes of y, v and A.
+    #[inline(always)]
+    pub fn most(&self, y: f64, v: f64, a: f64) -> [f64; 2] {
+        let [p, q] = self.exponent;
+        let force = self.stiffness * power(y, p) * (1.0 + self.hysteresis * v);
+        [self.root * power(y, q - 1), a + self.spring * power(y, q) + self.damping * v + force]
+    }
+
+    /// The part of `−∂f/∂y` that is not negative while y and the force are not, for `1 + χ v`; the size of the rest is `∂²p/∂y² (A + γ v)`.
+    #[inline(always)]
+    fn stiffening(&self, y: f64, factor: f64) -> f64 {
+        let ([p, q], root) = (self.exponent, self.root);
+        let own = self.stiffness * root * f64::from(p + q - 1) * power(y, p + q - 2) * factor;
+        if self.spring == 0.0 { own } else { own + self.spring * root * (2.0 * root - 1.0) * power(y, 2 * q - 2) }
+    }
+
+    /// `∂²p/∂y²`.
+    #[inline(always)]
+    fn curvature(&self, y: f64) -> f64 {
+        let q = self.root;
+        if self.exponent[1] < 2 { 0.0 } else { q * (q - 1.0) * power(y, self.exponent[1] - 2) }
+    }
+
+    /// `y^q`.
+    pub fn penetration(&self, y: f64) -> f64 {
+        power(y, self.exponent[1])
+    }
+
+    /// `y^P = pⁿ`.
+    pub fn elastic(&self, y: f64) -> f64 {
+        power(y, self.exponent[0])
+    }
+
+    /// `p̈` at a penetration of `y^q`.
+    pub fn acceleration(&self, y: f64, v: f64, a: f64) -> f64 {
+        let [p, q] = self.exponent;
+        a - self.spring * power(y, q) - self.damping * v - self.stiffness * power(y, p) * (1.0 + self.hysteresis * v)
+    }
+
+    /// `y^q` for the error `e` of y: how much it may be off.
+    pub fn penetration_error(&self, y: f64, e: f64) -> f64 {
+        self.root * power(y.abs() + e, self.exponent[1] - 1) * e
+    }
+
+    /// How long a piece of length `h` lasts at most, unless it is driven faster than it starts.
+    pub fn lasts(&self, start: &Point, h: f64) -> f64 {
+        LASTING * h * self.most(start.y + h * start.v.max(0.0), 0.0, 0.0)[0]
+    }
+
+    /// The length of a piece from `start`: its rate λ, the root of `−∂f/∂y`, changes little on it and around it.
+    pub fn length(&self, drive: &Drive, start: &Point) -> f64 {
+        let Point { y, v, .. } = *start;
+        let [p, q] = self.exponent;
+        let m = p + q - 2;
+        let factor = 1.0 + self.hysteresis * v.max(0.0);
+        let rate = |y: f64| self.stiffening(y, factor) + self.curvature(y) * drive.sizes[0];
+        let [far, near] = LENGTHS.map(|c| c * c);
+        let around = AROUND[0] + AROUND[1] * f64::from(m);
+        let reach = around * v.abs() + if v > 0.0 { v } else { 0.0 };
+        let mut h = (near / rate(y)).sqrt();
+        if h * reach > y {
+            h = h.min(libm::pow(far / self.stiffening(reach, factor), 1.0 / f64::from(m + 2)));
+        }
+        // From above Newton's method comes down to the root of a convex function.
+        for _ in 0..8 {
+            let end = y + h * reach;
+            let square = rate(end);
+            let by = (h * h * square - far) / (h * square * (2.0 + h * reach * f64::from(m) / end));
+            if by.is_nan() || by * f64::from(m + 2) <= 0.2 * h {
+                break;
+            }
+            h -= by;
+        }
+        if v < 0.0 && h >= NEARLY * BEYOND * y / -v {
+            h = BEYOND * y / -v;
+        }
+        // The clock runs fastest where y is largest.
+        if drive.fastest > 0.0 {
+            h = h.min(h * SLOW / (drive.fastest * self.lasts(start, h)));
+        }
+        h
+    }
+}
+
+/// Terms that a series needs over `angle` radians of its fastest frequency.
+pub(super) fn lasting(angle: f64) -> usize {
+    let (mut len, mut term) = (1, angle);
+    while term > CUT && len < POWERS {
+        len += 1;
+        term *= angle / len as f64;
+    }
+    len
+}
+
+/// Values of a polynomial by its first coefficients, at `1 + ratio·2θ`.
+#[inline(always)]
+fn continued<P: Path>(f: &Values, ratio: f64, theta: &Values) -> Values {
+    let (mut b, mut before, mut twice) = ([coefficient(f, CONTINUED - 1); LANES], [0.0; LANES], [0.0; LANES]);
+    for l in 0..LANES {
+        twice[l] = 2.0 + 4.0 * ratio * theta[l];
+    }
+    for k in (1..CONTINUED - 1).rev() {
+        let c = coefficient(f, k);
+        for l in 0..LANES {
+            let next = fused::<P>(twice[l], b[l], c - before[l]);
+            before[l] = b[l];
+            b[l] = next;
+        }
+    }
+    for l in 0..LANES {
+        b[l] = fused::<P>(0.5 * twice[l], b[l], f[0] - before[l]);
+    }
+    b
+}
+
+impl Piece {
+    /// Whether it is known that y is positive, or that it falls once and for all.
+    pub fn is_told(&self) -> bool {
+        let [[low, _], [slowest, fastest]] = self.range;
+        let end = self.end[0];
+        slowest > 0.0 || (low > 0.0 && end > 0.0) || (fastest < 0.0 && end.abs() > self.errors[0])
+    }
+
+    /// The piece of length `h` from `start`; `before` it another one. `None` where the iteration does not settle, or the defect is large
+    /// against the speed `scale`.
+    #[inline(always)]
+    pub fn new<P: Path>(
+        law: &Law,
+        drive: &Drive,
+        start: &Point,
+        h: f64,
+        before: Option<&Before>,
+        scale: f64,
+    ) -> Option<Self> {
+        let nodes = Nodes::table();
+        let mut values = Sweep::new(start, h);
+        if let Some(before) = before {
+            values.f = continued::<P>(&before.f, h / before.h, &nodes.theta);
+        }
+        [values.v, values.y] = nodes.integrals::<P>(&values.f, h, [start.y, start.v]);
+        let residual = values.settle::<P>(nodes, law, drive, start)?;
+        let Sweep { f, w, y, v, t, .. } = &values;
+        let [coefficients, clock] = nodes.coefficients::<P>(f, w);
+        let velocity = antiderivative(&coefficients, h, start.v);
+        let root = antiderivative(&velocity, h, start.y);
+        let time = antiderivative(&clock, h, 0.0);
+        let end = [y[END], v[END], t[END]];
+        let errors = [0.0; 3];
+        let mut piece =
+            Self { h, f: coefficients, y: root, v: velocity, t: time, w: clock, end, range: [[0.0; 2]; 2], errors };
+        piece.ranges(start, scale);
+        let rest = Rest { residual, apart: nodes.differences::<P>([&coefficients, &clock], [f, w]) };
+        piece.bound::<P>(nodes, law, drive, start, &rest, scale)?;
+        Some(piece)
+    }
+
+    /// A sum of Chebyshev coefficients is between the first of them less and plus the sizes of all others.
+    #[inline(always)]
+    fn ranges(&mut self, start: &Point, scale: f64) {
+        let hull = |a: &Values| {
+            let around = ROUNDED * total(a) - a[0].abs();
+            [a[0] - around, a[0] + around]
+        };
+        let [low, high] = hull(&self.v);
+        let v = [low - TUBE * scale, high + TUBE * scale];
+        let y = if v[0] > 0.0 {
+            [start.y, self.end[0]]
+        } else if v[1] < 0.0 {
+            [self.end[0], start.y]
+        } else {
+            hull(&self.y)
+        };
+        let tube = TUBE * y[1];
+        self.range = [[y[0] - tube, y[1] + tube], v];
+    }
+
+    /// Bounds the errors, from those at the start.
+    #[inline(always)]
+    fn bound<P: Path>(
+        &mut self,
+        nodes: &Nodes,
+        law: &Law,
+        drive: &Drive,
+        start: &Point,
+        rest: &Rest,
+        scale: f64,
+    ) -> Option<()> {
+        let h = self.h;
+        // The polynomials of the coefficients are those of the values but for this.
+        let apart: [f64; 2] = std::array::from_fn(|i| {
+            let row = if i == 0 { &self.f } else { &self.w };
+            LEBESGUE * (rest.apart[i] + SUMMED * total(row))
+        });
+        let [[low, high], [slowest, fastest]] = self.range;
+        let (speed, time) = (fastest.max(-slowest), self.end[2]);
+        let [w, terms] = law.most(high, speed, drive.sizes[0]);
+        let (most_f, most_w) = (w * terms, w);
+        // What sums over the nodes are rounded by.
+        let [ty, tv, tt] = [
+            h * h * (SIZE * SUMMED * most_f + apart[0]) + 4.0 * UNIT * (high + h * speed),
+            h * (SIZE * SUMMED * most_f + apart[0]) + 4.0 * UNIT * speed,
+            h * (SIZE * SUMMED * most_w + apart[1]),
+        ];
+        let turn = law.curvature(high);
+        let forced = turn * (drive.sizes[0] + law.damping * speed);
+        let softest = law.stiffening(low.max(0.0), (1.0 + law.hysteresis * slowest).max(0.0)) - forced;
+        let stiffest = law.stiffening(high, 1.0 + law.hysteresis * fastest) + forced;
+        let [p, q] = law.exponent;
+        let by_rate = law.damping + law.stiffness * law.hysteresis * power(high, p);
+        let evaluated = UNIT * f64::from(p + q + 8) * w * terms;
+        let felt = stiffest * ty + w * (by_rate * tv + drive.sizes[1] * tt);
+        let [truncated, late] = self.truncated::<P>(nodes, law, drive, evaluated);
+        let defect = truncated + apart[0] + LEBESGUE * (rest.residual + evaluated + felt) + w * CUT * drive.sizes[0];
+        let late = late + apart[1] + LEBESGUE * (UNIT * f64::from(q + 2) * w + turn * ty);
+        // In the norm √(mean e_y² + e_v²) the motion between two errors grows by the spread of −∂f/∂y alone.
+        let mean = (0.5 * (stiffest + softest)).max(0.5 * stiffest);
+        let (spread, root) = ((stiffest - mean).max(mean - softest), mean.sqrt());
+        // eᶻ is at most (1 + z/2)/(1 − z/2).
+        let half = 0.25 * h * spread / root;
+        let growth = 1.001 * (1.0 + half) / (1.0 - half);
+        let [y0, v0, t0] = start.errors;
+        let by_time = w * drive.sizes[1];
+        let share = growth * h * h * by_time * turn / root;
+        let norm = (mean * y0 * y0 + v0 * v0).sqrt() + h * (defect + by_time * (t0 + h * late));
+        let norm = growth * norm / (1.0 - share);
+        let e_y = (norm / root).min(y0 + h * norm);
+        let e_t = t0 + h * (turn * e_y + late);
+        self.errors = [e_y + ty, norm + tv, e_t + tt + 2.0 * UNIT * time];
+        let is_small = h * truncated <= GOAL * scale;
+        let is_known = is_small
+            && half < 0.5
+            && low >= -high
+            && share < 0.5
+            && e_y + ty <= TUBE * high
+            && norm + tv <= TUBE * scale
+            && time <= drive.lasts;
+        is_known.then_some(())
+    }
+
+    /// What the interpolants of f and w leave out.
+    #[inline(always)]
+    fn truncated<P: Path>(&self, nodes: &Nodes, law: &Law, drive: &Drive, small: f64) -> [f64; 2] {
+        let [y, v, t] = [&self.y, &self.v, &self.t].map(sizes);
+        let mut best = [f64::INFINITY; 2];
+        for Ellipse { powers, share } in &nodes.ellipses {
+            let (y, v) = (dot::<P>(&y, powers), dot::<P>(&v, powers));
+            let t = if drive.len > 1 { dot::<P>(&t, powers) } else { 0.0 };
+            let a = drive.series[..drive.len].iter().rev().fold(0.0, |sum, a| sum * t + a.abs());
+            let [w, terms] = law.most(y, v, a);
+            if share * w * terms < best[0] {
+                best = [share * w * terms, if law.exponent[1] < 2 { 0.0 } else { share * w }];
+            }
+            if best[0] <= small {
+                break;
+            }
+        }
+        best
+    }
+
+    /// y, v and the time at `θ`, and the rounding of each.
+    pub fn at(&self, theta: f64) -> [[f64; 2]; 3] {
+        [&self.y, &self.v, &self.t].map(|row| {
+            let rounded = (0..LANES).fold(0.0, |sum, k| sum + (k + 2) as f64 * coefficient(row, k).abs());
+            [value(row, theta), 4.0 * UNIT * rounded]
+        })
+    }
+}
+
+/// What is left of a piece at its nodes.
+struct Rest {
+    /// A bound on the difference between F and f.
+    residual: f64,
+    /// And between each of F and w and the polynomial of its coefficients.
+    apart: [f64; 2],
+}
+
+/// Values at the nodes while they are iterated.
+struct Sweep {
+    h: f64,
+    f: Values,
+    w: Values,
+    y: Values,
+    v: Values,
+    t: Values,
+}
+
+impl Sweep {
+    fn new(start: &Point, h: f64) -> Self {
+        let zero = [0.0; LANES];
+        Self { h, f: zero, w: zero, y: [start.y; LANES], v: [start.v; LANES], t: zero }
+    }
+
+    /// The time from w.
+    #[inline(always)]
+    fn elapse<P: Path>(&mut self, nodes: &Nodes) {
+        self.t = nodes.integral::<P>(&self.w, self.h, 0.0);
+    }
+
+    /// Iterates until F is f at the nodes, up to rounding: the largest difference that is left.
+    #[inline(always)]
+    fn settle<P: Path>(&mut self, nodes: &Nodes, law: &Law, drive: &Drive, start: &Point) -> Option<f64> {
+        let series = &drive.series[..drive.len];
+        let mut is_timed = drive.len == 1;
+        let mut late = LATE * LATE;
+        for _ in 0..SWEEPS {
+            let [w, next] = law.forces::<P>(series, [&self.y, &self.v, &self.t]);
+            self.w = w;
+            let mut change = [0.0; LANES];
+            for l in 0..LANES {
+                change[l] = next[l] - self.f[l];
+            }
+            let [residual, size] = [&change, &next].map(|row| dot::<P>(row, row));
+            if residual <= SETTLED * SETTLED * size {
+                let is_last = is_timed;
+                self.elapse::<P>(nodes);
+                if is_last {
+                    return Some(residual.sqrt());
+                }
+                // Once more with the time that belongs to y.
+                is_timed = true;
+                continue;
+            }
+            if residual.is_nan() {
+                return None;
+            }
+            self.f = next;
+            [self.v, self.y] = nodes.integrals::<P>(&self.f, self.h, [start.y, start.v]);
+            is_timed = drive.len == 1;
+            if !is_timed && residual <= late * size {
+                self.elapse::<P>(nodes);
+                late *= LATE * LATE;
+            }
+        }
+        None
+    }
+}
