@@ -109,7 +109,7 @@ impl Integrator for Relay {
         "taylor"
     }
 
-    /// Radau relieves power laws alone, and those never tell their way at once.
+    /// Radau relieves power laws alone; where one tells its way at once it needs no relief.
     fn is_exact(&mut self, _: &dyn HybridSystem, _: &Mode, _: f64) -> bool {
         true
     }
