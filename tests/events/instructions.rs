@@ -1,41 +1,8 @@
 //! Trains moved by different vector instructions meet the same events, arc by arc.
 
-use std::ops::ControlFlow;
+use flank::{Instructions, Simulation, engine::Options, system::Structure};
 
-use flank::{
-    Instructions, Simulation,
-    engine::{Engine, Observer, Options, State},
-    event::EventRecord,
-    integrate::Taylor,
-    system::Structure,
-};
-
-/// Its first record of a changed mode or state, after that of the start.
-#[derive(Default)]
-struct First(Option<EventRecord>);
-
-impl Observer for First {
-    fn wants_steps(&self) -> bool {
-        false
-    }
-
-    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
-        if record.start || record.graze {
-            return ControlFlow::Continue(());
-        }
-        self.0.get_or_insert_with(|| record.clone());
-        ControlFlow::Break(())
-    }
-}
-
-/// One arc from `state`: its event, and where the run stands behind it.
-fn arc(system: &Structure, state: &State) -> (Option<EventRecord>, State) {
-    let end = system.clock().advance(state.at, 10.0 * system.clock().period().unwrap().value());
-    let mut first = First::default();
-    let mut engine = Engine::new(system, Box::new(Taylor::default()), Options::default(), state.clone());
-    engine.run(end, &mut first).unwrap();
-    (first.0, engine.state().clone())
-}
+use crate::arcs::arc;
 
 #[test]
 fn all_instructions_meet_the_same_events_arc_by_arc() {
@@ -48,8 +15,8 @@ fn all_instructions_meet_the_same_events_arc_by_arc() {
             sets.iter().map(|set| Structure::new(simulation.structure.spec().clone()).unwrap().by(*set)).collect();
         let mut state = simulation.start().unwrap();
         for _ in 0..40 {
-            let arcs: Vec<_> = systems.iter().map(|system| arc(system, &state)).collect();
-            for (other, _) in &arcs[1..] {
+            let arcs: Vec<_> = systems.iter().map(|system| arc(system, &state, Options::default())).collect();
+            for (other, ..) in &arcs[1..] {
                 match (&arcs[0].0, other) {
                     (Some(a), Some(b)) => {
                         assert_eq!((&a.fired, &a.to), (&b.fired, &b.to), "{scene}");

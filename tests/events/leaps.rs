@@ -1,22 +1,22 @@
 //! Arcs that a propagator covers at once: line 38.
 
-use std::ops::ControlFlow;
-
 use flank::{
-    engine::{Engine, Observer, Options},
+    engine::{Engine, Options},
     event::EventRecord,
     gear::{
         Harmonic, Stiffness,
         contact::{Law, Linear, Release, Rigid},
     },
-    hybrid::Mode,
-    integrate::{DenseStep, Taylor},
+    integrate::Taylor,
     system::Structure,
     train::{Walled, Walls},
 };
 use proptest::prelude::*;
 
-use crate::support::{engine, run, state, walled};
+use crate::{
+    arcs::{First, Shown},
+    support::{engine, run, state, walled},
+};
 
 /// A mass between or before walls, driven at 1 rad/s.
 fn driven(law: Law, load: f64, amplitude: f64, phase: f64, damping: f64) -> Structure {
@@ -34,31 +34,6 @@ fn laws() -> [Law; 4] {
     ]
 }
 
-/// Keeps records, and compares the end of what it was shown with them.
-#[derive(Default)]
-struct Shown {
-    records: Vec<EventRecord>,
-    end: Vec<f64>,
-    worst: f64,
-}
-
-impl Observer for Shown {
-    fn step(&mut self, _: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
-        self.end.resize(2, 0.0);
-        step.state(until, &mut self.end);
-        ControlFlow::Continue(())
-    }
-
-    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
-        if !record.start {
-            let off = self.end.iter().zip(&record.x_minus).map(|(a, b)| (a - b).abs());
-            self.worst = off.fold(self.worst, f64::max);
-        }
-        self.records.push(record.clone());
-        ControlFlow::Continue(())
-    }
-}
-
 #[test]
 fn l38_an_arc_that_a_span_covers_is_one_step() {
     for law in laws() {
@@ -74,7 +49,7 @@ fn l38_an_observer_of_steps_changes_no_bit_of_the_motion() {
     for law in laws() {
         let system = driven(law, 0.3, 1.0, 0.4, 0.05);
         let plain = run(&system, &[0.0], &[0.2], 100.0);
-        let mut shown = Shown::default();
+        let mut shown = Shown::of(2);
         let mut engine = engine(&system, state(&system, &[0.0], &[0.2]), Options::default());
         engine.run(system.clock().instant(100.0), &mut shown).unwrap();
         assert_eq!(shown.records, plain.records, "{law:?}");
@@ -91,18 +66,6 @@ fn by_series(system: &Structure, q: f64, v: f64, end: f64) -> Option<EventRecord
     let mut engine = Engine::new(system, Box::new(Taylor::varied()), Options::default(), start);
     engine.run(system.clock().instant(end), &mut first).unwrap();
     first.0
-}
-
-struct First(Option<EventRecord>);
-
-impl Observer for First {
-    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
-        if record.start || record.graze {
-            return ControlFlow::Continue(());
-        }
-        self.0 = Some(record.clone());
-        ControlFlow::Break(())
-    }
 }
 
 /// A ball with a slow drag c bounces until it rests. The span is 4.5/c, far longer than a flight. Each approach is e times the one

@@ -1,6 +1,7 @@
 //! The event semantics, line by line: the numbers are those of `docs/EVENTS.md`.
 #![allow(clippy::unwrap_used)] // helpers of tests are not recognised as tests
 
+mod arcs;
 mod causes;
 mod clock;
 mod crossing;

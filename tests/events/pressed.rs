@@ -1,22 +1,22 @@
 //! Closed power laws that are passed at once: line 39.
 
-use std::ops::ControlFlow;
-
 use flank::{
-    engine::{Engine, Observer, Options},
+    engine::{Engine, Options},
     event::EventRecord,
     gear::{
         Harmonic, Stiffness,
         contact::{Law, PowerLaw, Ratio, restitution},
     },
-    hybrid::Mode,
-    integrate::{DenseStep, Integrator, Taylor},
+    integrate::{Integrator, Taylor},
     system::Structure,
     train::{Walled, Walls},
 };
 use proptest::prelude::*;
 
-use crate::support::{engine, run, state, walled};
+use crate::{
+    arcs::{First, Shown},
+    support::{engine, run, state, walled},
+};
 
 const EXPONENTS: [f64; 5] = [1.5, 10.0 / 9.0, 2.0, 2.5, 4.0 / 3.0];
 
@@ -39,22 +39,6 @@ fn first(system: &Structure, integrator: Box<dyn Integrator>, q: f64, v: f64, en
     let mut engine = Engine::new(system, integrator, Options::default(), state(system, &[q], &[v]));
     engine.run(system.clock().instant(end), &mut first).unwrap();
     (first.0, engine.counters().steps)
-}
-
-struct First(Option<EventRecord>);
-
-impl Observer for First {
-    fn wants_steps(&self) -> bool {
-        false
-    }
-
-    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
-        if record.start || record.graze {
-            return ControlFlow::Continue(());
-        }
-        self.0 = Some(record.clone());
-        ControlFlow::Break(())
-    }
 }
 
 /// A free contact of speed u lasts `2D/u ((n+1)/2)^(1/(n+1)) √π Γ(1 + 1/(n+1))/Γ(½ + 1/(n+1))` with `Dⁿ⁺¹ = m u²/K` if it is elastic, and
@@ -250,37 +234,12 @@ fn l39_a_short_contact_is_one_step() {
     }
 }
 
-/// Keeps records, and compares the end of what it was shown with them.
-#[derive(Default)]
-struct Shown {
-    records: Vec<EventRecord>,
-    end: Vec<f64>,
-    worst: f64,
-}
-
-impl Observer for Shown {
-    fn step(&mut self, _: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
-        self.end.resize(3, 0.0);
-        step.state(until, &mut self.end);
-        ControlFlow::Continue(())
-    }
-
-    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
-        if !record.start {
-            let off = self.end.iter().zip(&record.x_minus).map(|(a, b)| (a - b).abs());
-            self.worst = off.fold(self.worst, f64::max);
-        }
-        self.records.push(record.clone());
-        ControlFlow::Continue(())
-    }
-}
-
 #[test]
 fn l39_an_observer_of_steps_changes_no_bit_of_the_motion() {
     for exponent in EXPONENTS {
         let system = bouncing(exponent, 0.2, 0.0);
         let plain = run(&system, &[0.4], &[0.0], 20.0);
-        let mut shown = Shown::default();
+        let mut shown = Shown::of(3);
         let mut engine = engine(&system, state(&system, &[0.4], &[0.0]), Options::default());
         engine.run(system.clock().instant(20.0), &mut shown).unwrap();
         assert_eq!(shown.records, plain.records, "{exponent}");

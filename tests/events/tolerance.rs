@@ -1,38 +1,12 @@
 //! Events to a tolerance: `run.event_tolerance`.
 
-use std::ops::ControlFlow;
-
 use flank::{
     Simulation,
-    engine::{Engine, Observer, Options, State},
-    event::EventRecord,
+    engine::{Engine, Options},
     integrate::Taylor,
-    system::Structure,
 };
 
-/// The first record of a changed mode or state, after that of the start.
-#[derive(Default)]
-struct First(Option<EventRecord>);
-
-impl Observer for First {
-    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
-        if record.start || record.graze {
-            return ControlFlow::Continue(());
-        }
-        self.0.get_or_insert_with(|| record.clone());
-        ControlFlow::Break(())
-    }
-}
-
-/// One arc from `state`: its event, where the run stands behind it, and the steps it took.
-fn arc(system: &Structure, state: &State, event_tolerance: f64) -> (Option<EventRecord>, State, u64) {
-    let end = system.clock().advance(state.at, 10.0 * system.clock().period().unwrap().value());
-    let mut first = First::default();
-    let options = Options { event_tolerance, ..Options::default() };
-    let mut engine = Engine::new(system, Box::new(Taylor::default()), options, state.clone());
-    engine.run(end, &mut first).unwrap();
-    (first.0, engine.state().clone(), engine.counters().steps)
-}
+use crate::arcs::arc;
 
 #[test]
 fn an_arc_adds_no_more_than_the_tolerance_to_the_time_of_its_event() {
@@ -42,8 +16,9 @@ fn an_arc_adds_no_more_than_the_tolerance_to_the_time_of_its_event() {
         for tolerance in [1e-3, 1e-5, 1e-7] {
             let mut state = simulation.start().unwrap();
             for _ in 0..40 {
-                let (exact, after, _) = arc(system, &state, 0.0);
-                let (loose, ..) = arc(system, &state, tolerance);
+                let (exact, after, _) = arc(system, &state, Options::default());
+                let options = Options { event_tolerance: tolerance, ..Options::default() };
+                let (loose, ..) = arc(system, &state, options);
                 let (Some(exact), Some(loose)) = (exact, loose) else { panic!("{scene}: no event") };
                 assert_eq!((&exact.fired, &exact.to), (&loose.fired, &loose.to), "{scene} {tolerance}");
                 let apart = simulation.clock().between(exact.at, loose.at).abs();
