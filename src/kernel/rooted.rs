@@ -83,7 +83,7 @@ impl Expansion<'_> {
         time.resize(self.order + 1, 0.0);
         let p = (self.motion.parts[owner.contact].side * work[layout.stretches + owner.contact]).max(0.0);
         work[layout.y(1)] = libm::pow(p, 1.0 / f64::from(owner.root));
-        // Every number is written before it is read.
+        // Up to the order of the step every number is written before it is read.
         let fours = &mut *self.motion.scratch.borrow_mut();
         fours.resize_with(s.columns.fours.len(), FourSeries::default);
         for k in 0..=self.order {
@@ -133,7 +133,7 @@ impl Expansion<'_> {
     fn keep(&self, chunk: usize, four: &FourSeries, work: &mut [f64]) {
         for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
             let mut write = |which: usize, lanes: &[[f64; LANES]; ROW]| {
-                let row = &mut work[self.layout.of(j, which)..][..ROW];
+                let row = &mut work[self.layout.of(j, which)..][..=self.order];
                 row.iter_mut().zip(lanes).for_each(|(c, lanes)| *c = lanes[l]);
             };
             if matches!(four.does[l], Does::Watched | Does::Pressed) {

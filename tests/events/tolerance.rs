@@ -4,7 +4,10 @@ use flank::{
     Simulation,
     engine::{Engine, Options},
     integrate::Taylor,
+    scene::Scene,
 };
+
+use serde_json::json;
 
 use crate::arcs::arc;
 
@@ -45,4 +48,24 @@ fn a_tolerance_saves_work() {
     // To 1e-5 sixteen terms hold for 3.3 rad, to 1e-16 twenty-four for 2.2; what is proven of a step grows with its length besides.
     let [all, few] = [steps(0.0), steps(1e-3)];
     assert!(10 * few < 9 * all, "{few} of {all}");
+}
+
+/// Coarse steps and steps to rounding take turns, and what they show is told by the same series.
+#[test]
+fn measures_with_a_tolerance_are_those_to_rounding() {
+    let scene = Scene::from_file("examples/scenes/reference-light.json").unwrap();
+    let scene = scene.with("/run", json!({ "cycles": 12, "transient_cycles": 2 })).unwrap();
+    let exact = Simulation::from_scene(&scene).unwrap().run().unwrap().summary;
+    let loose = Simulation::from_scene(scene.with("/run/event_tolerance", 1e-4.into()).unwrap()).unwrap();
+    let loose = loose.run().unwrap().summary;
+    // Fewer steps also where the run is cut by its end.
+    assert!(10 * loose.work.steps < 9 * exact.work.steps, "{} of {}", loose.work.steps, exact.work.steps);
+    for (a, b) in exact.contacts.iter().zip(&loose.contacts) {
+        for (a, b, size) in
+            [(a.force_mean, b.force_mean, a.force_abs_max), (a.energy_lost, b.energy_lost, a.energy_lost)]
+        {
+            // A hundredth of the tolerance is left out of a rate by each step.
+            assert!((a - b).abs() <= 1e-4 * size, "{a} {b}");
+        }
+    }
 }
