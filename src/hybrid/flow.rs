@@ -49,8 +49,7 @@ pub trait JetField {
         carried.clear();
     }
 
-    /// A quantity on `step` as a series in the step's own variable `s`, into `series`, empty for zero. `false` where the field does
-    /// not know it.
+    /// A quantity on `step` as a series in θ, into `series`, empty for zero. `false` where the field does not know it.
     fn show(&self, step: &Jet, what: Shown, series: &mut Vec<f64>) -> bool {
         false
     }

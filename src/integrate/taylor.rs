@@ -3,10 +3,7 @@
 use std::{cell::Cell, ops::ControlFlow};
 
 use super::{Arc, DenseStep, IntegrateError, Integrator, in_plain_time};
-use crate::{
-    hybrid::{GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Shown, Wide},
-    poly,
-};
+use crate::hybrid::{GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Shown, Wide};
 
 /// Taylor steps of a [`JetField`](crate::hybrid::JetField).
 ///
@@ -209,9 +206,7 @@ impl DenseStep for Step<'_> {
         self.is_coarse
     }
     fn show(&self, what: Shown, row: &mut Vec<f64>) -> bool {
-        let is_known = self.field.show(self.jet, what, row);
-        poly::shift(row, 0.0, self.jet.reach);
-        is_known
+        self.field.show(self.jet, what, row)
     }
     fn plain_span(&self) -> Option<f64> {
         self.jet.time.is_empty().then_some(self.jet.span * self.jet.reach)

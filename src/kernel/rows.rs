@@ -1,4 +1,4 @@
-//! What a step shows besides its state and guards: deflections, forces and powers as series in the variable of the step.
+//! What a step shows besides its state and guards: deflections, forces and powers as series in θ.
 //!
 //! They are products of series that the recurrence has formed; a series without terms is None.
 
@@ -19,17 +19,6 @@ type Product = [f64; TWICE];
 fn gather(orders: impl Iterator<Item = f64>) -> Series {
     let mut series = [0.0; ROW];
     series.iter_mut().zip(orders).for_each(|(s, c)| *s = c);
-    series
-}
-
-/// One value of each order, `stride` apart.
-#[inline(always)]
-fn every(stride: usize, values: &[f64]) -> Series {
-    let (mut series, mut at) = ([0.0; ROW], 0);
-    for c in &mut series {
-        *c = values[at];
-        at += stride;
-    }
     series
 }
 
@@ -71,12 +60,16 @@ impl Motion<'_> {
     /// Adds the terms of a quantity to `out`.
     #[inline(always)]
     pub(super) fn shown(&self, step: &Jet, what: Shown, out: &mut Vec<f64>) {
-        let rows = Rows { motion: self, step, is_rooted: !step.time.is_empty() };
+        let mut powers = [1.0; ROW];
+        for k in 1..ROW {
+            powers[k] = powers[k - 1] * step.reach;
+        }
+        let rows = Rows { motion: self, step, is_rooted: !step.time.is_empty(), powers };
         let mut sum = [0.0; TWICE];
         let mut is_any = false;
         match what {
-            Shown::Time if rows.is_rooted => return out.extend_from_slice(&step.time),
-            Shown::Time => return out.extend([0.0, step.span]),
+            Shown::Time if rows.is_rooted => return out.extend(step.time.iter().zip(&powers).map(|(t, p)| t * p)),
+            Shown::Time => return out.extend([0.0, step.span * step.reach]),
             Shown::Deflection(j) => return out.extend_from_slice(&rows.deflection(j)),
             Shown::Transmission(j) => return out.extend_from_slice(&rows.transmission(j)),
             Shown::Force(j) => return rows.force(j).iter().for_each(|force| out.extend_from_slice(force)),
@@ -106,9 +99,22 @@ struct Rows<'a> {
     motion: &'a Motion<'a>,
     step: &'a Jet,
     is_rooted: bool,
+    /// Of the reach. A step may be far shorter than what its coefficients belong to: their products would overflow.
+    powers: Series,
 }
 
 impl Rows<'_> {
+    /// A series in θ: its coefficients lie `stride` apart.
+    #[inline(always)]
+    fn every(&self, stride: usize, values: &[f64]) -> Series {
+        let (mut series, mut at) = ([0.0; ROW], 0);
+        for (c, power) in series.iter_mut().zip(&self.powers) {
+            *c = values[at] * power;
+            at += stride;
+        }
+        series
+    }
+
     /// The force of contact `j`, if it is carried.
     fn force_of(&self, j: usize) -> Option<Force> {
         self.motion.parts[j].acting.filter(|a| a.is_carried).map(|a| a.force)
@@ -117,18 +123,18 @@ impl Rows<'_> {
     #[inline(always)]
     fn work(&self, j: usize, which: usize) -> Series {
         let start = self.motion.layout.of(j, which);
-        every(1, &self.step.work[start..])
+        self.every(1, &self.step.work[start..])
     }
 
     #[inline(always)]
     fn deflection(&self, j: usize) -> Series {
-        every(LANES, &self.step.work[self.motion.layout.deflection(j, 0)..])
+        self.every(LANES, &self.step.work[self.motion.layout.deflection(j, 0)..])
     }
 
     #[inline(always)]
     fn transmission(&self, j: usize) -> Series {
         let terms = self.motion.structure.contacts[j].direction.iter();
-        let displacement = |i: u32| every(self.step.dim, &self.step.state[i as usize..]);
+        let displacement = |i: u32| self.every(self.step.dim, &self.step.state[i as usize..]);
         sum(terms.map(|(i, g)| scaled(*g, displacement(*i)))).unwrap_or([0.0; ROW])
     }
 
@@ -147,7 +153,7 @@ impl Rows<'_> {
             return self.work(j, RATE);
         }
         let deflection = self.deflection(j);
-        gather(deflection[1..].iter().enumerate().map(|(k, d)| (k + 1) as f64 * d / self.step.span))
+        gather(deflection[1..].iter().enumerate().map(|(k, d)| (k + 1) as f64 * d / (self.step.span * self.step.reach)))
     }
 
     #[inline(always)]
@@ -234,7 +240,7 @@ impl Rows<'_> {
 
     #[inline(always)]
     fn velocity(&self, i: usize) -> Series {
-        every(self.step.dim, &self.step.state[self.motion.structure.n + i..])
+        self.every(self.step.dim, &self.step.state[self.motion.structure.n + i..])
     }
 
     /// Velocities along a vector `[n]`.
@@ -280,13 +286,13 @@ impl Rows<'_> {
         sum(waves.map(|w| {
             let o = Layout::oscillator(w.index);
             if self.is_rooted {
-                return std::array::from_fn(|k| w.cosine * work[o + k] + w.sine * work[o + ROW + k]);
+                return std::array::from_fn(|k| (w.cosine * work[o + k] + w.sine * work[o + ROW + k]) * self.powers[k]);
             }
             let omega = self.motion.structure.oscillators[w.index].omega;
             let (mut cos, mut sin) = (work[o], work[o + ROW]);
             std::array::from_fn(|k| {
                 let value = w.cosine * cos + w.sine * sin;
-                let f = self.step.span * omega / (k + 1) as f64;
+                let f = self.step.span * self.step.reach * omega / (k + 1) as f64;
                 (cos, sin) = (-f * sin, f * cos);
                 value
             })

@@ -1,6 +1,7 @@
 //! The ledger closes: every joule is in one column.
 
 use flank::{
+    Simulation,
     analysis::{Balance, Contacts, Ledger},
     engine::{Engine, Options, State},
     gear::{
@@ -183,4 +184,27 @@ fn measures_of_short_steps_after_long_ones_are_right() {
         let (impulse, tolerance) = (report.force_mean * report.time, 1e-14 * report.force_abs_max * end);
         assert!((impulse - exact).abs() <= tolerance, "{impulse} {exact}: {:e}", impulse - exact);
     }
+}
+
+/// A stiff contact under a load that moves slowly: its steps are some millionths of what they are asked for, and the coefficients of
+/// such a step are so large that the product of three series would overflow.
+#[test]
+fn steps_far_shorter_than_their_arc_are_measured() {
+    let run = Simulation::from_json(
+        r#"{
+            "flank": 1,
+            "train": {
+                "kind": "wall", "mass_kg": 0.3, "load_n": 500,
+                "load_harmonics": [{ "amplitude_n": 200, "frequency_rad_per_s": 1, "phase_rad": 1.57 }],
+                "wall": { "side": "above", "position_m": 0 },
+                "law": { "kind": "power", "exponent": "3/2", "hysteresis": "flores", "restitution": 0.4 },
+                "contact_stiffness": 1e9
+            },
+            "initial": "static",
+            "run": { "t_end_s": 100 }
+        }"#,
+    );
+    let summary = run.unwrap().run().unwrap().summary;
+    let lost = summary.contacts[0].energy_lost;
+    assert!(lost > 0.0 && (summary.energy.contact - lost).abs() <= 1e-12 * lost, "{lost} {:?}", summary.energy);
 }
