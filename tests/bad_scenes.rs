@@ -159,9 +159,6 @@ fn a_wrong_value_is_reported_where_it_stands() {
         (STAGE, "/train/strict", json!(true), "/train/strict"),
         (STAGE, "/train/speed_rpm", json!(-500), "/train/speed_rpm"),
         (STAGE, "/train/load_nm", json!(20), "/train/load_nm"),
-        (STAGE, "/run/event_tolerance", json!(0.1), "/run/event_tolerance"),
-        // Nothing is forced: there is no period to be a part of.
-        (WALL, "/run/event_tolerance", json!(1e-3), "/run/event_tolerance"),
         (STAGE, "/run/integrator", json!({ "instructions": "mmx" }), "/run/integrator/instructions"),
         // No processor has all of them.
         (

@@ -631,7 +631,6 @@ fn slivers_of_arcs_and_late_times_are_as_good_as_any() {
                 pinned: &GuardSet::default(),
                 still: &GuardSet::default(),
                 bound: clock.advance(from.at, span),
-                event_tolerance: 0.0,
                 before: (0, &[]),
             };
             let mut visits = 0;

@@ -291,7 +291,6 @@ fn the_defect_bounds_the_error() {
             pinned: &pinned,
             still: GuardSet::none(),
             bound: end,
-            event_tolerance: 0.0,
             before: (0, &[]),
         };
 
@@ -457,7 +456,6 @@ fn guards_have_derivatives_in_time() {
                 pinned: &pinned,
                 still: GuardSet::none(),
                 bound: s.clock().instant(1e-2),
-                event_tolerance: 0.0,
                 before: (0, &[]),
             };
             let mut found = None;

@@ -8,9 +8,8 @@ use super::{AccuracyError, Problem, problem::Passages};
 use crate::{
     analysis::Contacts,
     baseline::{Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Watch},
-    engine::Engine,
     gear::contact::Law,
-    integrate::{Choice, IntegrateError},
+    integrate::Choice,
     system::{ContactSpec, Structure},
 };
 
@@ -46,8 +45,6 @@ pub enum Setting {
     StepsPerCycle(u64),
     /// Relative tolerance.
     Tolerance(f64),
-    /// Error of an event's time that one arc may add, in forcing periods.
-    EventTolerance(f64),
     /// To round-off: nothing to set.
     RoundOff,
 }
@@ -57,7 +54,6 @@ impl fmt::Display for Setting {
         match self {
             Self::StepsPerCycle(n) => write!(f, "{n} steps"),
             Self::Tolerance(t) => write!(f, "tol {t:e}"),
-            Self::EventTolerance(t) => write!(f, "events to {t:e} T"),
             Self::RoundOff => f.write_str("round-off"),
         }
     }
@@ -175,9 +171,7 @@ impl Contender {
                 .take_while(|n| n.saturating_mul(cycles) <= most)
                 .map(Setting::StepsPerCycle)
                 .collect(),
-            Kind::Engine(Choice::Auto | Choice::Taylor) => {
-                [1e-3, 1e-5, 1e-7].map(Setting::EventTolerance).into_iter().chain([Setting::RoundOff]).collect()
-            }
+            Kind::Engine(Choice::Auto | Choice::Taylor) => vec![Setting::RoundOff],
             Kind::Adaptive(_) | Kind::Engine(_) => (1..=6).map(|i| Setting::Tolerance(10f64.powi(-2 * i))).collect(),
         }
     }
@@ -188,7 +182,7 @@ impl Contender {
     /// [`AccuracyError`] if the engine fails; a baseline that breaks down says so in its [`Performance`].
     pub fn perform(&self, problem: &Problem<'_>, cycles: u64, setting: Setting) -> Result<Performance, AccuracyError> {
         if let Kind::Engine(choice) = self.kind {
-            return engine(problem, cycles, choice, setting);
+            return engine(problem, cycles, other(choice, setting));
         }
         let model = Penalty::new(problem.structure(), self.ramp);
         let mut crossings = Crossings::new(&model, self.interpolation);
@@ -209,7 +203,7 @@ impl Contender {
     pub fn solve(&self, problem: &Problem<'_>, cycles: u64, setting: Setting) -> Result<usize, AccuracyError> {
         if let Kind::Engine(choice) = self.kind {
             let mut passages = Passages::new(problem);
-            let mut engine = set(problem, choice, setting)?;
+            let mut engine = problem.engine(problem.start.clone(), other(choice, setting))?;
             engine.run(problem.section(cycles), &mut passages)?;
             return Ok(passages.found.len());
         }
@@ -249,21 +243,15 @@ impl Contender {
     }
 }
 
-/// The engine at the start, as set.
-fn set<'s>(problem: &Problem<'s>, choice: Choice, setting: Setting) -> Result<Engine<'s>, IntegrateError> {
-    let (event_tolerance, other) = match setting {
-        Setting::Tolerance(tolerance) => (0.0, Some((choice, tolerance))),
-        Setting::EventTolerance(tolerance) => (tolerance, None),
-        Setting::StepsPerCycle(_) | Setting::RoundOff => (0.0, None),
-    };
-    problem.engine_to(event_tolerance, problem.start.clone(), other)
+fn other(choice: Choice, setting: Setting) -> Option<(Choice, f64)> {
+    if let Setting::Tolerance(tolerance) = setting { Some((choice, tolerance)) } else { None }
 }
 
-fn engine(problem: &Problem<'_>, cycles: u64, choice: Choice, setting: Setting) -> Result<Performance, AccuracyError> {
+fn engine(problem: &Problem<'_>, cycles: u64, other: Option<(Choice, f64)>) -> Result<Performance, AccuracyError> {
     let n = problem.structure().freedoms();
     let model = Penalty::new(problem.structure(), Ramp::Sharp);
     let mut watch = (Passages::new(problem), Contacts::new(problem.structure(), None).keep(0));
-    let mut engine = set(problem, choice, setting)?;
+    let mut engine = problem.engine(problem.start.clone(), other)?;
     let mut run = Performance::default();
     for k in 0..=cycles {
         let at = problem.section(k);

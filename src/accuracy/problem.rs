@@ -55,22 +55,12 @@ impl<'s> Problem<'s> {
         (&self.start.x[..n], &self.start.x[n..2 * n])
     }
 
-    /// An engine at `start` that finds events to rounding, with another integrator and its tolerance if one is named.
+    /// An engine at `start`, with another integrator and its tolerance if one is named.
     pub(super) fn engine(&self, start: State, other: Option<(Choice, f64)>) -> Result<Engine<'s>, IntegrateError> {
-        self.engine_to(0.0, start, other)
-    }
-
-    /// The same, with events to `event_tolerance` in forcing periods.
-    pub(super) fn engine_to(
-        &self,
-        event_tolerance: f64,
-        start: State,
-        other: Option<(Choice, f64)>,
-    ) -> Result<Engine<'s>, IntegrateError> {
         let run = &self.simulation.settings;
         let (choice, tolerance) = other.unwrap_or((run.method, run.tolerance));
         let (integrator, _) = build(choice, tolerance, self.structure())?;
-        Ok(Engine::new(self.structure(), integrator, Options { event_tolerance, ..Options::default() }, start))
+        Ok(Engine::new(self.structure(), integrator, Options::default(), start))
     }
 
     /// The start of cycle `k`, counted from the start; on a clock of the same period exactly.

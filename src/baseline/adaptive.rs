@@ -128,7 +128,6 @@ impl Penalty {
             pinned: &none,
             still: &none,
             bound,
-            event_tolerance: 0.0,
             before: (0, &[]),
         };
         let (mut integrator, _) = build(solver, rtol, &through)?;

@@ -9,7 +9,7 @@ use super::{
     instant::EventIteration,
     leap::Leaps,
     state::{Counters, Options, Point, State},
-    visit::{Arrival, Core, End, Place, Visited},
+    visit::{Arrival, Core, End, Place},
 };
 use crate::{
     event::Locator,
@@ -161,20 +161,13 @@ impl<'s> Engine<'s> {
             pinned: &state.jump.pinned,
             still: &state.jump.still,
             bound,
-            event_tolerance: core.options.event_tolerance,
             before,
         };
         let place = Place { state, bound, arrival };
         let (mut ended, mut first) = (Ok(None), true);
         integrator
             .integrate_arc(core.system, &arc, end, end_low, &mut |step| {
-                match core.visit(step, place, first, observer) {
-                    Ok(Visited::Again) => return ControlFlow::Continue(()),
-                    Ok(Visited::GoOn) => {}
-                    Ok(Visited::Ends(end)) => ended = Ok(Some(end)),
-                    Err(error) => ended = Err(error),
-                }
-                first = false;
+                ended = core.visit(step, place, std::mem::take(&mut first), observer);
                 if matches!(ended, Ok(None)) { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
             })
             .map_err(|source| EngineError::Integrate { mode: core.system.mode_in_words(mode), source })?;

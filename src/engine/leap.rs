@@ -23,6 +23,9 @@ use crate::{
 /// Leaps that an arc may take: where more are needed, something is much faster than the motion, and series hold for longer.
 const MOST_LEAPS: u32 = 4;
 
+/// A step that ends this near to the leap, relative to its span, ends with it.
+const ENDED: f64 = 4.0 * f64::EPSILON;
+
 /// What leaps need.
 #[derive(Default)]
 pub(super) struct Leaps {
@@ -145,7 +148,10 @@ impl Leaps {
         observer: &mut dyn Observer,
     ) -> Result<Option<End>, EngineError> {
         let Point { state, low, carried } = point;
-        let jump = &state.jump;
+        let (jump, clock) = (&state.jump, *core.system.clock());
+        // At the end of a contact its clock stands still, and no step arrives there: steps run past the event, and are cut.
+        let falls = self.leap.passage.map(|passage| passage.guard);
+        let bound = if falls.is_some() { clock.advance(state.at, 2.0 * self.leap.time) } else { end };
         let arc = Arc {
             mode: &jump.mode,
             motion: Some(motion),
@@ -155,26 +161,25 @@ impl Leaps {
             carried,
             pinned: &jump.pinned,
             still: &jump.still,
-            bound: end,
-            event_tolerance: 0.0,
+            bound,
             before: (0, &[]),
         };
         let [x, rest] = &mut self.end;
         x.clone_from(&state.x);
         rest.clone_from(low);
         let mut stopped = None;
-        let falls = self.leap.passage.map(|passage| passage.guard);
         let shown = self.shown.integrate_arc(core.system, &arc, x, rest, &mut |step| {
-            // The clock of a contact that ends runs past its end, where it stands still: a step is cut there.
-            let row = falls.filter(|_| step.plain_span().is_none());
-            let row = row.and_then(|id| step.guards().iter().position(|guard| *guard == id));
-            let until = match row.map(|i| first_root(step.guard(i), 1.0, 0.0).root) {
-                Some(FirstRoot::At(until)) => until,
-                _ => 1.0,
+            let left = clock.between(step.start(), end);
+            let release = || {
+                let row = step.guards().iter().position(|guard| Some(*guard) == falls)?;
+                if let FirstRoot::At(until) = first_root(step.guard(row), 1.0, 0.0).root { Some(until) } else { None }
             };
-            if observer.step(&jump.mode, step, until).is_continue() {
-                return if until < 1.0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+            let until =
+                step.plain_span().map_or_else(release, |h| (left <= h * (1.0 + ENDED)).then_some((left / h).min(1.0)));
+            if observer.step(&jump.mode, step, until.unwrap_or(1.0)).is_continue() {
+                return if until.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
             }
+            let until = until.unwrap_or(1.0);
             stopped = Some(core.system.clock().advance(step.start(), step.time(until)));
             step.state(until, &mut self.leap.x);
             ControlFlow::Break(())

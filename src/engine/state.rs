@@ -40,13 +40,11 @@ pub struct Options {
     pub chatter_fraction: f64,
     /// It is summed as well when the rebound speed has fallen below this, in the guards' units per second; 0 for never.
     pub chatter_speed: f64,
-    /// How wrong the time of an event may be by what one arc leaves out, in forcing periods, `[0, 0.01]`; 0 for rounding alone.
-    pub event_tolerance: f64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { max_events: u64::MAX, chatter_fraction: 1e-10, chatter_speed: 0.0, event_tolerance: 0.0 }
+        Self { max_events: u64::MAX, chatter_fraction: 1e-10, chatter_speed: 0.0 }
     }
 }
 

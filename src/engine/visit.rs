@@ -42,16 +42,6 @@ pub(super) enum End {
     Stop(Outcome),
 }
 
-/// What a visit to a step comes to.
-pub(super) enum Visited {
-    /// The arc goes on.
-    GoOn,
-    /// The same step comes once more, to rounding: nothing has been done.
-    Again,
-    /// The arc ends.
-    Ends(End),
-}
-
 /// What an arc runs up to.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Arrival {
@@ -73,32 +63,26 @@ pub(super) struct Place<'a> {
 }
 
 impl Core<'_> {
-    /// Looks at one step, the `first` of its arc or a later one.
+    /// Looks at one step, the `first` of its arc or a later one. What ends the arc on it, if anything.
     pub fn visit(
         &mut self,
         step: &dyn DenseStep,
         place: Place<'_>,
         first: bool,
         observer: &mut dyn Observer,
-    ) -> Result<Visited, EngineError> {
+    ) -> Result<Option<End>, EngineError> {
         self.counters.steps += 1;
         self.alarm.start(self.system, step, first)?;
         let left = self.system.clock().between(step.start(), place.bound);
         let closes = place.arrival != Arrival::Switch && left <= step.time(1.0) * (1.0 + 4.0 * f64::EPSILON);
         let (mut located, touch) = self.locator.first(step, first, closes);
-        if self.options.event_tolerance > 0.0
-            && (touch.is_some() || located.as_ref().is_some_and(|l| self.is_doubtful(l)))
-            && step.repeat()
-        {
-            return Ok(Visited::Again);
-        }
         if first && let Some(end) = self.resolve(step, place, &mut located, left, observer) {
             return self.end_at(step, place, 0.0, end);
         }
         if let Some((theta, guard)) = touch
             && self.graze(step, theta, guard, place, observer).is_break()
         {
-            return Ok(Visited::Ends(End::Stop(Outcome::StoppedByObserver)));
+            return Ok(Some(End::Stop(Outcome::StoppedByObserver)));
         }
         if let Some(located) = located.take_if(|l| place.waits(step, l, left)) {
             self.alarm.wait(step, &located);
@@ -112,19 +96,17 @@ impl Core<'_> {
         }
         self.alarm.end(&place.state.jump.mode, step, closes);
         step.carry(1.0, &mut self.left.carried);
-        Ok(Visited::GoOn)
-    }
-
-    /// Whether an event on a step that leaves out more than rounding is to be found once more: its time is not sure enough, or whether
-    /// others fall with it hangs on what is left out.
-    fn is_doubtful(&self, located: &Located) -> bool {
-        let period = self.system.clock().period().map_or(0.0, |period| period.value());
-        let is_alone = located.fired.len() == 1 && located.near.is_empty() && located.theta > 0.0;
-        !is_alone || located.conditioning.time > self.options.event_tolerance * period
+        Ok(None)
     }
 
     /// Ends the arc at `theta`: at an event, if its numbers agree there.
-    fn end_at(&mut self, step: &dyn DenseStep, place: Place<'_>, theta: f64, end: End) -> Result<Visited, EngineError> {
+    fn end_at(
+        &mut self,
+        step: &dyn DenseStep,
+        place: Place<'_>,
+        theta: f64,
+        end: End,
+    ) -> Result<Option<End>, EngineError> {
         self.leave(step, theta);
         if let End::Event(located) = &end {
             let (mode, State { at, x, .. }) = (&place.state.jump.mode, &mut self.left.state);
@@ -135,7 +117,7 @@ impl Core<'_> {
                 *at = self.system.clock().advance(*at, by);
             }
         }
-        Ok(Visited::Ends(end))
+        Ok(Some(end))
     }
 
     fn leave(&mut self, step: &dyn DenseStep, theta: f64) {

@@ -69,10 +69,6 @@ pub trait DenseStep {
     fn show(&self, what: Shown, row: &mut Vec<f64>) -> bool {
         false
     }
-    /// Asks for the step once more, to rounding: what it leaves out is too much to decide by. `false` if it holds to rounding already.
-    fn repeat(&self) -> bool {
-        false
-    }
     /// `Some(h)` if the clock is plain time, `t = h θ`.
     fn plain_span(&self) -> Option<f64>;
     /// Whether the errors of the guards are estimates; they are proven bounds otherwise.
@@ -118,9 +114,6 @@ pub struct Arc<'a> {
     pub still: &'a GuardSet,
     /// Where it ends unless the visitor stops it.
     pub bound: Instant,
-    /// How wrong the time of its event may be by what its steps leave out, in forcing periods; 0 where they hold to rounding. Methods that
-    /// have a tolerance of their own keep that.
-    pub event_tolerance: f64,
     /// Steps that the same arc has made before, and the largest size of each component at their starts; empty without any.
     pub before: (u32, &'a [f64]),
 }

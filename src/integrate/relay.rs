@@ -149,8 +149,7 @@ impl Integrator for Relay {
                 }
                 steps += 1;
                 elapsed += step.time(1.0);
-                // What coarse steps leave out is not handed on, and one that is to be repeated has no end.
-                if steps >= due && arc.event_tolerance == 0.0 {
+                if steps >= due {
                     due *= 2;
                     let shortest = worth * elapsed / steps as f64;
                     let trial = Trial { system, arc, at: clock.advance(step.start(), step.time(1.0)), shortest };

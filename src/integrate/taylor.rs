@@ -1,6 +1,6 @@
 //! The Taylor method: each step is the solution's own series, to round-off.
 
-use std::{cell::Cell, ops::ControlFlow};
+use std::ops::ControlFlow;
 
 use super::{Arc, DenseStep, IntegrateError, Integrator, in_plain_time};
 use crate::hybrid::{GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Shown, Wide};
@@ -17,8 +17,6 @@ pub struct Taylor {
     /// The largest size of each component at the starts of the arc's steps so far.
     extent: Vec<f64>,
     varied: bool,
-    /// What the arc's steps so far have left out.
-    left_out: Vec<LeftOut>,
     /// Uncertainties of guards that come from before the arc's present part.
     pub(super) blur: Vec<(GuardId, f64)>,
 }
@@ -77,18 +75,6 @@ fn vary(jet: &mut Jet, part: f64) {
 /// Truncation relative to the size of the rates: half a unit in the last place.
 const TOLERANCE: f64 = 1e-16;
 
-/// Truncation of a step that need not hold to rounding, relative to the error that an event's time may have, in forcing periods: an
-/// event comes within a period, and its guard falls at a hundredth of the fastest rate or faster. Slower falls are found once more.
-const SHARE: f64 = 1e-2;
-
-/// What steps have left out of a guard: of its value, and of its rate in time, which goes on.
-#[derive(Clone, Copy, Debug)]
-struct LeftOut {
-    guard: GuardId,
-    value: f64,
-    rate: f64,
-}
-
 /// Rounding of an instant relative to the time since the start.
 const RESOLUTION: f64 = 4.0 * f64::EPSILON * f64::EPSILON;
 /// A step that ends this near to the bound, relative to its span, has reached it: the root of a clock's series is
@@ -114,10 +100,6 @@ struct Step<'a> {
     start: Instant,
     jet: &'a Jet,
     blur: &'a [(GuardId, f64)],
-    left_out: &'a [LeftOut],
-    /// A step to rounding can be had; whether it is asked for.
-    is_coarse: bool,
-    is_repeated: Cell<bool>,
     extent: &'a [f64],
     /// Steps of the arc up to this one.
     count: u32,
@@ -127,21 +109,7 @@ struct Step<'a> {
 impl Step<'_> {
     fn blur(&self, i: usize) -> f64 {
         let id = self.jet.guards[i];
-        let left_out = self.left_out.iter().find(|l| l.guard == id);
-        let left_out = left_out.map_or(0.0, |l| l.value + l.rate * self.time(1.0));
-        self.blur.iter().find(|(guard, _)| *guard == id).map_or(0.0, |(_, blur)| *blur) + left_out
-    }
-}
-
-/// Adds what a step leaves out, which takes `elapsed` seconds. A truncated term of order N + 1 in a value is one of order N in its rate.
-fn leave_out(jet: &Jet, elapsed: f64, all: &mut Vec<LeftOut>) {
-    for (i, guard) in jet.guards.iter().enumerate() {
-        let value = jet.guard_errors.get(i).copied().filter(|error| *error >= 0.0).unwrap_or(jet.remainder[i]);
-        let rate = value * (jet.order + 1) as f64 / elapsed;
-        match all.iter_mut().find(|l| l.guard == *guard) {
-            Some(l) => (l.value, l.rate) = (l.value + l.rate * elapsed + value, l.rate + rate),
-            None => all.push(LeftOut { guard: *guard, value, rate }),
-        }
+        self.blur.iter().find(|(guard, _)| *guard == id).map_or(0.0, |(_, blur)| *blur)
     }
 }
 
@@ -201,10 +169,6 @@ impl DenseStep for Step<'_> {
     fn is_estimate(&self) -> bool {
         self.jet.is_estimate
     }
-    fn repeat(&self) -> bool {
-        self.is_repeated.set(self.is_coarse);
-        self.is_coarse
-    }
     fn show(&self, what: Shown, row: &mut Vec<f64>) -> bool {
         self.field.show(self.jet, what, row)
     }
@@ -232,10 +196,7 @@ impl Integrator for Taylor {
     ) -> Result<(), IntegrateError> {
         let field = arc.motion.ok_or(IntegrateError::NoJet)?;
         let clock = system.clock();
-        let Self { jet, x, carried, extent, left_out, blur, varied } = self;
-        left_out.clear();
-        let coarse = clock.period().map_or(0.0, |_| SHARE * arc.event_tolerance);
-        let mut tolerance = TOLERANCE.max(coarse);
+        let Self { jet, x, carried, extent, blur, varied } = self;
         let mut cuts = *varied;
         carried.clear();
         carried.extend_from_slice(arc.carried);
@@ -256,6 +217,7 @@ impl Integrator for Taylor {
                 end.copy_from_slice(x);
                 return Ok(());
             }
+            let tolerance = TOLERANCE;
             field.jet(&JetRequest { at, x, low, pinned, still, carried, span, tolerance }, jet);
             if !jet.reach.is_finite() || !jet.is_finite() {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
@@ -267,20 +229,9 @@ impl Integrator for Taylor {
             let elapsed = jet.time_at(1.0);
             extent.iter_mut().zip(&*x).for_each(|(e, x)| *e = e.max(x.abs()));
             count += 1;
-            let is_coarse = tolerance > TOLERANCE;
-            let is_repeated = Cell::new(false);
-            let step = Step { start: at, jet, blur, left_out, is_coarse, is_repeated, extent, count, field };
-            if visit(&step).is_break() {
+            if visit(&Step { start: at, jet, blur, extent, count, field }).is_break() {
                 return Ok(());
             }
-            if step.is_repeated.get() {
-                (tolerance, count) = (TOLERANCE, count - 1);
-                continue;
-            }
-            if is_coarse || !left_out.is_empty() {
-                leave_out(jet, elapsed, left_out);
-            }
-            tolerance = TOLERANCE.max(coarse);
             // Only now: a step that runs past the end of a contact in the root clock is cut by its event.
             if !(elapsed > resolution.max(RESOLUTION * span) || elapsed >= span) {
                 return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });

@@ -245,10 +245,10 @@ impl Expansion<'_> {
         let last = self.last_size(out);
         let growth = flow.norms[0].sqrt() + flow.norms[1];
         let fastest = self.motion.forcing.fastest;
-        let steps = (self.order + 1) as f64;
+        let steps = (ORDER + 1) as f64;
         // What the terms of order N and N + 1 are at reach one; forcing below the smallest double does not count.
-        let order = self.order as i32;
-        let wave = flow.forcing.top * (fastest * self.h).powi(order) * INVERSE_FACTORIAL[self.order];
+        let order = ORDER as i32;
+        let wave = flow.forcing.top * (fastest * self.h).powi(order) * INVERSE_FACTORIAL[ORDER];
         let scale = (growth * last + wave) * self.h / steps;
         if !first.iter().all(|v| v.is_finite()) || !scale.is_finite() {
             return None;
@@ -259,7 +259,7 @@ impl Expansion<'_> {
         };
         // Errors stay resolved to the tolerance of their own size, zᴺ⁺¹/(N+1)! ≤ tolerance, and so do stiffnesses that a force is
         // watched or carried by.
-        let resolved = root_below(tolerance / INVERSE_FACTORIAL[self.order + 1], self.order + 1) / self.h;
+        let resolved = root_below(tolerance / INVERSE_FACTORIAL[ORDER + 1], ORDER + 1) / self.h;
         let waves = resolved * self.motion.forcing.span.min(flow.swing.recip());
         let proven = LARGEST_RATIO * steps / (self.h * growth.max(fastest));
         let most = waves.min(proven).min(1.0);
@@ -269,7 +269,7 @@ impl Expansion<'_> {
                 break;
             }
             let room = 1.0 - reach * self.h * growth / steps;
-            let next = root_below(allowed(reach) * room / scale, self.order + 1).min(most);
+            let next = root_below(allowed(reach) * room / scale, ORDER + 1).min(most);
             let settled = (next - reach).abs() <= 0.1 * next;
             reach = next;
             if settled {
@@ -278,7 +278,7 @@ impl Expansion<'_> {
         }
         if crate::old_steps() {
             let (reach, rate) = self.old_reach(allowed, out);
-            let displacement = rate * self.h * reach / self.order as f64;
+            let displacement = rate * self.h * reach / ORDER as f64;
             return Some((reach, Tail { velocity: rate, displacement, ..Tail::default() }));
         }
         let mut tail = self.tail(growth, last, reach, out);
@@ -287,7 +287,7 @@ impl Expansion<'_> {
             if excess.is_nan() || excess <= EXCESS {
                 break;
             }
-            reach *= root_below(1.0 / excess, self.order + 1);
+            reach *= root_below(1.0 / excess, ORDER + 1);
             tail = self.tail(growth, last, reach, out);
         }
         Some((reach, tail))
@@ -312,24 +312,23 @@ impl Expansion<'_> {
     /// `‖x_N‖`.
     fn last_size(&self, out: &Jet) -> f64 {
         let s = self.s;
-        let q = &out.state[self.order * s.dim..self.order * s.dim + s.n];
+        let q = &out.state[ORDER * s.dim..ORDER * s.dim + s.n];
         let displacement = q.iter().zip(&s.weights).fold(0.0, |m: f64, (q, w)| m.max(q.abs() * w));
-        self.velocity_size(self.order, out).max(displacement * self.motion.growth.norms[0].sqrt())
+        self.velocity_size(ORDER, out).max(displacement * self.motion.growth.norms[0].sqrt())
     }
 
     #[inline(always)]
     fn tail(&self, growth: f64, last: f64, reach: f64, out: &Jet) -> Tail {
         let flow = &self.motion.growth;
         let h = self.h * reach;
-        let steps = (self.order + 1) as f64;
+        let steps = (ORDER + 1) as f64;
         let z = self.motion.forcing.fastest * h;
-        let wave = z.powi(self.order as i32) * INVERSE_FACTORIAL[self.order];
-        let last = last * reach.powi(self.order as i32);
-        let varying = self.varying_tail(self.order, reach, out);
-        let defect =
-            growth * last + flow.forcing.top * exponential_tail(z, self.order, wave) + flow.projection * varying;
+        let wave = z.powi(ORDER as i32) * INVERSE_FACTORIAL[ORDER];
+        let last = last * reach.powi(ORDER as i32);
+        let varying = self.varying_tail(ORDER, reach, out);
+        let defect = growth * last + flow.forcing.top * exponential_tail(z, ORDER, wave) + flow.projection * varying;
         let velocity = defect * h / steps / (1.0 - growth * h / steps);
-        let displacement = h / steps * (self.velocity_size(self.order, out) * reach.powi(self.order as i32) + velocity);
+        let displacement = h / steps * (self.velocity_size(ORDER, out) * reach.powi(ORDER as i32) + velocity);
         Tail { velocity, displacement, waves: [wave, wave * z / steps], free: flow.free, rooted: None }
     }
 
@@ -358,14 +357,14 @@ impl Expansion<'_> {
         let (mut sum, mut power) = (0.0, 1.0);
         let rows = out.work[self.layout.deflection(j, 1)..].iter().step_by(LANES);
         let stretches = std::iter::once(&out.work[self.layout.stretches + j]).chain(rows);
-        for (stretch, term) in stretches.zip(terms[..=from].iter().rev()).take(self.order + 1) {
+        for (stretch, term) in stretches.zip(terms[..=from].iter().rev()).take(ORDER + 1) {
             varied += c.swing.0 * term;
             sum += stretch.abs() * power * varied;
             power *= reach;
         }
         // A slope is the term k₁, which meets orders `from − 1` and more.
         let last = |k: usize| self.stretch(j, k, &out.work).abs() * reach.powi(k as i32);
-        sum + if slope == 0.0 { 0.0 } else { slope * (from - 1..=self.order).map(last).sum::<f64>() }
+        sum + if slope == 0.0 { 0.0 } else { slope * (from - 1..=ORDER).map(last).sum::<f64>() }
     }
 
     /// What the tail adds to the deflection of contact `j`, m.
@@ -381,7 +380,7 @@ impl Expansion<'_> {
         if let Some(defect) = &tail.rooted {
             return defect.of_rate(self.s, &self.s.contacts[j]);
         }
-        let last = self.velocity_size(self.order, out) * out.reach.powi(self.order as i32);
+        let last = self.velocity_size(ORDER, out) * out.reach.powi(ORDER as i32);
         self.s.contacts[j].across * (last + tail.velocity) + self.motion.forcing.errors[j][1].top * tail.waves[0]
     }
 
@@ -390,7 +389,7 @@ impl Expansion<'_> {
         let c: &Contact = &self.s.contacts[j];
         let varying = match tail.rooted {
             Some(_) => self.rooted_product_tail(j, out),
-            None => self.product_tail(j, self.order + 1, out.reach, out),
+            None => self.product_tail(j, ORDER + 1, out.reach, out),
         };
         c.stiffest * self.deflection_tail(j, tail) + damping * self.rate_tail(j, tail, out) + varying
     }
@@ -402,7 +401,7 @@ impl Expansion<'_> {
         }
         let Some(held) = &self.motion.held else { return 0.0 };
         let forcing = &self.motion.forcing;
-        let varying = self.varying_tail(self.order + 1, out.reach, out);
+        let varying = self.varying_tail(ORDER + 1, out.reach, out);
         let free = |k: usize| {
             let state = tail.free[0] * tail.displacement
                 + tail.free[1] * tail.velocity

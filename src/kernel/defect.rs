@@ -9,7 +9,7 @@
 //! and `|pⁿ − u| ≤ (max p/min p)ⁿ Σ|R_k|/(k+1)/min p`.
 
 use super::{
-    Elasticity, Expansion, FACTOR, Force, Layout, PENETRATION, POWER, RATE, ROW, STIFFNESS,
+    Elasticity, Expansion, FACTOR, Force, Layout, ORDER, PENETRATION, POWER, RATE, ROW, STIFFNESS,
     bound::root_below,
     rooted::Owner,
     sizes::{Factor, Sizes, beyond, paired, sizes, tails, total},
@@ -106,7 +106,7 @@ impl Expansion<'_> {
         let goal = self.request.tolerance;
         let largest = self.largest(out);
         let (mut low, mut high): (Option<(f64, Defect)>, f64) = (None, f64::INFINITY);
-        let row = (self.order + 1) as f64;
+        let row = ROW as f64;
         let (mut theta, mut order, mut before) = (self.guess(owner, out), row, None);
         // The error is a power of θ or nearly so: a few trials settle it, and some more find the way from a bad guess.
         for _ in 0..24 {
@@ -165,7 +165,7 @@ impl Expansion<'_> {
             let rest = rest.iter().zip(by_rest).map(|(x, w)| x.abs() * w);
             most.into_iter().chain(rest).fold(0.0, f64::max)
         };
-        for k in 0..=self.order {
+        for k in 0..=ORDER {
             largest.velocity[k] = weighted(&out.state[k * s.dim + s.n..k * s.dim + 2 * s.n]);
             largest.acceleration[k] = weighted(&work[layout.accelerations + k * s.n..][..s.n]);
         }
@@ -188,13 +188,13 @@ impl Expansion<'_> {
         let (span, errors) = (self.h * theta, &self.motion.forcing.errors);
         let mut powers = [1.0; ROW];
         (1..ROW).for_each(|k| powers[k] = powers[k - 1] * theta);
-        let per = span / (self.order + 1) as f64;
+        let per = span / ROW as f64;
         let y = Factor::new(sizes(&work[layout.y(1)..], &powers), 0.0);
         // What y², y³, … and w = q y^(q−1) leave out.
         let mut missing = [0.0; 17];
         for m in 2..owner.root as usize {
             let lower = Factor::new(sizes(&work[layout.y(m - 1)..], &powers), missing[m - 1]);
-            missing[m] = lower.product(&y, self.order);
+            missing[m] = lower.product(&y);
         }
         let q = f64::from(owner.root);
         let w = Factor::new(
@@ -207,9 +207,9 @@ impl Expansion<'_> {
             q => f64::from(q) * f64::from(q - 1) * total(&sizes(&work[layout.y(q as usize - 2)..], &powers)),
         };
         // What the products with w leave out, and the sizes of their other factor.
-        let tails = tails(&w.sizes, self.order);
+        let tails = tails(&w.sizes, ORDER);
         let through = |other: &Sizes| paired(other, &tails) + w.missing * total(other);
-        let mut d = Defect { time: per * (w.sizes[self.order] + w.missing), ..Defect::default() };
+        let mut d = Defect { time: per * (w.sizes[ORDER] + w.missing), ..Defect::default() };
         let [velocity, accelerations, rates, ring] =
             [&largest.velocity, &largest.acceleration, &largest.rate, &largest.ring]
                 .map(|series| sizes(series, &powers));
@@ -222,7 +222,7 @@ impl Expansion<'_> {
         for (j, c) in s.contacts.iter().enumerate() {
             let rate = sizes(&work[layout.of(j, RATE)..], &powers);
             if j == owner.contact {
-                d.root = per * rate[self.order];
+                d.root = per * rate[ORDER];
             }
             size = size.max(total(&rate) * c.weight);
             swing = swing.max(errors[j][2].sum / c.across);
@@ -248,7 +248,7 @@ impl Expansion<'_> {
                 forces.by_time += push * by_time * total(&penetration);
                 if stiffness.varies() {
                     forces.missing +=
-                        push * beyond(&sizes(&work[layout.of(j, STIFFNESS)..], &powers), &penetration, self.order + 1);
+                        push * beyond(&sizes(&work[layout.of(j, STIFFNESS)..], &powers), &penetration, ORDER + 1);
                 }
             }
             let Some(power @ Force::Power { law, stiffness, .. }) = part.force().filter(|_| part.is_pressed()) else {
@@ -265,12 +265,12 @@ impl Expansion<'_> {
                 let (a, r) = ((law.exponent.p / law.exponent.q) as i32, (law.exponent.p % law.exponent.q) as usize);
                 let (mut left, mut at) = (0.0, layout.of(j, PENETRATION));
                 for m in 2..=a as usize {
-                    left = Factor::new(sizes(&work[at..], &powers), left).product(&p, self.order);
+                    left = Factor::new(sizes(&work[at..], &powers), left).product(&p);
                     at = layout.y(16 + m - 1);
                 }
                 if r > 0 {
                     let root = Factor::new(sizes(&work[layout.y(r)..], &powers), missing[r]);
-                    power.missing = Factor::new(sizes(&work[at..], &powers), left).product(&root, self.order);
+                    power.missing = Factor::new(sizes(&work[at..], &powers), left).product(&root);
                     forces.by_root += k * p.total.powi(a) * r as f64 * y.total.powi(r as i32 - 1) * factor.total;
                 } else {
                     power.missing = left;
@@ -278,13 +278,13 @@ impl Expansion<'_> {
                 forces.by_stretch +=
                     k * f64::from(a) * p.total.powi(a - 1) * y.total.powi(r as i32) * factor.total * c.across;
             } else {
-                power.missing = missing_power(&p.sizes, &power.sizes, e, self.order);
+                power.missing = missing_power(&p.sizes, &power.sizes, e);
                 let slope = if p.total > 0.0 { e * pressed / p.total } else { 0.0 };
                 forces.by_stretch += k * slope * factor.total * c.across;
             }
             forces.by_rate += k * pressed * chi * c.across;
             forces.by_time += k * pressed * chi * errors[j][2].sum;
-            forces.missing += k * power.product(&factor, self.order);
+            forces.missing += k * power.product(&factor);
             // Below its own rounding a penetration p cannot show speeds: p times the contact's frequency.
             size = size.max((e * c.spec.stiffness.mean() * pressed * p.total).sqrt());
             least = least.min(p.total / c.across);
@@ -328,9 +328,9 @@ impl Expansion<'_> {
             contacts.fold(self.velocity_size(k, out), |m, (j, c)| m.max(rate(j) * c.weight))
         };
         let first: [f64; 17] = std::array::from_fn(|k| if k <= owner.root as usize { size(k) } else { 0.0 });
-        let window = ((owner.law.exponent.p + owner.root) as usize).min(self.order);
-        let last: [f64; ROW] = std::array::from_fn(|k| if k + window > self.order { size(k) } else { 0.0 });
-        let shrink = libm::pow(self.request.tolerance, 1.0 / self.order as f64);
+        let window = ((owner.law.exponent.p + owner.root) as usize).min(ORDER);
+        let last: [f64; ROW] = std::array::from_fn(|k| if k + window > ORDER { size(k) } else { 0.0 });
+        let shrink = libm::pow(self.request.tolerance, 1.0 / ORDER as f64);
         let mut reach: f64 = 1.0;
         for _ in 0..4 {
             let allowed = first.iter().rev().fold((0.0, reach.powi(16)), |(m, t), a| (f64::max(m, a * t), t / reach)).0;
@@ -365,7 +365,7 @@ impl Expansion<'_> {
             let row = self.layout.of(j, which);
             std::array::from_fn(|k| out.work[row + k].abs() * out.reach.powi(k as i32))
         };
-        beyond(&sizes(STIFFNESS), &sizes(PENETRATION), self.order + 1)
+        beyond(&sizes(STIFFNESS), &sizes(PENETRATION), ORDER + 1)
     }
 
     /// The norm of the projector that holds the rigid contacts at rest, and the part of their flanks in `forces`.
@@ -404,7 +404,7 @@ fn grown(b: &[[f64; 4]; 4], d: [f64; 4]) -> [f64; 4] {
 
 /// What the series of `pⁿ` leaves out; of all of it where it has no power series in this clock and is written as zero.
 #[inline(always)]
-fn missing_power(p: &Sizes, power: &Sizes, n: f64, order: usize) -> f64 {
+fn missing_power(p: &Sizes, power: &Sizes, n: f64) -> f64 {
     let zeros = p.iter().take_while(|c| **c == 0.0).count();
     if zeros == ROW {
         return 0.0;
@@ -413,11 +413,11 @@ fn missing_power(p: &Sizes, power: &Sizes, n: f64, order: usize) -> f64 {
     let others: f64 = p[zeros + 1..].iter().sum();
     if power.iter().all(|c| *c == 0.0) {
         // Of order mn in θ in place of N, so that its integral is that much larger.
-        return libm::pow(first + others, n) * (order + 1) as f64 / (zeros as f64 * n + 1.0);
+        return libm::pow(first + others, n) * ROW as f64 / (zeros as f64 * n + 1.0);
     }
     let (least, most) = (first - others, first + others);
     if least <= 0.0 {
         return f64::INFINITY;
     }
-    n * beyond(p, power, order + 1 + zeros) * libm::pow(most / least, n) / least
+    n * beyond(p, power, ORDER + 1 + zeros) * libm::pow(most / least, n) / least
 }

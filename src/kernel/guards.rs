@@ -74,7 +74,6 @@ impl Expansion<'_> {
         rounding.clear();
         afresh.clear();
         guard_errors.clear();
-        let length = self.order + 1;
         guard_series.resize(3 * self.s.contacts.len() * ROW, 0.0);
         let mut powers = [1.0; ROW + 3];
         powers[1] = reach;
@@ -90,13 +89,13 @@ impl Expansion<'_> {
             let (c, part) = (&self.s.contacts[j], &self.motion.parts[j]);
             let deflection_size = self.s.deflection_size(c, self.request.x);
             let stretch_size = self.stretch_size(j, owner, deflection_size, work);
-            let row = guards.len() * length;
-            let series = &mut guard_series[row..row + length];
+            let row = guards.len() * ROW;
+            let series = &mut guard_series[row..row + ROW];
             let (error, size) = match watch {
                 Watch::Force => (force_tails[j], self.force_guard(j, stretch_size, sign, work, series)),
                 _ if owner.is_some_and(|o| o.contact == j && o.root > 1) => {
                     let y = self.layout.y(1);
-                    series.copy_from_slice(&work[y..y + length]);
+                    series.copy_from_slice(&work[y..y + ROW]);
                     // Afresh from the state, a penetration within its rounding is none.
                     let stretch = work[self.layout.stretches + j].abs();
                     if self.request.carried.get(j).is_none_or(|carried| carried.is_nan())
@@ -128,7 +127,7 @@ impl Expansion<'_> {
                     (side, _) => side,
                 };
                 let r = self.layout.of(j, RATE);
-                let rates = guard_rates[row..row + length].iter_mut().zip(work[r..r + ROW].iter().zip(&powers));
+                let rates = guard_rates[row..row + ROW].iter_mut().zip(work[r..r + ROW].iter().zip(&powers));
                 rates.for_each(|(g, (r, p))| *g = sign * r * p);
                 // What the clock leaves out moves the guard at its rate.
                 let late = d.time * work[r..r + ROW].iter().zip(&powers).map(|(r, p)| (r * p).abs()).sum::<f64>();

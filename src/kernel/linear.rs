@@ -5,7 +5,7 @@
 //! fixed-size columns that the compiler turns into vector instructions.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use super::{Expansion, FORCE, LANES, Layout, PENETRATION, ROW, STIFFNESS, motion::Part, product, waves};
+use super::{Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STIFFNESS, motion::Part, product, waves};
 use crate::{
     hybrid::Jet,
     system::{Elasticity, Force, Spring, Watch},
@@ -109,7 +109,7 @@ impl Expansion<'_> {
             *w = [work[Layout::oscillator(i)], work[Layout::oscillator(i) + ROW]];
         }
         let mut rows = state.chunks_exact_mut(s.dim);
-        for k in 0..=self.order {
+        for k in 0..=ORDER {
             if let Some(row) = rows.next()
                 && k > 0
             {
@@ -117,7 +117,7 @@ impl Expansion<'_> {
                 row[N..2 * N].copy_from_slice(&v);
                 a = [0.0; N];
             }
-            if k == self.order {
+            if k == ORDER {
                 break;
             }
             let step = h / (k + 1) as f64;
@@ -247,8 +247,8 @@ impl Expansion<'_> {
     /// `F = k (δ − σ b) + c δ̇` as a series, with `(δ̇)_k = (k+1) δ_{k+1}/h`.
     fn watched_force(&self, j: usize, stiffness: Elasticity, damping: f64, work: &mut [f64]) {
         let d = |k: usize| self.layout.deflection(j, k);
-        for k in 0..=self.order {
-            let rate = if k < self.order { work[d(k + 1)] * (k + 1) as f64 / self.h } else { 0.0 };
+        for k in 0..=ORDER {
+            let rate = if k < ORDER { work[d(k + 1)] * (k + 1) as f64 / self.h } else { 0.0 };
             work[self.layout.of(j, FORCE) + k] = self.linear_spring(j, stiffness, k, work) + damping * rate;
         }
     }

@@ -36,12 +36,8 @@ use crate::hybrid::{GuardId, Instant, Jet, JetField, JetRequest, Leap, Shown};
 use crate::system::{ContactMode, Elasticity, Force, Structure, Watch, Wave, dot, guard_id};
 use crate::vectors::{Path, Work};
 
-/// Highest power of a step that holds to rounding.
+/// Highest power of a step.
 const ORDER: usize = 24;
-/// Highest power of one that may leave out more.
-const LOWER: usize = 16;
-/// Truncation from which on the lower order does with fewer operations: a step of either holds for (τ N!)^(1/N) radians.
-const COARSE: f64 = 1e-9;
 /// Room for one series.
 const ROW: usize = ORDER + 1;
 /// Series of one contact: rate, the law's force, the force carried, penetration, its power,
@@ -136,8 +132,6 @@ struct Expansion<'a> {
     layout: &'a Layout,
     /// Span of `θ ∈ [0, 1]` in the step's clock.
     h: f64,
-    /// Highest power of this step.
-    order: usize,
 }
 
 /// A step to be expanded.
@@ -251,15 +245,9 @@ impl Motion<'_> {
         out.state.resize(ROW * s.dim, 0.0);
         out.work.resize(layout.len, 0.0);
         let owner = self.owner(request);
-        let order = if request.tolerance < COARSE { ORDER } else { LOWER };
-        if order < out.order {
-            // What lies above the order is zero, and counts as such wherever it is read.
-            out.state.fill(0.0);
-            out.work.fill(0.0);
-        }
-        out.order = order;
+        out.order = ORDER;
         let h = owner.map_or(request.span, |o| self.root_scale(request, o));
-        let mut e = Expansion { s, motion: self, request, layout, h, order };
+        let mut e = Expansion { s, motion: self, request, layout, h };
         let tail = loop {
             e.start(out);
             match owner {
@@ -310,7 +298,7 @@ impl Expansion<'_> {
         out.low.clear();
         out.state[..dim].copy_from_slice(self.request.x);
         if dim > 2 * s.n {
-            for k in 1..=self.order {
+            for k in 1..=ORDER {
                 out.state[k * dim + 2 * s.n..(k + 1) * dim].fill(0.0);
             }
         }

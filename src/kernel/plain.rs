@@ -1,6 +1,6 @@
 //! The recurrence in plain time, `w = 1`: everything but closed power laws.
 
-use super::{Expansion, FACTOR, FORCE, Force, Layout, RATE, ROW, motion::Part};
+use super::{Expansion, FACTOR, FORCE, Force, Layout, ORDER, RATE, ROW, motion::Part};
 use crate::{
     hybrid::Jet,
     system::{Sticking, Watch, zeros},
@@ -15,7 +15,7 @@ impl Expansion<'_> {
         time.clear();
         self.ramps(work);
         let parts = &self.motion.parts;
-        for k in 0..=self.order {
+        for k in 0..=ORDER {
             let (low, high) = state.split_at_mut((k + 1) * dim);
             let (q, v) = low[k * dim..k * dim + 2 * n].split_at(n);
             for (j, part) in parts.iter().enumerate() {
@@ -43,7 +43,7 @@ impl Expansion<'_> {
             if let Some(held) = &self.motion.held {
                 self.hold(held, k, work);
             }
-            if k == self.order {
+            if k == ORDER {
                 break;
             }
             let step = h / (k + 1) as f64;

@@ -3,7 +3,7 @@
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
 use super::{
-    CARRIED, Elasticity, Expansion, FACTOR, FORCE, Force, LANES, Layout, Motion, PENETRATION, POWER, RATE, ROW,
+    CARRIED, Elasticity, Expansion, FACTOR, FORCE, Force, LANES, Layout, Motion, ORDER, PENETRATION, POWER, RATE, ROW,
     STIFFNESS,
     fours::{Does, FourSeries, convolve, convolved, lanes},
     product, waves,
@@ -80,13 +80,13 @@ impl Expansion<'_> {
         let (n, dim) = (s.n, s.dim);
         let Jet { state, work, time, .. } = out;
         time.clear();
-        time.resize(self.order + 1, 0.0);
+        time.resize(ORDER + 1, 0.0);
         let p = (self.motion.parts[owner.contact].side * work[layout.stretches + owner.contact]).max(0.0);
         work[layout.y(1)] = libm::pow(p, 1.0 / f64::from(owner.root));
-        // Up to the order of the step every number is written before it is read.
+        // Every number is written before it is read.
         let fours = &mut *self.motion.scratch.borrow_mut();
         fours.resize_with(s.columns.fours.len(), FourSeries::default);
-        for k in 0..=self.order {
+        for k in 0..=ORDER {
             let (low, high) = state.split_at_mut((k + 1) * dim);
             let (q, v) = low[k * dim..k * dim + 2 * n].split_at(n);
             for (chunk, four) in fours.iter_mut().enumerate() {
@@ -109,7 +109,7 @@ impl Expansion<'_> {
             if let Some(held) = &self.motion.held {
                 self.hold(held, k, work);
             }
-            if k == self.order {
+            if k == ORDER {
                 break;
             }
             let step = h / (k + 1) as f64;
@@ -133,7 +133,7 @@ impl Expansion<'_> {
     fn keep(&self, chunk: usize, four: &FourSeries, work: &mut [f64]) {
         for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
             let mut write = |which: usize, lanes: &[[f64; LANES]; ROW]| {
-                let row = &mut work[self.layout.of(j, which)..][..=self.order];
+                let row = &mut work[self.layout.of(j, which)..][..ROW];
                 row.iter_mut().zip(lanes).for_each(|(c, lanes)| *c = lanes[l]);
             };
             if matches!(four.does[l], Does::Watched | Does::Pressed) {

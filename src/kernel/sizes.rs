@@ -1,7 +1,7 @@
 //! Sums of absolute coefficients, which bound what a truncated product leaves out.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use super::ROW;
+use super::{ORDER, ROW};
 
 /// Absolute coefficients of a series at the end of the step.
 pub(super) type Sizes = [f64; ROW];
@@ -64,9 +64,9 @@ impl Factor {
         Self { sizes, total: total(&sizes), missing }
     }
 
-    /// What the product with `other`, truncated after `order`, leaves out.
+    /// What the truncated product with `other` leaves out.
     #[inline(always)]
-    pub fn product(&self, other: &Self, order: usize) -> f64 {
-        beyond(&self.sizes, &other.sizes, order + 1) + self.missing * other.total + other.missing * self.total
+    pub fn product(&self, other: &Self) -> f64 {
+        beyond(&self.sizes, &other.sizes, ORDER + 1) + self.missing * other.total + other.missing * self.total
     }
 }

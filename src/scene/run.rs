@@ -2,10 +2,9 @@
 
 use super::node::Node;
 use crate::{
-    gear::Stiffness,
     hybrid::{Clock, Instant},
     integrate::Choice,
-    system::{ContactSpec, Spec},
+    system::Spec,
     vectors::Instructions,
 };
 
@@ -55,8 +54,6 @@ pub struct Run {
     pub tolerance: f64,
     /// Vector instructions that its series are summed by.
     pub instructions: Instructions,
-    /// Largest error of an event's time that one arc may add by what its steps leave out, in forcing periods; 0 for rounding alone.
-    pub event_tolerance: f64,
     /// Approach speed below which a chatter sequence may be summed, m/s; `None` leaves it to the engine.
     pub chatter_speed: Option<f64>,
     /// Whether the run is checked arc by arc, see [`verify`](crate::verify).
@@ -87,7 +84,6 @@ impl Run {
             method: Choice::Auto,
             tolerance: 1.0e-13,
             instructions: Instructions::best(),
-            event_tolerance: 0.0,
             chatter_speed: None,
             verify: false,
             samples_per_cycle: 0,
@@ -157,13 +153,6 @@ pub(super) fn read(node: &Node, spec: &Spec) -> Run {
             "run longer, or leave fewer cycles out of the measures",
         );
     }
-    let event_tolerance = node.at("event_tolerance").written().map_or(0.0, |tolerance| {
-        if !is_forced(spec) {
-            tolerance
-                .refuse("no key, as nothing is forced periodically", "leave the key out: events are found to rounding");
-        }
-        tolerance.number()
-    });
     let (integrator, output) = (node.at("integrator"), node.at("output"));
     let method = METHODS.iter().find(|(name, _)| *name == integrator.at("method").text());
     Run {
@@ -175,7 +164,6 @@ pub(super) fn read(node: &Node, spec: &Spec) -> Run {
         method: method.map_or(Choice::Auto, |(_, method)| *method),
         tolerance: integrator.at("tolerance").number(),
         instructions: instructions(&integrator.at("instructions")),
-        event_tolerance,
         chatter_speed: node.at_unit("chatter_speed", "m_per_s").written().map(|speed| speed.number()),
         verify: node.at("verify").flag(),
         samples_per_cycle: output.at("samples_per_cycle").whole(),
@@ -192,10 +180,4 @@ fn instructions(node: &Node) -> Instructions {
         node.refuse("vector instructions that this processor has", remedy);
         best
     })
-}
-
-/// Whether the train has a forcing period.
-fn is_forced(spec: &Spec) -> bool {
-    let is_moved = |c: &ContactSpec| !c.error.is_empty() || !matches!(c.stiffness, Stiffness::Constant(_));
-    spec.omega.is_some() || !spec.load_harmonics.is_empty() || spec.contacts.iter().any(is_moved)
 }

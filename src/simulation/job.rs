@@ -157,7 +157,6 @@ impl<'a> Job<'a> {
                 asked: run.method.name(),
                 tolerance: run.tolerance,
                 instructions: run.instructions.name(),
-                event_tolerance: run.event_tolerance,
                 why,
                 modes: engine.integrator().chosen().into_iter().map(name).collect(),
             },
@@ -203,10 +202,7 @@ fn alarm(simulation: &Simulation, summary: &Summary, step: f64) -> Option<Simula
     let is_symmetric = spec.stiffness == spec.stiffness.transpose();
     let throughput = summary.energy.throughput;
     let energy = simulation.structure.rounded_energy(step, throughput);
-    // A step leaves out a hundredth of the tolerance; what all leave out has no sign of its own.
-    let is_open =
-        summary.energy.is_open(energy, steps) && summary.energy.closure() > simulation.settings.event_tolerance;
-    if is_exact && is_symmetric && is_open {
+    if is_exact && is_symmetric && summary.energy.is_open(energy, steps) {
         let share = if throughput > 0.0 { energy / throughput } else { 0.0 };
         let rounding = Balance::rounding(steps) * (1.0 + share);
         return Some(SimulationError::Energy { closure: summary.energy.closure(), rounding });

@@ -216,12 +216,7 @@ impl Simulation {
     pub fn limited(&self, state: State, max_events: u64) -> Result<(Engine<'_>, String), SimulationError> {
         let run = &self.settings;
         let (integrator, why) = build(run.method, run.tolerance, &self.structure)?;
-        let options = Options {
-            max_events,
-            chatter_speed: run.chatter_speed.unwrap_or(0.0),
-            event_tolerance: run.event_tolerance,
-            ..Options::default()
-        };
+        let options = Options { max_events, chatter_speed: run.chatter_speed.unwrap_or(0.0), ..Options::default() };
         Ok((Engine::new(&self.structure, integrator, options, state), why))
     }
 

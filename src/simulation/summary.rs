@@ -79,8 +79,6 @@ pub struct IntegratorUsed {
     pub asked: &'static str,
     /// Local error, relative to the scale of the motion.
     pub tolerance: f64,
-    /// Error of an event's time that one arc may add, in forcing periods; 0 for rounding alone.
-    pub event_tolerance: f64,
     /// Vector instructions that the series were summed by.
     pub instructions: &'static str,
     /// Reason for the choice.

@@ -80,7 +80,9 @@ impl Structure {
             } else if depth > 0.0 && rigid {
                 return Err(StartError::InsideRigid { contact: c.spec.name.clone(), depth });
             } else if depth > 0.0 {
-                self.enter(&mut jump.mode, j, Self::resting(d), at);
+                // A single flank may lie anywhere: a wall has a position.
+                let side = if back { d } else { 1.0 };
+                self.enter(&mut jump.mode, j, Self::resting(side), at);
             } else if depth == 0.0 {
                 let id = guard_id(j, if d > 0.0 || !back { Watch::DriveFlank } else { Watch::BackFlank });
                 jump.pinned.insert(id);

@@ -20,4 +20,3 @@ mod schedule;
 mod start;
 mod support;
 mod together;
-mod tolerance;

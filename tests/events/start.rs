@@ -93,6 +93,12 @@ fn l4_a_start_inside_a_flank_is_contact_if_compliant_and_an_error_if_rigid() {
     let at = flank::hybrid::Instant::default();
     let start = gap(0.0).start(at, &[1.25], &[0.0]).unwrap();
     assert_eq!(contact_mode(&start.jump.mode, 0), Drive);
+    // Of a wall that lies on the other side of zero too.
+    for (walls, inside) in [(Walls::Above { position: -1.0 }, -0.9), (Walls::Below { position: 1.0 }, 0.9)] {
+        let law = Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection);
+        let single = walled(&Walled::new(1.0, walls, law, Stiffness::Constant(4.0)));
+        assert_eq!(contact_mode(&single.start(at, &[inside], &[0.0]).unwrap().jump.mode, 0), Drive);
+    }
     let failed = ball(0.5).start(at, &[-0.25], &[0.0]);
     assert_eq!(failed, Err(StartError::InsideRigid { contact: "wall".into(), depth: 0.25 }));
     assert!(matches!(ball(0.5).start(at, &[f64::NAN], &[0.0]), Err(StartError::State { expected: 1 })));
