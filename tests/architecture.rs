@@ -137,7 +137,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("event", 350),
     ("gear", 1000),
     ("hybrid", 1300),
-    ("integrate", 1800),
+    ("integrate", 1700),
     ("kernel", 4850),
     ("linalg", 150),
     ("output", 450),
