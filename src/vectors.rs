@@ -1,8 +1,8 @@
 //! The instructions that vector code uses: chosen at run time, once for a train.
 //!
 //! The code is written once, over plain arrays, and compiled for each set of instructions. A set has its own rounding: one that
-//! multiplies and adds in one instruction rounds once where another one rounds twice. So a run names its set, and one set gives the same
-//! bits on every machine that has it.
+//! multiplies and adds in one instruction rounds once where another one rounds twice. So a run names its set, and what is compiled for one
+//! set gives the same bits on every machine that has it.
 
 use std::fmt;
 

@@ -10,6 +10,8 @@ use flank::{
     system::Structure,
 };
 
+use proptest::prelude::*;
+
 use crate::support::engine;
 
 /// The first record of a changed mode or state, after that of the start. It stops the run.
@@ -68,4 +70,20 @@ pub fn arc(system: &Structure, state: &State, options: Options) -> (Option<Event
     let mut engine = engine(system, state.clone(), options);
     engine.run(end, &mut first).unwrap();
     (first.0, engine.state().clone(), engine.counters().steps)
+}
+
+/// The two events, or none at all: the same guards at the same time, within the uncertainties that both state.
+pub fn agreed(
+    system: &Structure,
+    a: Option<EventRecord>,
+    b: Option<EventRecord>,
+) -> Result<Option<(EventRecord, EventRecord)>, TestCaseError> {
+    prop_assert_eq!(a.is_some(), b.is_some(), "{:?} {:?}", a.as_ref().map(|a| a.at), b.as_ref().map(|b| b.at));
+    let Some((a, b)) = a.zip(b) else { return Ok(None) };
+    prop_assert_eq!(&a.fired, &b.fired);
+    prop_assert_eq!(&a.to, &b.to);
+    let apart = system.clock().between(a.at, b.at).abs();
+    let stated = a.conditioning.time + b.conditioning.time;
+    prop_assert!(apart <= stated, "{:e} {:e} {:e}", apart, a.conditioning.time, b.conditioning.time);
+    Ok(Some((a, b)))
 }

@@ -8,7 +8,7 @@ use crate::arcs::arc;
 fn all_instructions_meet_the_same_events_arc_by_arc() {
     let sets: Vec<Instructions> = Instructions::NAMES.into_iter().filter_map(Instructions::named).collect();
     assert!(sets.contains(&Instructions::best()) && !sets.is_empty());
-    let mut compared = 0;
+    let (mut compared, mut differ) = (0, 0);
     for scene in ["W1a-ds", "W1b-ds", "W2b", "W5b-p", "W3", "W4"] {
         let simulation = Simulation::from_file(format!("examples/scenes/{scene}.json")).unwrap();
         let systems: Vec<Structure> =
@@ -24,6 +24,7 @@ fn all_instructions_meet_the_same_events_arc_by_arc() {
                         let allowed = a.conditioning.time + b.conditioning.time;
                         assert!(apart <= allowed, "{scene}: {apart:e} apart, {allowed:e} allowed");
                         compared += 1;
+                        differ += u32::from(a.x_minus != b.x_minus);
                     }
                     (a, b) => assert_eq!(a.is_some(), b.is_some(), "{scene}"),
                 }
@@ -32,4 +33,6 @@ fn all_instructions_meet_the_same_events_arc_by_arc() {
         }
     }
     assert_eq!(compared, 240 * (sets.len() - 1));
+    // The sets are not one and the same: a product and a sum are rounded once or twice.
+    assert!(sets.len() == 1 || differ > 0);
 }

@@ -14,7 +14,7 @@ use flank::{
 use proptest::prelude::*;
 
 use crate::{
-    arcs::{First, Shown},
+    arcs::{First, Shown, agreed},
     support::{engine, run, state, walled},
 };
 
@@ -103,15 +103,6 @@ proptest! {
         let mut engine = engine(&system, state(&system, &[q], &[v]), Options::default());
         engine.run(system.clock().instant(12.0), &mut first).unwrap();
         let other = by_series(&system, q, v, 12.0);
-        match (first.0, other) {
-            (None, None) => {}
-            (Some(a), Some(b)) => {
-                prop_assert_eq!(&a.fired, &b.fired);
-                prop_assert_eq!(&a.to, &b.to);
-                let apart = system.clock().between(a.at, b.at).abs();
-                prop_assert!(apart <= a.conditioning.time + b.conditioning.time, "{:e} {:e} {:e}", apart, a.conditioning.time, b.conditioning.time);
-            }
-            (a, b) => prop_assert!(false, "{:?} {:?}", a.map(|a| a.at), b.map(|b| b.at)),
-        }
+        agreed(&system, first.0, other)?;
     }
 }
