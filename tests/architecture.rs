@@ -97,6 +97,7 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
         ],
     ),
     ("verify", &[("engine", All), ("event", All), ("hybrid", All), ("integrate", All)]),
+    ("ensemble", &[("simulation", All), ("engine", All)]),
     ("plot", &[("output", All)]),
     (
         "study",
@@ -134,6 +135,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("baseline", 1500),
     ("cli", 1750),
     ("engine", 1500),
+    ("ensemble", 100),
     ("event", 350),
     ("gear", 1000),
     ("hybrid", 1300),

@@ -4,15 +4,11 @@ use std::{collections::BTreeMap, ops::ControlFlow};
 
 use super::{
     EngineError, Observer, Outcome,
-    alarm::Alarm,
-    chatter::Chatter,
-    instant::EventIteration,
     leap::Leaps,
     state::{Counters, Options, Point, State},
     visit::{Arrival, Core, End, Place},
 };
 use crate::{
-    event::Locator,
     hybrid::{GuardSet, HybridSystem, Instant, JetField, Mode},
     integrate::{Arc, Integrator},
 };
@@ -47,21 +43,20 @@ impl<'s> Engine<'s> {
         options: Options,
         state: State,
     ) -> Self {
-        // A state handed over at a switching time that its mode has not passed yet passes it first.
-        let next_switch = system.next_switch(&state.jump.mode, state.at);
-        let core = Core {
-            system,
-            options,
-            counters: Counters::default(),
-            locator: Locator::default(),
-            chatter: Chatter::default(),
-            alarm: Alarm::default(),
-            iteration: EventIteration::new(&state),
-            next_switch,
-            left: Point::new(state.clone()),
-        };
         let end = [state.x.clone(), state.x.clone()];
+        let core = Core::new(system, options, &state);
         Self { integrator, point: Point::new(state), motions: BTreeMap::new(), leaps: Leaps::default(), end, core }
+    }
+
+    /// Begins another run at `state`, with an `integrator` that has seen none: as a new engine, but for the motions that were met.
+    pub fn restart(&mut self, integrator: Box<dyn Integrator + 's>, state: State) {
+        if self.core.system.clock().period().is_none() {
+            // Without a period the first arc of a mode has a part in which integrator suits it.
+            self.motions.clear();
+        }
+        self.integrator = integrator;
+        self.core = Core::new(self.core.system, self.core.options, &state);
+        self.point = Point::new(state);
     }
 
     /// Where the run stands.

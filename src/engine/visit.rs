@@ -62,6 +62,24 @@ pub(super) struct Place<'a> {
     pub arrival: Arrival,
 }
 
+impl<'s> Core<'s> {
+    /// What a run from `state` begins with.
+    pub fn new(system: &'s dyn HybridSystem, options: Options, state: &State) -> Self {
+        Self {
+            system,
+            options,
+            counters: Counters::default(),
+            locator: Locator::default(),
+            chatter: Chatter::default(),
+            alarm: Alarm::default(),
+            iteration: EventIteration::new(state),
+            // A state handed over at a switching time that its mode has not passed yet passes it first.
+            next_switch: system.next_switch(&state.jump.mode, state.at),
+            left: Point::new(state.clone()),
+        }
+    }
+}
+
 impl Core<'_> {
     /// Looks at one step, the `first` of its arc or a later one. What ends the arc on it, if anything.
     pub fn visit(

@@ -22,7 +22,7 @@ use crate::{
     engine::{Engine, Observer, Options, State},
     gear::MeshGeometry,
     hybrid::{Clock, Instant, Wide},
-    integrate::build,
+    integrate::{Integrator, build},
     scene::{Built, Run, Scene, Warning, hash},
     system::{Spec, Structure, bonded_modes},
     verify::Verifier,
@@ -196,8 +196,16 @@ impl Simulation {
     /// # Errors
     /// [`SimulationError::Start`].
     pub fn start(&self) -> Result<State, SimulationError> {
+        self.start_at(&self.q0, &self.v0)
+    }
+
+    /// The state at the start of another motion: coordinates `q`, m, and velocities `v`, m/s, `[n]` each.
+    ///
+    /// # Errors
+    /// [`SimulationError::Start`].
+    pub fn start_at(&self, q: &[f64], v: &[f64]) -> Result<State, SimulationError> {
         let at = self.instants()[0];
-        let start = self.structure.start(at, &self.q0, &self.v0)?;
+        let start = self.structure.start(at, q, v)?;
         Ok(State { at, x: start.x, jump: start.jump })
     }
 
@@ -214,10 +222,18 @@ impl Simulation {
     /// # Errors
     /// [`SimulationError::Integrator`].
     pub fn limited(&self, state: State, max_events: u64) -> Result<(Engine<'_>, String), SimulationError> {
-        let run = &self.settings;
-        let (integrator, why) = build(run.method, run.tolerance, &self.structure)?;
-        let options = Options { max_events, chatter_speed: run.chatter_speed.unwrap_or(0.0), ..Options::default() };
+        let chatter_speed = self.settings.chatter_speed.unwrap_or(0.0);
+        let (integrator, why) = self.integrator()?;
+        let options = Options { max_events, chatter_speed, ..Options::default() };
         Ok((Engine::new(&self.structure, integrator, options, state), why))
+    }
+
+    /// The integrator of the run, and the reason for it.
+    ///
+    /// # Errors
+    /// [`SimulationError::Integrator`].
+    pub fn integrator(&self) -> Result<(Box<dyn Integrator>, String), SimulationError> {
+        Ok(build(self.settings.method, self.settings.tolerance, &self.structure)?)
     }
 
     /// Checks a run from `state`.

@@ -8,6 +8,7 @@ mod crossing;
 mod decimal;
 mod drift;
 mod endings;
+mod ensemble;
 mod first_root;
 mod frequencies;
 mod instructions;
