@@ -85,6 +85,7 @@ impl<'s> Engine<'s> {
         let clock = *self.core.system.clock();
         let span = clock.between(self.state().at, end);
         let mut left = span;
+        self.core.iteration.is_silent = !observer.wants_events();
         while left > 0.0 {
             if self.core.counters.events >= self.core.options.max_events {
                 return Ok(Outcome::EventBudgetSpent);

@@ -230,17 +230,24 @@ impl Alarm {
                     return Err(raise(system, at, id, what, -row[0], limit(tail)));
                 }
             }
-            if located.theta == 0.0 {
-                continue;
-            }
-            let amount = (poly::eval(row, located.theta) - system.guard(mode, id, at, x)).abs();
+        }
+        let mut agreed = Ok(());
+        let mut compare = |i: usize, value: f64| {
+            let (id, row) = (step.guards()[i], step.guard(i));
+            let amount = (poly::eval(row, located.theta) - value).abs();
             // The state's own rounding: a flank may be far from where the step started.
             let added = |bound| bound + step.gathered(i, located.theta, 0) + TERMS * poly::terms(row, located.theta);
-            if let Some(limit) = exceeded(amount, tail + rounding, added) {
-                return Err(raise(system, at, id, "the series and the state differ at an event", amount, limit));
+            let bound = step.guard_error(i).0 + self.rounding[usize::from(id.0)];
+            if let Some(limit) = exceeded(amount, bound, added)
+                && agreed.is_ok()
+            {
+                agreed = Err(raise(system, at, id, "the series and the state differ at an event", amount, limit));
             }
+        };
+        if located.theta > 0.0 {
+            system.guard_values(mode, step.guards(), (at, x), &mut compare);
         }
-        Ok(())
+        agreed
     }
 
     /// Tests how far a jump at `at` moved the state onto the flanks of `fired`.

@@ -42,6 +42,8 @@ enum Stage {
 pub(super) struct EventIteration {
     stage: Stage,
     record: EventRecord,
+    /// Nobody reads the record: the modes and states in it may be left out.
+    pub is_silent: bool,
     /// Modes left at the instant, one for each jump.
     cascade: Vec<Mode>,
     /// Jumps that had an impulse.
@@ -57,7 +59,8 @@ impl EventIteration {
         let (x_minus, jump) = (state.x.clone(), state.jump.clone());
         let record =
             EventRecord { at: state.at, from: mode(), to: mode(), x_minus, jump, start: true, ..Default::default() };
-        Self { stage: Stage::Open, record, cascade: Vec::with_capacity(MAX_CASCADE), strikes: 0, fastest: 0.0 }
+        let cascade = Vec::with_capacity(MAX_CASCADE);
+        Self { stage: Stage::Open, record, is_silent: false, cascade, strikes: 0, fastest: 0.0 }
     }
 
     pub fn is_open(&self) -> bool {
@@ -75,8 +78,11 @@ impl EventIteration {
             (self.strikes, self.fastest) = (0, 0.0);
         }
         let record = &mut self.record;
-        (record.at, record.from) = (state.at, state.jump.mode.clone());
-        record.x_minus.clone_from(&state.x);
+        record.at = state.at;
+        if !self.is_silent {
+            record.from = state.jump.mode.clone();
+            record.x_minus.clone_from(&state.x);
+        }
         // All but what `close` writes.
         (record.fired, record.conditioning, record.accumulation) = Default::default();
         (record.jumps, record.projected, record.switched, record.start) = Default::default();
@@ -94,9 +100,11 @@ impl EventIteration {
         if record.start && record.jump.pinned.is_empty() && record.fired.is_empty() && !record.switched {
             return None;
         }
-        record.to = state.jump.mode.clone();
-        record.jump = state.jump.clone();
-        record.x_plus.clone_from(&state.x);
+        if !self.is_silent {
+            record.to = state.jump.mode.clone();
+            record.jump = state.jump.clone();
+            record.x_plus.clone_from(&state.x);
+        }
         Some(record)
     }
 }
@@ -182,9 +190,10 @@ impl Core<'_> {
 
     /// Closes the instant that is open, if any, and hands on its record. The outcome, if the observer stops the run there.
     pub fn close(&mut self, state: &State, observer: &mut dyn Observer) -> Option<Outcome> {
+        let is_silent = self.iteration.is_silent;
         let record = self.iteration.close(state)?;
         self.counters.add(record);
-        observer.event(record).is_break().then_some(Outcome::StoppedByObserver)
+        (!is_silent && observer.event(record).is_break()).then_some(Outcome::StoppedByObserver)
     }
 
     /// Resolves the instant at which the first step of an arc starts. If guards fire there again, they are returned. Otherwise the
@@ -223,8 +232,8 @@ impl Core<'_> {
         (accumulation.remaining < left).then_some(End::Rest(guards, accumulation))
     }
 
-    /// Closes the instant that is open, if any: no guard fires there again. Whether its record has just been closed and tells of guards
-    /// that fired; or what ends the run there.
+    /// Closes the instant that is open, if any: no guard fires there again. Whether its record has just been closed and tells of
+    /// impacts; or what ends the run there.
     pub fn pass(&mut self, place: Place<'_>, observer: &mut dyn Observer) -> Result<bool, Outcome> {
         if self.iteration.is_open() {
             let outcome = self.close(place.state, observer);
@@ -235,7 +244,8 @@ impl Core<'_> {
             }
         }
         let stage = std::mem::replace(&mut self.iteration.stage, Stage::Past);
-        Ok(stage == Stage::Closed && !self.iteration.record.fired.is_empty())
+        let is_impact = |id| self.system.restitution(id).is_some();
+        Ok(stage == Stage::Closed && self.iteration.record.fired.iter().any(is_impact))
     }
 }
 

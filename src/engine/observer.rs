@@ -10,6 +10,11 @@ pub trait Observer {
         true
     }
 
+    /// Whether it looks at events. Where it does not, the run does not write their records.
+    fn wants_events(&self) -> bool {
+        true
+    }
+
     /// A piece of smooth motion: the step, valid on `[0, until]`.
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let _ = (mode, step, until);
@@ -28,12 +33,20 @@ impl Observer for () {
     fn wants_steps(&self) -> bool {
         false
     }
+
+    fn wants_events(&self) -> bool {
+        false
+    }
 }
 
 /// Both watch; either may break off.
 impl<A: Observer, B: Observer> Observer for (A, B) {
     fn wants_steps(&self) -> bool {
         self.0.wants_steps() || self.1.wants_steps()
+    }
+
+    fn wants_events(&self) -> bool {
+        self.0.wants_events() || self.1.wants_events()
     }
 
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
@@ -55,6 +68,10 @@ impl<T: Observer> Observer for Option<T> {
         self.as_ref().is_some_and(Observer::wants_steps)
     }
 
+    fn wants_events(&self) -> bool {
+        self.as_ref().is_some_and(Observer::wants_events)
+    }
+
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         self.as_mut().map_or(ControlFlow::Continue(()), |observer| observer.step(mode, step, until))
     }
@@ -67,6 +84,10 @@ impl<T: Observer> Observer for Option<T> {
 impl<T: Observer + ?Sized> Observer for &mut T {
     fn wants_steps(&self) -> bool {
         (**self).wants_steps()
+    }
+
+    fn wants_events(&self) -> bool {
+        (**self).wants_events()
     }
 
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {

@@ -233,11 +233,21 @@ impl Jet {
     /// The state at `θ`, by Horner's rule, into `x` `[dim]`.
     pub fn state_at(&self, theta: f64, x: &mut [f64]) {
         let (d, s) = (self.dim, theta * self.reach);
-        x.copy_from_slice(&self.state[self.order * d..(self.order + 1) * d]);
-        for row in self.state[..self.order * d].chunks_exact(d).rev() {
-            for (xi, c) in x.iter_mut().zip(row) {
-                *xi = *xi * s + c;
+        // Four components side by side.
+        let (fours, rest) = x.as_chunks_mut::<4>();
+        let singles = 4 * fours.len();
+        for (i, four) in fours.iter_mut().enumerate() {
+            let mut sums = [0.0; 4];
+            for row in self.state[..(self.order + 1) * d].chunks_exact(d).rev() {
+                if let Some(row) = row[4 * i..].first_chunk::<4>() {
+                    (0..4).for_each(|l| sums[l] = sums[l] * s + row[l]);
+                }
             }
+            *four = sums;
+        }
+        for (i, x) in rest.iter_mut().enumerate() {
+            let column = self.state[..(self.order + 1) * d].iter().skip(singles + i).step_by(d);
+            *x = column.rev().fold(0.0, |sum, c| sum * s + c);
         }
     }
 

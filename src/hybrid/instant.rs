@@ -16,6 +16,9 @@ pub struct Wide {
     pub lo: f64,
 }
 
+/// An angle clearly below half a turn: it is what it is modulo a turn.
+const HALF_TURN: f64 = 3.0;
+
 /// `2²⁷ + 1`: what splits a double into halves.
 const SPLIT: f64 = 134_217_729.0;
 
@@ -162,7 +165,14 @@ impl Clock {
         self.normalised(Instant { cycle: at.cycle, phase: at.phase + dt.into() })
     }
 
-    fn normalised(&self, mut at: Instant) -> Instant {
+    #[inline]
+    fn normalised(&self, at: Instant) -> Instant {
+        // Most often the phase is in [0, T) as it is, and clear of both ends.
+        if at.phase.hi > 0.0 && at.phase.hi < self.period.hi * (1.0 - f64::EPSILON) { at } else { self.carried(at) }
+    }
+
+    /// Puts a phase that has left [0, T), or is at its ends, into it.
+    fn carried(&self, mut at: Instant) -> Instant {
         if self.omega > 0.0 {
             let t = self.period;
             let turns = (at.phase.hi / t.hi).floor();
@@ -211,6 +221,9 @@ impl Clock {
     pub fn angle(&self, omega: f64, order: Option<u32>, at: Instant) -> f64 {
         if order.is_some() || at.cycle == 0 && at.phase.hi.abs() * omega < 64.0 {
             let a = at.phase * omega;
+            if a.hi.abs() < HALF_TURN {
+                return a.value();
+            }
             let turns = (a.hi / Wide::TAU.hi).round();
             return if turns == 0.0 { a.value() } else { (a - Wide::TAU * turns).value() };
         }

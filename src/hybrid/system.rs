@@ -63,6 +63,10 @@ pub trait HybridSystem {
     fn guards(&self, mode: &Mode, out: &mut Vec<GuardId>);
     /// The value of a guard, positive inside the mode.
     fn guard(&self, mode: &Mode, id: GuardId, at: Instant, x: &[f64]) -> f64;
+    /// The values of several guards at one place, handed to `take` with their places in `ids`.
+    fn guard_values(&self, mode: &Mode, ids: &[GuardId], (at, x): (Instant, &[f64]), take: &mut dyn FnMut(usize, f64)) {
+        ids.iter().enumerate().for_each(|(i, id)| take(i, self.guard(mode, *id, at, x)));
+    }
     /// Resets the state and gives the successor mode. `fired` is the whole batch. `from` holds the mode and the zeros:
     /// the guards of the batch that fell through zero (the others are outside already, taken there by a switch or an
     /// earlier jump), and what the earlier jumps at the instant left, which still stands for contacts that do not fire

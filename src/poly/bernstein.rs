@@ -42,6 +42,10 @@ pub(super) fn certainly_positive(p: &[f64], uncertainty: f64) -> bool {
     if low[0] <= rest {
         return false;
     }
+    // Most often even the sizes of all terms do not reach it.
+    if low[0] > low[1..].iter().fold(rest, |s, c| s + c.abs()) {
+        return true;
+    }
     let mut b = [-rest; 8];
     for (c, basis) in low.iter().zip(&LOW_BASIS) {
         for l in 0..8 {

@@ -125,8 +125,17 @@ impl Structure {
 
     /// What the law gives along g, N, whether or not it is carried; zero where the contact is held.
     pub(crate) fn law_force(&self, acting: &Acting, at: Instant, x: &[f64]) -> f64 {
+        self.force_of_deflection(acting, (at, x), self.deflection(acting.contact, at, x))
+    }
+
+    /// The same, by the contact's deflection and its rate.
+    pub(crate) fn force_of_deflection(
+        &self,
+        acting: &Acting,
+        (at, x): (Instant, &[f64]),
+        (d, rate): (f64, f64),
+    ) -> f64 {
         let (c, side) = (&self.contacts[acting.contact], acting.side);
-        let (d, rate) = self.deflection(acting.contact, at, x);
         match acting.force {
             Force::Linear { stiffness, damping } => {
                 self.stiffness_at(acting.contact, stiffness, at).0 * (d - side * c.gap()) + damping * rate

@@ -1,12 +1,13 @@
 //! The train as a hybrid automaton: which guard leads where, and what it resets.
 
-use super::symmetry::Equal;
+use smallvec::SmallVec;
 
 use super::{
     acting::Force,
-    assemble::{Contact, PerContact, Spring, Structure, zeros},
+    assemble::{Contact, PerContact, Spring, Structure, Wave, dot, zeros},
     contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, guards_of, piece, set_contact, set_piece},
     schedule::Schedule,
+    symmetry::Equal,
 };
 use crate::{
     gear::contact::Law,
@@ -232,6 +233,35 @@ impl Structure {
     }
 }
 
+impl Structure {
+    /// The value of a guard by the deflection of its contact and its rate.
+    fn guard_of_deflection(
+        &self,
+        mode: &Mode,
+        id: GuardId,
+        (at, x): (Instant, &[f64]),
+        deflection: impl Fn(usize) -> (f64, f64),
+    ) -> f64 {
+        let (j, watch) = guard_of(id);
+        let c = &self.contacts[j];
+        let sign = self.watched(mode, j).iter().find(|(w, _)| *w == watch).map_or(0.0, |(_, s)| *s);
+        sign * match (watch, self.acting(mode, j)) {
+            (Watch::DriveFlank, _) => c.gap() - deflection(j).0,
+            (Watch::BackFlank, _) => deflection(j).0 + c.gap(),
+            (Watch::Force, None) => 0.0,
+            (Watch::Force, Some(a)) => match a.force {
+                Force::Power { .. } => self.factor(&a, deflection(j).1, x),
+                Force::Linear { .. } => a.side * self.force_of_deflection(&a, (at, x), deflection(j)),
+                Force::Held => {
+                    let (mut forces, mut accelerations) = (zeros(self.contacts.len()), vec![0.0; self.n]);
+                    self.dynamics(mode, at, x, &mut forces, &mut accelerations);
+                    a.side * forces[j]
+                }
+            },
+        }
+    }
+}
+
 impl HybridSystem for Structure {
     fn dim(&self) -> usize {
         self.dim
@@ -259,24 +289,25 @@ impl HybridSystem for Structure {
     }
 
     fn guard(&self, mode: &Mode, id: GuardId, at: Instant, x: &[f64]) -> f64 {
-        let (j, watch) = guard_of(id);
-        let c = &self.contacts[j];
-        let sign = self.watched(mode, j).iter().find(|(w, _)| *w == watch).map_or(0.0, |(_, s)| *s);
-        let (d, r) = self.deflection(j, at, x);
-        sign * match (watch, self.acting(mode, j)) {
-            (Watch::DriveFlank, _) => c.gap() - d,
-            (Watch::BackFlank, _) => d + c.gap(),
-            (Watch::Force, None) => 0.0,
-            (Watch::Force, Some(a)) => match a.force {
-                Force::Power { .. } => self.factor(&a, r, x),
-                Force::Linear { .. } => a.side * self.law_force(&a, at, x),
-                Force::Held => {
-                    let (mut forces, mut accelerations) = (zeros(self.contacts.len()), vec![0.0; self.n]);
-                    self.dynamics(mode, at, x, &mut forces, &mut accelerations);
-                    a.side * forces[j]
-                }
-            },
-        }
+        self.guard_of_deflection(mode, id, (at, x), |j| self.deflection(j, at, x))
+    }
+
+    fn guard_values(&self, mode: &Mode, ids: &[GuardId], (at, x): (Instant, &[f64]), take: &mut dyn FnMut(usize, f64)) {
+        // The oscillators are the same for all.
+        let mut oscillators: SmallVec<[[f64; 2]; 8]> = SmallVec::new();
+        self.oscillate(at, |_, cosine, sine| oscillators.push([cosine, sine]));
+        let sum = |waves: &[Wave]| {
+            waves.iter().fold(0.0, |sum, w| {
+                let [cosine, sine] = oscillators[w.index];
+                sum + w.cosine * cosine + w.sine * sine
+            })
+        };
+        let deflection = |j: usize| {
+            let c = &self.contacts[j];
+            let error = c.spec.error_offset + sum(&c.error);
+            (dot(&c.direction, x) - error, dot(&c.direction, &x[self.n..]) - sum(&c.error_rate))
+        };
+        ids.iter().enumerate().for_each(|(i, id)| take(i, self.guard_of_deflection(mode, *id, (at, x), deflection)));
     }
 
     fn jump(

@@ -57,9 +57,13 @@ fn alone(simulation: &Simulation, members: usize, cycles: f64) -> Vec<(usize, En
 #[test]
 fn a_member_moves_as_it_moves_alone_whatever_its_neighbours() {
     // Linear laws, a Hertz contact, rigid impacts, several contacts; the ball has no period.
-    for (scene, members, cycles) in
-        [("kahraman-singh", 1000, 5.0), ("W2b", 200, 3.0), ("W5b-p", 200, 5.0), ("W3", 130, 1.0), ("ball-on-wall", 130, 3.0)]
-    {
+    for (scene, members, cycles) in [
+        ("kahraman-singh", 1000, 5.0),
+        ("W2b", 200, 3.0),
+        ("W5b-p", 200, 5.0),
+        ("W3", 130, 1.0),
+        ("ball-on-wall", 130, 3.0),
+    ] {
         let simulation = Simulation::from_file(format!("examples/scenes/{scene}.json")).unwrap();
         let expected = alone(&simulation, members, cycles);
         assert!(expected.iter().any(|(_, (_, work))| work.events > 0), "{scene}");
