@@ -154,7 +154,7 @@ struct Crossings<'w> {
 }
 
 impl Observer for Crossings<'_> {
-    fn wants_steps(&self) -> bool {
+    fn wants_steps(&self, _: &Mode) -> bool {
         false
     }
 

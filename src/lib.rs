@@ -61,6 +61,7 @@ pub mod gear;
 pub mod hybrid;
 pub mod integrate;
 mod kernel;
+pub mod orbit;
 pub mod scene;
 pub mod simulation;
 pub mod study;

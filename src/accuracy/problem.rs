@@ -103,7 +103,7 @@ impl<'p> Passages<'p> {
 }
 
 impl Observer for Passages<'_> {
-    fn wants_steps(&self) -> bool {
+    fn wants_steps(&self, _: &crate::hybrid::Mode) -> bool {
         false
     }
 

@@ -18,6 +18,7 @@ mod track;
 mod trajectory;
 mod transmission;
 
+pub(crate) use quadrature::Rule;
 pub use contacts::Contacts;
 pub use episode::{Episode, Moment, Separation};
 pub use events::{ContactEvent, EventLog, EventRow, Kind};

@@ -4,7 +4,7 @@ use crate::integrate::DenseStep;
 
 /// Nodes on `[0, 1]` and their weights.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Rule {
+pub(crate) struct Rule {
     pub nodes: Vec<f64>,
     pub weights: Vec<f64>,
 }

@@ -5,6 +5,7 @@ mod check;
 mod compare;
 mod error;
 mod identify;
+mod orbit;
 mod progress;
 mod run;
 mod stability;
@@ -45,6 +46,8 @@ enum Command {
     Advise(advise::Arguments),
     /// Measure the steady motion at every point of a grid of scene numbers
     Sweep(sweep::Arguments),
+    /// Solve for the periodic orbit that a scene starts on or approaches: stable or not, with its multipliers
+    Orbit(orbit::Arguments),
     /// Compare Flank with fixed-step and adaptive codes on a scene: accuracy against work
     Compare(compare::Arguments),
     /// Show what a scene builds: freedoms, contacts, natural frequencies, integrators, warnings
@@ -95,6 +98,7 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
         Command::Study(arguments) => return study::execute(&arguments),
         Command::Advise(arguments) => return advise::execute(&arguments),
         Command::Sweep(arguments) => return sweep::execute(&arguments),
+        Command::Orbit(arguments) => return orbit::execute(&arguments),
         Command::Compare(arguments) => return compare::execute(&arguments),
         Command::Stability(arguments) => return stability::execute(&arguments),
         Command::Identify(arguments) => return identify::execute(&arguments),

@@ -99,7 +99,7 @@ impl<'s> Engine<'s> {
             match ended {
                 End::Bound if switch.is_some() => self.core.switch(&mut self.point),
                 End::Bound => {}
-                End::Event(located) => self.core.fire(&mut self.point, &located)?,
+                End::Event(located) => self.core.fire(&mut self.point, &located, observer)?,
                 End::Rest(guards, accumulation) => {
                     if let Some(outcome) = self.core.rest(&mut self.point, guards, accumulation, observer)? {
                         return Ok(outcome);
@@ -113,7 +113,7 @@ impl<'s> Engine<'s> {
         // An instant exactly at the end is still open. It belongs to this run, and so does what follows from it at once.
         while self.core.iteration.is_open() && span > 0.0 {
             match self.arc(clock.advance(self.state().at, span), Arrival::Record, observer)? {
-                End::Event(located) => self.core.fire(&mut self.point, &located)?,
+                End::Event(located) => self.core.fire(&mut self.point, &located, observer)?,
                 End::Stop(outcome) => return Ok(outcome),
                 End::Bound | End::Rest(..) => return Ok(Outcome::ReachedEnd),
             }

@@ -5,7 +5,7 @@
 //! does, the instant is closed and on record (`docs/EVENTS.md`, 2, 11 to 15 and 20).
 
 use super::{
-    EngineError, Observer, Outcome,
+    EngineError, Jumped, Observer, Outcome,
     chatter::Flight,
     state::{Point, State},
     visit::{Arrival, Core, End, Place},
@@ -111,7 +111,12 @@ impl EventIteration {
 
 impl Core<'_> {
     /// The guards of `located` fire where `point` stands.
-    pub fn fire(&mut self, point: &mut Point, located: &Located) -> Result<(), EngineError> {
+    pub fn fire(
+        &mut self,
+        point: &mut Point,
+        located: &Located,
+        observer: &mut dyn Observer,
+    ) -> Result<(), EngineError> {
         let Self { system, alarm, iteration, .. } = self;
         iteration.open(&point.state);
         let EventIteration { record, cascade, strikes, fastest, .. } = iteration;
@@ -134,9 +139,11 @@ impl Core<'_> {
         // Events closer together than their uncertainties are one instant: a rigid flank that does not give back touches.
         let touches = located.near.iter().filter(|id| system.restitution(*id) == Some(0.0));
         touches.for_each(|id| jump.pinned.insert(id));
+        let before = observer.wants_jumps().then(|| (jump.clone(), x.clone()));
         let rebounds = |id| system.restitution(id).is_some_and(|e| e > 0.0);
         let speed = if located.fired.iter().all(rebounds) { located.conditioning.slope.abs() } else { 0.0 };
-        let after = if speed > 0.0 && speed < LOST * *fastest {
+        let settles = speed > 0.0 && speed < LOST * *fastest;
+        let after = if settles {
             low.fill(0.0);
             system.settle(jump, &located.fired, *at, x)
         } else {
@@ -144,6 +151,10 @@ impl Core<'_> {
         };
         *jump = after.map_err(|source| EngineError::Model { t: system.clock().time(*at).value(), source })?;
         alarm.moved(*system, *at, &located.fired, jump.projected)?;
+        if let Some((from, x_minus)) = &before {
+            let (x_plus, fired) = (x.as_slice(), &located.fired);
+            observer.jump(&Jumped { at: *at, from, to: jump, fired, x_minus, x_plus, settles });
+        }
         if !jump.struck.is_empty() {
             *strikes += 1;
             *fastest = fastest.max(speed);
@@ -181,8 +192,13 @@ impl Core<'_> {
         self.chatter.clear();
         self.iteration.open(state);
         let at = clock.advance(state.at, accumulation.remaining);
+        let before = observer.wants_jumps().then(|| (state.jump.clone(), state.x.clone()));
         let settled = self.system.settle(&state.jump, &guards, state.at, &mut state.x);
         state.jump = settled.map_err(|source| EngineError::Model { t: clock.time(at).value(), source })?;
+        if let Some((from, x_minus)) = &before {
+            let (at, to, x_plus, fired) = (state.at, &state.jump, state.x.as_slice(), &guards);
+            observer.jump(&Jumped { at, from, to, fired, x_minus, x_plus, settles: true });
+        }
         let record = &mut self.iteration.record;
         (record.at, record.fired, record.accumulation, record.jumps) = (at, guards, Some(accumulation), 1);
         Ok(self.close(state, observer))

@@ -83,10 +83,13 @@ impl Leaps {
             }
             self.count += 1;
             let end = if self.leap.is_bound { bound } else { clock.advance(at, self.leap.time) };
-            if observer.wants_steps()
-                && let Some(end) = self.show(core, motion, point, end, observer)?
-            {
-                return Ok(Some(end));
+            let mut breaks = false;
+            if observer.wants_steps(&point.state.jump.mode) {
+                if let Some(end) = self.show(core, motion, point, end, observer)? {
+                    return Ok(Some(end));
+                }
+            } else {
+                breaks = observer.leap(&point.state.jump.mode, self.leap.time).is_break();
             }
             let (leap, Point { state, carried, .. }) = (&mut self.leap, &mut *point);
             let mode = &state.jump.mode;
@@ -113,6 +116,9 @@ impl Leaps {
             std::mem::swap(&mut state.x, &mut leap.x);
             std::mem::swap(carried, &mut leap.carried);
             state.jump.pinned = GuardSet::default();
+            if breaks {
+                return Ok(Some(End::Stop(Outcome::StoppedByObserver)));
+            }
             if ended.is_some() {
                 return Ok(ended);
             }

@@ -11,6 +11,6 @@ mod state;
 mod visit;
 
 pub use advance::Engine;
-pub use observer::Observer;
+pub use observer::{Jumped, Observer};
 pub use outcome::{EngineError, Outcome};
 pub use state::{Counters, Options, State};

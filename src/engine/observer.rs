@@ -1,12 +1,36 @@
 use std::ops::ControlFlow;
 
-use crate::{event::EventRecord, hybrid::Mode, integrate::DenseStep};
+use crate::{
+    event::EventRecord,
+    hybrid::{GuardSet, Instant, Jump, Mode},
+    integrate::DenseStep,
+};
+
+/// One jump at an instant, which may have several.
+#[derive(Clone, Copy, Debug)]
+pub struct Jumped<'a> {
+    /// When.
+    pub at: Instant,
+    /// Mode and exact zeros before it.
+    pub from: &'a Jump,
+    /// And after it.
+    pub to: &'a Jump,
+    /// The guards that fire, or whose contacts are brought to rest.
+    pub fired: &'a GuardSet,
+    /// State before, `[dim]`.
+    pub x_minus: &'a [f64],
+    /// State after, `[dim]`.
+    pub x_plus: &'a [f64],
+    /// It brings contacts to rest: the end of an impact sequence, of which this is the last impact that was resolved.
+    pub settles: bool,
+}
 
 /// Watches a run. Every method may break it off; the run then ends with an outcome, not an error.
 pub trait Observer {
-    /// Whether it looks at steps. Where it does not, the run does not form those that it can do without. The motion is the same, bit for
-    /// bit.
-    fn wants_steps(&self) -> bool {
+    /// Whether it looks at steps in `mode`. Where it does not, the run does not form those that it can do without, and hands on a
+    /// [`leap`](Self::leap) in their place. The motion is the same, bit for bit.
+    fn wants_steps(&self, mode: &Mode) -> bool {
+        let _ = mode;
         true
     }
 
@@ -21,6 +45,22 @@ pub trait Observer {
         ControlFlow::Continue(())
     }
 
+    /// A piece of smooth motion of `time` seconds whose steps were not wanted.
+    fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
+        let _ = (mode, time);
+        ControlFlow::Continue(())
+    }
+
+    /// Whether it looks at single jumps.
+    fn wants_jumps(&self) -> bool {
+        false
+    }
+
+    /// A jump. The instant's record follows when it is closed.
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        let _ = jumped;
+    }
+
     /// An instant at which something changed (or was touched, or decided at the start).
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
         let _ = record;
@@ -30,7 +70,7 @@ pub trait Observer {
 
 /// Watches nothing.
 impl Observer for () {
-    fn wants_steps(&self) -> bool {
+    fn wants_steps(&self, _: &Mode) -> bool {
         false
     }
 
@@ -41,8 +81,23 @@ impl Observer for () {
 
 /// Both watch; either may break off.
 impl<A: Observer, B: Observer> Observer for (A, B) {
-    fn wants_steps(&self) -> bool {
-        self.0.wants_steps() || self.1.wants_steps()
+    fn wants_steps(&self, mode: &Mode) -> bool {
+        self.0.wants_steps(mode) || self.1.wants_steps(mode)
+    }
+
+    fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
+        let first = self.0.leap(mode, time);
+        self.1.leap(mode, time)?;
+        first
+    }
+
+    fn wants_jumps(&self) -> bool {
+        self.0.wants_jumps() || self.1.wants_jumps()
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        self.0.jump(jumped);
+        self.1.jump(jumped);
     }
 
     fn wants_events(&self) -> bool {
@@ -64,8 +119,20 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
 
 /// Watches, or not.
 impl<T: Observer> Observer for Option<T> {
-    fn wants_steps(&self) -> bool {
-        self.as_ref().is_some_and(Observer::wants_steps)
+    fn wants_steps(&self, mode: &Mode) -> bool {
+        self.as_ref().is_some_and(|observer| observer.wants_steps(mode))
+    }
+
+    fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
+        self.as_mut().map_or(ControlFlow::Continue(()), |observer| observer.leap(mode, time))
+    }
+
+    fn wants_jumps(&self) -> bool {
+        self.as_ref().is_some_and(Observer::wants_jumps)
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        self.iter_mut().for_each(|observer| observer.jump(jumped));
     }
 
     fn wants_events(&self) -> bool {
@@ -82,8 +149,20 @@ impl<T: Observer> Observer for Option<T> {
 }
 
 impl<T: Observer + ?Sized> Observer for &mut T {
-    fn wants_steps(&self) -> bool {
-        (**self).wants_steps()
+    fn wants_steps(&self, mode: &Mode) -> bool {
+        (**self).wants_steps(mode)
+    }
+
+    fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
+        (**self).leap(mode, time)
+    }
+
+    fn wants_jumps(&self) -> bool {
+        (**self).wants_jumps()
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        (**self).jump(jumped);
     }
 
     fn wants_events(&self) -> bool {

@@ -159,15 +159,21 @@ impl Structure {
                 let (side, n) = (acting.side, law.exponent.value());
                 let p = (side * d - self.contacts[acting.contact].gap()).max(0.0);
                 let by_p = k * n * libm::pow(p, n - 1.0) * self.factor(acting, r, x);
-                let (by_rate, by_latch) = latch.map_or((0.0, 0.0), |i| {
-                    let chi = acting.force.chi(x);
-                    let force = k * libm::pow(p, n);
-                    (force * chi, -side * force * chi / x[i] * side * r * x1[i])
-                });
+                let by_rate = k * libm::pow(p, n) * acting.force.chi(x);
+                let by_latch =
+                    latch.and_then(|i| x1.get(i)).map_or(0.0, |change| self.force_by_latch(acting, at, x) * change);
                 by_p * d1 + by_rate * r1 + by_latch
             }
             Force::Held => 0.0,
         }
+    }
+
+    /// Change of the force of a power law with its latched speed.
+    pub(crate) fn force_by_latch(&self, acting: &Acting, at: Instant, x: &[f64]) -> f64 {
+        let Force::Power { law, stiffness, latch: Some(latch) } = acting.force else { return 0.0 };
+        let (d, r) = self.deflection(acting.contact, at, x);
+        let p = (acting.side * d - self.contacts[acting.contact].gap()).max(0.0);
+        -stiffness * libm::pow(p, law.exponent.value()) * acting.force.chi(x) * r / x[latch]
     }
 
     /// Energy in the spring, J; none where no force is carried.

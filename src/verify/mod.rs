@@ -227,7 +227,7 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
 }
 
 impl<S: HybridSystem + ContactView> Observer for Verifier<'_, S> {
-    fn wants_steps(&self) -> bool {
+    fn wants_steps(&self, _: &Mode) -> bool {
         false
     }
 

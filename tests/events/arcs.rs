@@ -19,7 +19,7 @@ use crate::support::engine;
 pub struct First(pub Option<EventRecord>);
 
 impl Observer for First {
-    fn wants_steps(&self) -> bool {
+    fn wants_steps(&self, _: &Mode) -> bool {
         false
     }
 

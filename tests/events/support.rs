@@ -27,7 +27,7 @@ pub struct Log {
 }
 
 impl Observer for Log {
-    fn wants_steps(&self) -> bool {
+    fn wants_steps(&self, _: &Mode) -> bool {
         false
     }
 

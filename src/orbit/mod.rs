@@ -1,0 +1,15 @@
+//! Periodic orbits, their multipliers, exponents and words, by the derivative of the motion.
+//!
+//! A [`Tangent`] watches a run and carries columns of the derivative along arcs and across jumps. A [`SectionMap`] takes a state at phase 0
+//! over whole cycles, with the derivative; Newton's method on it solves for orbits, stable or not.
+
+mod newton;
+mod search;
+mod section;
+mod tangent;
+pub mod words;
+
+pub use newton::{Drift, Missed, Orbit};
+pub use search::{Found, LONGEST, Search, components};
+pub use section::{Image, Section, SectionMap};
+pub use tangent::Tangent;

@@ -1,0 +1,245 @@
+//! Periodic orbits: Newton's method on the section.
+
+use nalgebra::{Complex, DMatrix, DVector};
+
+use super::{
+    SectionMap,
+    section::{Image, Section},
+};
+use crate::simulation::SimulationError;
+
+/// Newton steps at most.
+const STEPS: usize = 40;
+/// Halvings of a step that makes the residual larger.
+const HALVINGS: u32 = 6;
+/// Longest step, in scales.
+const LONGEST: f64 = 50.0;
+/// Residual, in scales, below which an orbit counts as found.
+const CLOSED: f64 = 1e-10;
+/// Two states nearer than this, in scales, are the same point of an orbit.
+pub(super) const SAME: f64 = 1e-6;
+/// A singular value below this share of the largest one belongs to a direction in which nothing is decided.
+const NEUTRAL: f64 = 1e-12;
+
+/// Directions in which a whole train moves without any spring or contact: they do not return, and are left out of the unknowns.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Drift {
+    /// Displacements, orthogonal, `[n]` each.
+    pub directions: Vec<Vec<f64>>,
+    /// Whether speeds along each are free as well: no damper acts on it.
+    pub is_free: Vec<bool>,
+}
+
+/// A periodic orbit.
+#[derive(Clone, Debug)]
+pub struct Orbit {
+    /// Period, cycles: the smallest.
+    pub period: u64,
+    /// Where it starts, at phase 0.
+    pub section: Section,
+    /// The map over the period.
+    pub image: Image,
+    /// One for each component of the state, the largest first.
+    pub multipliers: Vec<Complex<f64>>,
+    /// How many of them are the ones of a drift.
+    pub drifting: usize,
+    /// All others are inside the unit circle.
+    pub is_stable: bool,
+    /// Distance between start and end, in scales.
+    pub residual: f64,
+    /// `‖(I − J)⁻¹‖` in scales: the state is off by about this times the residual.
+    pub condition: f64,
+}
+
+/// Why no orbit was found from a start.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Missed {
+    /// The best residual, in scales; infinite where the map could not be evaluated.
+    pub residual: f64,
+    /// What stopped the search.
+    pub reason: String,
+}
+
+impl SectionMap<'_> {
+    /// The drift of the train: null vectors of K that no contact feels.
+    #[must_use]
+    pub fn drift(&self) -> Drift {
+        let spec = self.simulation().structure.spec();
+        let n = spec.freedoms.len();
+        let weight: Vec<f64> = (0..n).map(|i| spec.mass[(i, i)].sqrt()).collect();
+        let stiffest = spec.contacts.iter().map(|c| c.stiffness.maximum()).fold(spec.stiffness.amax(), f64::max).max(1e-300);
+        let contacts = spec.contacts.len();
+        let stacked = DMatrix::from_fn(n + contacts, n, |i, j| {
+            let entry = if i < n { spec.stiffness[(i, j)] / stiffest / weight[i] } else { spec.contacts[i - n].direction[j] };
+            entry / weight[j]
+        });
+        let svd = stacked.svd(false, true);
+        let Some(v) = svd.v_t else { return Drift::default() };
+        let largest = svd.singular_values.max();
+        let mut drift = Drift::default();
+        for (i, value) in svd.singular_values.iter().enumerate() {
+            if *value <= 1e-10 * largest {
+                let direction: Vec<f64> = v.row(i).iter().zip(&weight).map(|(c, w)| c / w).collect();
+                let damped = &spec.damping * DVector::from_column_slice(&direction);
+                drift.is_free.push(damped.amax() <= 1e-10 * spec.damping.amax());
+                drift.directions.push(direction);
+            }
+        }
+        drift
+    }
+
+    /// The scales of the components of the state along a motion: of all displacements, of all velocities, of each latched speed.
+    fn scales(&self, image: &Image) -> Vec<f64> {
+        let n = self.simulation().structure.freedoms();
+        let backlash = self.simulation().structure.spec().contacts.iter().map(|c| c.half_backlash).fold(0.0, f64::max);
+        let omega = self.simulation().clock().omega();
+        let largest = |sizes: &[f64]| sizes.iter().fold(0.0, |m: f64, s| m.max(*s));
+        let floor = 1e-9 * backlash.max(largest(&image.sizes[n..2 * n]) / omega);
+        let q = largest(&image.sizes[..n]).max(floor).max(f64::MIN_POSITIVE);
+        let v = largest(&image.sizes[n..2 * n]).max(1e-9 * omega * q);
+        let scale = |i: usize| match i {
+            i if i < n => q,
+            i if i < 2 * n => v,
+            i => image.sizes[i].max(f64::MIN_POSITIVE),
+        };
+        (0..image.sizes.len()).map(scale).collect()
+    }
+
+    /// An orthonormal basis, in scales, of the unknowns: what neither drifts nor stays as it is.
+    fn unknowns(&self, image: &Image, drift: &Drift, scales: &[f64]) -> DMatrix<f64> {
+        let (n, dim) = (self.simulation().structure.freedoms(), scales.len());
+        let mut out: Vec<DVector<f64>> = Vec::new();
+        for (direction, is_free) in drift.directions.iter().zip(&drift.is_free) {
+            for first in if *is_free { vec![0, n] } else { vec![0] } {
+                let mut column = DVector::zeros(dim);
+                (0..n).for_each(|i| column[first + i] = direction[i] / scales[first + i]);
+                out.push(column);
+            }
+        }
+        for (i, _) in image.latched.iter().enumerate().filter(|(_, latched)| !**latched) {
+            out.push(DVector::from_fn(dim, |k, _| if k == 2 * n + i { 1.0 } else { 0.0 }));
+        }
+        let mut basis: Vec<DVector<f64>> = Vec::new();
+        let left_out = out.len();
+        for column in out.into_iter().chain((0..dim).map(|i| DVector::from_fn(dim, |k, _| f64::from(u8::from(k == i))))) {
+            let mut left = column;
+            for _ in 0..2 {
+                basis.iter().for_each(|b| left -= b * b.dot(&left));
+            }
+            let norm = left.norm();
+            if basis.len() < dim && norm > 1e-6 {
+                basis.push(left / norm);
+            }
+        }
+        DMatrix::from_columns(&basis[left_out.min(basis.len())..])
+    }
+
+    /// The distance between the ends of an image, in scales, along the unknowns.
+    fn closure(&self, start: &Section, image: &Image, drift: &Drift) -> (DVector<f64>, DMatrix<f64>, Vec<f64>) {
+        let scales = self.scales(image);
+        let basis = self.unknowns(image, drift, &scales);
+        let off = DVector::from_fn(scales.len(), |i, _| (image.end.x[i] - start.x[i]) / scales[i]);
+        (basis.transpose() * off, basis, scales)
+    }
+
+    /// The orbit of `period` cycles near `start`, by Newton's method.
+    ///
+    /// # Errors
+    /// [`Missed`], if it does not converge.
+    pub fn solve(&self, start: &Section, period: u64, drift: &Drift) -> Result<Orbit, Missed> {
+        let missed = |residual: f64, reason: &str| Missed { residual, reason: reason.to_owned() };
+        let evaluate = |section: &Section| -> Result<_, SimulationError> {
+            let image = self.image(section, period)?;
+            let (off, basis, scales) = self.closure(section, &image, drift);
+            Ok((off.norm(), off, basis, scales, image))
+        };
+        let mut section = start.clone();
+        let mut now = evaluate(&section).map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
+        let mut best = now.0;
+        for _ in 0..STEPS {
+            let (residual, off, basis, scales, image) = &now;
+            if !residual.is_finite() {
+                return Err(missed(best, "the motion leaves the range of numbers"));
+            }
+            let dim = scales.len();
+            let scaled = DMatrix::from_fn(dim, dim, |i, j| image.jacobian[(i, j)] * scales[j] / scales[i]);
+            let reduced = basis.transpose() * (scaled - DMatrix::identity(dim, dim)) * basis;
+            let svd = reduced.svd(true, true);
+            let Ok(step) = svd.solve(&-off, NEUTRAL * svd.singular_values.max()) else {
+                return Err(missed(best, "the derivative cannot be inverted"));
+            };
+            let condition = svd.singular_values.min().recip();
+            let length = step.norm();
+            if *residual <= CLOSED && (length <= 1e-13 || condition * residual <= 1e-14) {
+                return self.settle(section, now, period, drift, condition);
+            }
+            if length > LONGEST {
+                return Err(missed(best, "a step of Newton's method leaves the range of the motion"));
+            }
+            let full = basis * step;
+            let mut factor = 1.0;
+            let mut next = None;
+            for _ in 0..=HALVINGS {
+                let x: Vec<f64> = (0..dim).map(|i| section.x[i] + factor * full[i] * scales[i]).collect();
+                let trial = Section { x, contacts: image.end.contacts.clone() };
+                if let Ok(there) = evaluate(&trial) {
+                    if there.0 < *residual {
+                        next = Some((trial, there));
+                        break;
+                    }
+                    // A step along which the residual falls less than its rounding ends the search.
+                    if *residual <= CLOSED {
+                        break;
+                    }
+                }
+                factor *= 0.5;
+            }
+            match next {
+                Some((trial, there)) => {
+                    best = best.min(there.0);
+                    (section, now) = (trial, there);
+                }
+                None if *residual <= CLOSED => return self.settle(section, now, period, drift, condition),
+                None => return Err(missed(best, "no step of Newton's method makes the residual smaller")),
+            }
+        }
+        if now.0 <= CLOSED {
+            return self.settle(section, now, period, drift, f64::NAN);
+        }
+        Err(missed(best, "Newton's method does not converge"))
+    }
+
+    /// What is known of an orbit that is found; of its smallest period.
+    #[allow(clippy::type_complexity)] // what the solver has at hand
+    fn settle(
+        &self,
+        section: Section,
+        (residual, _, basis, scales, image): (f64, DVector<f64>, DMatrix<f64>, Vec<f64>, Image),
+        period: u64,
+        drift: &Drift,
+        condition: f64,
+    ) -> Result<Orbit, Missed> {
+        for shorter in (1..period).filter(|shorter| period.is_multiple_of(*shorter)) {
+            let off = DVector::from_fn(scales.len(), |i, _| {
+                (image.between[shorter as usize - 1][i] - section.x[i]) / scales[i]
+            });
+            if (basis.transpose() * off).norm() <= SAME {
+                return self.solve(&section, shorter, drift);
+            }
+        }
+        let dim = scales.len();
+        let scaled = DMatrix::from_fn(dim, dim, |i, j| image.jacobian[(i, j)] * scales[j] / scales[i]);
+        let mut multipliers: Vec<Complex<f64>> = self.reduced_multipliers(&scaled, &basis);
+        let drifting: usize = drift.is_free.iter().map(|free| 1 + usize::from(*free)).sum();
+        let is_stable = multipliers.iter().all(|m| m.norm() < 1.0);
+        multipliers.extend(std::iter::repeat_n(Complex::new(1.0, 0.0), dim - basis.ncols()));
+        multipliers.sort_by(|a, b| b.norm().total_cmp(&a.norm()).then(b.im.total_cmp(&a.im)));
+        Ok(Orbit { period, section, image, multipliers, drifting, is_stable, residual, condition })
+    }
+
+    /// The eigenvalues in the space of the unknowns.
+    fn reduced_multipliers(&self, scaled: &DMatrix<f64>, basis: &DMatrix<f64>) -> Vec<Complex<f64>> {
+        let reduced = basis.transpose() * scaled * basis;
+        reduced.complex_eigenvalues().iter().copied().collect()
+    }
+}

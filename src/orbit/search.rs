@@ -1,0 +1,328 @@
+//! The search for periodic orbits: where Newton's method starts, and with which period.
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::{
+    Drift, Missed, Orbit, SectionMap,
+    newton::SAME,
+    section::Section,
+    words::{normal, text},
+};
+use crate::{
+    simulation::{Simulation, SimulationError},
+    task::{Progress, Task},
+};
+
+/// Longest period that is looked for unless one is named, cycles.
+pub const LONGEST: u64 = 16;
+/// Distance, in scales, from a start within which an orbit belongs to it.
+const NEAR: f64 = 2.0;
+/// Sections kept of the end of a run, among which close returns are looked for.
+const KEPT: usize = 2000;
+/// Close returns that are tried.
+const RETURNS: usize = 24;
+
+/// What is looked for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Search {
+    /// Period, cycles; the smallest one that is found if it is not named.
+    pub period: Option<u64>,
+    /// Further starts, spread over the states that the motion takes and around them.
+    pub starts: usize,
+}
+
+/// What was found.
+#[derive(Debug)]
+pub struct Found {
+    /// The orbits, in the order in which they were found.
+    pub orbits: Vec<Orbit>,
+    /// The drift of the train.
+    pub drift: Drift,
+    /// Why none was found, or what ended the search.
+    pub reason: Option<String>,
+    /// The best residual, in scales, of what was not found.
+    pub best: f64,
+}
+
+impl Search {
+    /// Looks for orbits: from the state that the scene starts in; if there is none, from where its run leads; and from further starts.
+    ///
+    /// # Errors
+    /// [`SimulationError`] for a train without a forcing period or a start that cannot be used.
+    pub fn run(&self, simulation: &Simulation, task: Task<'_>) -> Result<Found, SimulationError> {
+        let map = SectionMap::new(simulation)?;
+        let mut found =
+            Found { orbits: Vec::new(), drift: map.drift(), reason: None, best: f64::INFINITY };
+        let start = map.start()?;
+        self.near(&map, &start, &mut found, task);
+        let mut passed = Vec::new();
+        if found.orbits.is_empty() || self.starts > 0 {
+            passed = self.pass(&map, &start, &mut found, task)?;
+        }
+        if found.orbits.is_empty() && !passed.is_empty() {
+            self.returns(&map, &passed, &mut found, task);
+        }
+        self.spread(&map, &passed, &mut found, task);
+        if !found.orbits.is_empty() {
+            found.reason = None;
+        }
+        Ok(found)
+    }
+
+    /// From one section: the period after which it comes back, or else the first for which Newton's method converges near it.
+    fn near(&self, map: &SectionMap<'_>, start: &Section, found: &mut Found, task: Task<'_>) {
+        if let Some(period) = self.period {
+            self.attempt(map, start, period, f64::INFINITY, found);
+            return;
+        }
+        let mut sections = vec![start.clone()];
+        for _ in 0..LONGEST {
+            match map.follow(&sections[sections.len() - 1], 1) {
+                Ok(next) => sections.push(next),
+                Err(error) => {
+                    found.reason = Some(error.to_string());
+                    break;
+                }
+            }
+        }
+        let scales = sizes(map, &sections);
+        let close = (1..sections.len()).find(|k| distance(map, start, &sections[*k], &scales, &found.drift) <= SAME);
+        if close.is_some_and(|k| self.attempt(map, start, k as u64, f64::INFINITY, found)) {
+            return;
+        }
+        for period in 1..=LONGEST {
+            if task.is_cancelled() || self.attempt(map, start, period, NEAR, found) {
+                return;
+            }
+        }
+    }
+
+    /// Newton's method from one start. Whether an orbit was found that is `near` it.
+    fn attempt(&self, map: &SectionMap<'_>, start: &Section, period: u64, near: f64, found: &mut Found) -> bool {
+        match map.solve(start, period, &found.drift) {
+            Ok(orbit) => {
+                let scales = sizes(map, std::slice::from_ref(&orbit.section));
+                if distance(map, start, &orbit.section, &scales, &found.drift) > near {
+                    return false;
+                }
+                found.add(map, orbit);
+                true
+            }
+            Err(Missed { residual, reason }) => {
+                if residual <= found.best {
+                    (found.best, found.reason) = (residual, Some(reason));
+                }
+                false
+            }
+        }
+    }
+
+    /// Runs the scene, and gives the last of its sections.
+    fn pass(
+        &self,
+        map: &SectionMap<'_>,
+        start: &Section,
+        found: &mut Found,
+        task: Task<'_>,
+    ) -> Result<Vec<Section>, SimulationError> {
+        let simulation = map.simulation();
+        let [from, _, end] = simulation.instants();
+        let cycles = (end.cycle - from.cycle).max(1);
+        let mut engine = simulation.engine(map.state(start)?)?;
+        let first = engine.state().at.cycle;
+        let mut sections = std::collections::VecDeque::new();
+        for cycle in 1..=cycles {
+            if let Err(error) = engine.run(simulation.clock().at(first + cycle, 0.0), &mut ()) {
+                found.reason = Some(error.to_string());
+                break;
+            }
+            if sections.len() == KEPT {
+                sections.pop_front();
+            }
+            sections.push_back(map.section(engine.state()));
+            if cycle % 256 == 0 {
+                task.report(Progress::Share(cycle as f64 / cycles as f64));
+            }
+            if task.is_cancelled() {
+                break;
+            }
+        }
+        Ok(sections.into())
+    }
+
+    /// From the end of a run, and from its closest returns.
+    fn returns(&self, map: &SectionMap<'_>, passed: &[Section], found: &mut Found, task: Task<'_>) {
+        let scales = sizes(map, passed);
+        let Some(last) = passed.len().checked_sub(1) else { return };
+        let periods = match self.period {
+            Some(period) => period..=period,
+            None => 1..=LONGEST,
+        };
+        let apart = |m: usize, k: u64| distance(map, &passed[m], &passed[m + k as usize], &scales, &found.drift);
+        let fits = |m: usize, k: u64| m + k as usize <= last;
+        // At the end first, with the shortest period that closes best.
+        let mut ends: Vec<(f64, usize, u64)> =
+            periods.clone().filter(|k| last as u64 >= *k).map(|k| (apart(last - k as usize, k), last - k as usize, k)).collect();
+        ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some(k) = ends.iter().filter(|(d, ..)| *d <= SAME).map(|(.., k)| *k).min() {
+            ends.insert(0, (0.0, last - k as usize, k));
+        }
+        let mut all: Vec<(f64, usize, u64)> = periods
+            .flat_map(|k| (0..passed.len()).filter(move |m| fits(*m, k)).map(move |m| (m, k)))
+            .map(|(m, k)| (apart(m, k), m, k))
+            .collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (_, m, k) in ends.into_iter().take(4).chain(all.into_iter().take(RETURNS)) {
+            if task.is_cancelled() || self.attempt(map, &passed[m], k, f64::INFINITY, found) {
+                return;
+            }
+        }
+    }
+
+    /// From further starts: states that the motion takes, and states around them.
+    fn spread(&self, map: &SectionMap<'_>, passed: &[Section], found: &mut Found, task: Task<'_>) {
+        let Some(last) = passed.last() else { return };
+        let simulation = map.simulation();
+        let n = simulation.structure.freedoms();
+        let scales = sizes(map, passed);
+        for i in 0..self.starts {
+            if task.is_cancelled() {
+                return;
+            }
+            task.report(Progress::Share(i as f64 / self.starts as f64));
+            // Weyl's sequence: the same starts on every machine.
+            let spread = |k: usize| ((i + 1) as f64 * (k as f64 + 2.0).sqrt()).fract() * 2.0 - 1.0;
+            let start = if i % 2 == 0 {
+                passed[i * 7919 % passed.len()].clone()
+            } else {
+                let x = (0..last.x.len()).map(|k| if k < 2 * n { 2.0 * scales[k] * spread(k) } else { last.x[k] });
+                Section { x: x.collect(), contacts: last.contacts.clone() }
+            };
+            let periods = match self.period {
+                Some(period) => period..=period,
+                None => 1..=4,
+            };
+            for period in periods {
+                self.attempt(map, &start, period, f64::INFINITY, found);
+            }
+        }
+    }
+}
+
+impl Found {
+    /// Adds an orbit that is not there yet, at any of its points.
+    fn add(&mut self, map: &SectionMap<'_>, orbit: Orbit) {
+        let is_known = self.orbits.iter().any(|known| {
+            let scales = sizes(map, std::slice::from_ref(&known.section));
+            known.period == orbit.period
+                && known.image.between.iter().any(|x| {
+                    let there = Section { x: x.clone(), contacts: known.section.contacts.clone() };
+                    distance(map, &there, &orbit.section, &scales, &self.drift) <= 1e3 * SAME
+                })
+        });
+        if !is_known {
+            self.orbits.push(orbit);
+        }
+    }
+
+    /// As the file `orbit.json` has it.
+    #[must_use]
+    pub fn report(&self, simulation: &Simulation) -> Value {
+        let names = &simulation.structure.spec().freedoms;
+        json!({
+            "flank": env!("CARGO_PKG_VERSION"),
+            "scene": { "name": simulation.name, "sha256": simulation.hash() },
+            "components": components(simulation),
+            "drift": self.drift.directions.iter().zip(&self.drift.is_free).map(|(direction, is_free)| json!({
+                "direction": names.iter().zip(direction).map(|(name, d)| (name.clone(), json!(d))).collect::<serde_json::Map<_, _>>(),
+                "multipliers": 1 + usize::from(*is_free),
+            })).collect::<Vec<_>>(),
+            "orbits": self.orbits.iter().map(|orbit| orbit.report(simulation)).collect::<Vec<_>>(),
+            "reason": self.reason,
+            "best_residual": if self.best.is_finite() && self.orbits.is_empty() { json!(self.best) } else { Value::Null },
+        })
+    }
+}
+
+/// The names of the components of the state.
+#[must_use]
+pub fn components(simulation: &Simulation) -> Vec<String> {
+    let spec = simulation.structure.spec();
+    let of = |kind: &str| spec.freedoms.iter().map(move |name| format!("{kind} {name}")).collect::<Vec<_>>();
+    let latched = simulation.structure.contacts().iter().filter(|c| c.latch().is_some());
+    of("q").into_iter().chain(of("v")).chain(latched.map(|c| format!("latched {}", c.spec.name))).collect()
+}
+
+/// An orbit as a file has it.
+#[derive(Serialize)]
+struct Row {
+    period_cycles: u64,
+    word: String,
+    x: Vec<f64>,
+    multipliers: Vec<[f64; 2]>,
+    stable: bool,
+    residual: f64,
+    condition: f64,
+    contacts: Vec<&'static str>,
+    piecewise: bool,
+    initial: Value,
+}
+
+impl Orbit {
+    /// The orbit's word, in normal form.
+    #[must_use]
+    pub fn word(&self) -> String {
+        text(&normal(&self.image.word))
+    }
+
+    fn report(&self, simulation: &Simulation) -> Value {
+        let n = simulation.structure.freedoms();
+        let x = &self.section.x;
+        let row = Row {
+            period_cycles: self.period,
+            word: self.word(),
+            x: x.clone(),
+            multipliers: self.multipliers.iter().map(|m| [m.re, m.im]).collect(),
+            stable: self.is_stable,
+            residual: self.residual,
+            condition: self.condition,
+            contacts: self.section.contacts.iter().map(|contact| contact.name()).collect(),
+            piecewise: self.image.is_piecewise,
+            initial: json!({ "q": x[..n], "v": x[n..2 * n] }),
+        };
+        json!(row)
+    }
+}
+
+/// The largest displacement and velocity of some sections, for each component.
+fn sizes(map: &SectionMap<'_>, sections: &[Section]) -> Vec<f64> {
+    let simulation = map.simulation();
+    let n = simulation.structure.freedoms();
+    let dim = sections[0].x.len();
+    let backlash = simulation.structure.spec().contacts.iter().map(|c| c.half_backlash).fold(0.0, f64::max);
+    let largest = |range: std::ops::Range<usize>| {
+        sections.iter().flat_map(|s| &s.x[range.clone()]).fold(0.0, |m: f64, x| m.max(x.abs()))
+    };
+    let omega = simulation.clock().omega();
+    let (q, v) = (largest(0..n).max(1e-3 * backlash), largest(n..2 * n));
+    let q = q.max(1e-3 * v / omega).max(f64::MIN_POSITIVE);
+    let v = v.max(1e-3 * q * omega);
+    (0..dim).map(|i| if i < n { q } else if i < 2 * n { v } else { largest(i..i + 1).max(f64::MIN_POSITIVE) }).collect()
+}
+
+/// How far two sections are apart, in scales, without what drifts and without latched speeds.
+fn distance(map: &SectionMap<'_>, a: &Section, b: &Section, scales: &[f64], drift: &Drift) -> f64 {
+    let spec = map.simulation().structure.spec();
+    let n = spec.freedoms.len();
+    let mut off: Vec<f64> = a.x.iter().zip(&b.x).map(|(a, b)| b - a).collect();
+    for direction in &drift.directions {
+        // The part along a drift, by the mass.
+        let weigh = |y: &[f64]| -> f64 {
+            (0..n).map(|i| direction[i] * (0..n).map(|j| spec.mass[(i, j)] * y[j]).sum::<f64>()).sum()
+        };
+        let share = weigh(&off[..n]) / weigh(direction);
+        off[..n].iter_mut().zip(direction).for_each(|(off, d)| *off -= share * d);
+    }
+    off[..2 * n].iter().zip(scales).map(|(off, scale)| (off / scale).powi(2)).sum::<f64>().sqrt()
+}

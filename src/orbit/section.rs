@@ -1,0 +1,153 @@
+//! The map of a whole number of cycles, with its derivative.
+
+use crate::{
+    engine::{Outcome, State},
+    hybrid::{Instant, Mode},
+    simulation::{Simulation, SimulationError},
+    system::{ContactMode, contact_mode},
+};
+use nalgebra::DMatrix;
+
+use super::{Tangent, words::Speller};
+
+/// A state at the start of a cycle: all that the motion goes on from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Section {
+    /// `(q, q̇, latched speeds)`, `[dim]`.
+    pub x: Vec<f64>,
+    /// What each contact does.
+    pub contacts: Vec<ContactMode>,
+}
+
+/// Where some cycles lead from a section, and what that depends on.
+#[derive(Clone, Debug)]
+pub struct Image {
+    /// The section after them.
+    pub end: Section,
+    /// The states after each cycle, the last one in `end`.
+    pub between: Vec<Vec<f64>>,
+    /// `∂end/∂start`, `[dim, dim]`.
+    pub jacobian: DMatrix<f64>,
+    /// What happened, as tokens of a word.
+    pub word: Vec<String>,
+    /// Which latched speeds were written.
+    pub latched: Vec<bool>,
+    /// `∫ div f dt + Σ ln |det|` of jumps; NaN where contacts rest or latch.
+    pub volume: f64,
+    /// Dependent impacts fell on one instant: the derivative is that of the order they had.
+    pub is_piecewise: bool,
+    /// The largest size of each component at the starts of cycles and at events.
+    pub sizes: Vec<f64>,
+    /// Arcs and jumps, for the rounding of it all.
+    pub pieces: u64,
+}
+
+/// State → state over whole cycles of the forcing, from phase 0 to phase 0.
+#[derive(Clone, Copy, Debug)]
+pub struct SectionMap<'a> {
+    simulation: &'a Simulation,
+    /// Cycle at which it starts.
+    cycle: i64,
+}
+
+impl<'a> SectionMap<'a> {
+    /// The map of `simulation`.
+    ///
+    /// # Errors
+    /// [`SimulationError::Missing`] for a train without a forcing period.
+    pub fn new(simulation: &'a Simulation) -> Result<Self, SimulationError> {
+        simulation.period()?;
+        let [start, ..] = simulation.instants();
+        // From a start within a cycle the next phase 0 is the first section.
+        let cycle = start.cycle + i64::from(start.phase.value() > 0.0);
+        Ok(Self { simulation, cycle })
+    }
+
+    /// The simulation.
+    #[must_use]
+    pub fn simulation(&self) -> &'a Simulation {
+        self.simulation
+    }
+
+    fn at(&self, cycles: u64) -> Instant {
+        self.simulation.clock().at(self.cycle + cycles as i64, 0.0)
+    }
+
+    /// The section that the scene starts at.
+    ///
+    /// # Errors
+    /// [`SimulationError`].
+    pub fn start(&self) -> Result<Section, SimulationError> {
+        let start = self.simulation.start()?;
+        if start.at == self.at(0) {
+            return Ok(self.section(&start));
+        }
+        let mut engine = self.simulation.engine(start)?;
+        engine.run(self.at(0), &mut ())?;
+        Ok(self.section(engine.state()))
+    }
+
+    /// The section of a state.
+    #[must_use]
+    pub fn section(&self, state: &State) -> Section {
+        Section { x: state.x.clone(), contacts: self.contacts(&state.jump.mode) }
+    }
+
+    fn contacts(&self, mode: &Mode) -> Vec<ContactMode> {
+        (0..self.simulation.structure.contacts().len()).map(|j| contact_mode(mode, j)).collect()
+    }
+
+    /// The state to go on from.
+    ///
+    /// # Errors
+    /// [`SimulationError::Start`].
+    pub fn state(&self, section: &Section) -> Result<State, SimulationError> {
+        let at = self.at(0);
+        let start = self.simulation.structure.resume(at, &section.x, &section.contacts)?;
+        Ok(State { at, x: start.x, jump: start.jump })
+    }
+
+    /// Where `cycles` cycles lead without the derivative.
+    ///
+    /// # Errors
+    /// [`SimulationError`].
+    pub fn follow(&self, section: &Section, cycles: u64) -> Result<Section, SimulationError> {
+        let mut engine = self.simulation.engine(self.state(section)?)?;
+        engine.run(self.at(cycles), &mut ())?;
+        Ok(self.section(engine.state()))
+    }
+
+    /// Where `cycles` cycles lead, and the derivative.
+    ///
+    /// # Errors
+    /// [`SimulationError`] if the run fails.
+    pub fn image(&self, section: &Section, cycles: u64) -> Result<Image, SimulationError> {
+        let structure = &self.simulation.structure;
+        let state = self.state(section)?;
+        let mut tangent = Tangent::new(structure);
+        let mut speller = Speller::new(structure, &state.x);
+        let mut engine = self.simulation.engine(state)?;
+        let mut between = Vec::with_capacity(cycles as usize);
+        for cycle in 1..=cycles {
+            let outcome = engine.run(self.at(cycle), &mut (&mut tangent, &mut speller))?;
+            if outcome != Outcome::ReachedEnd {
+                return Err(self.simulation.missing("its run stops within a cycle; raise its limit on events"));
+            }
+            between.push(engine.state().x.clone());
+            speller.meet(&engine.state().x);
+        }
+        let counters = engine.counters();
+        let dim = engine.state().x.len();
+        Ok(Image {
+            end: self.section(engine.state()),
+            between,
+            jacobian: DMatrix::from_row_slice(dim, dim, &tangent.columns.values),
+            word: speller.tokens(),
+            latched: tangent.latched,
+            volume: tangent.volume,
+            is_piecewise: tangent.is_piecewise,
+            sizes: speller.sizes,
+            pieces: counters.steps + counters.events,
+        })
+    }
+}

@@ -1,0 +1,273 @@
+//! The tangent of a run: columns that travel with the state.
+
+use std::{collections::BTreeMap, ops::ControlFlow, sync::LazyLock};
+
+use crate::{
+    analysis::Rule,
+    engine::{Jumped, Observer},
+    hybrid::{HybridSystem, Mode},
+    integrate::DenseStep,
+    system::{Columns, Gradient, Sticking, Structure},
+};
+
+/// Nodes of the collocation where `f_x` changes along a step.
+const NODES: usize = 10;
+
+/// Gauss–Legendre nodes on `[0, 1]`, weights, the matrix of integrals up to each node, and the weights of the highest Legendre coefficient
+/// of what has the given values there.
+struct Collocation {
+    rule: Rule,
+    matrix: Vec<[f64; NODES]>,
+    last: [f64; NODES],
+}
+
+static COLLOCATION: LazyLock<Collocation> = LazyLock::new(|| {
+    let rule = Rule::gauss(NODES);
+    // Legendre polynomials on [0, 1] at x up to degree NODES.
+    let legendre = |x: f64| {
+        let (x, mut p) = (2.0 * x - 1.0, [1.0; NODES + 1]);
+        p[1] = x;
+        for k in 2..=NODES {
+            let n = k as f64;
+            p[k] = ((2.0 * n - 1.0) * x * p[k - 1] - (n - 1.0) * p[k - 2]) / n;
+        }
+        p
+    };
+    let at: Vec<[f64; NODES + 1]> = rule.nodes.iter().map(|x| legendre(*x)).collect();
+    let integral = |i: usize, l: usize| match l {
+        0 => rule.nodes[i],
+        l => (at[i][l + 1] - at[i][l - 1]) / (2.0 * (2 * l + 1) as f64),
+    };
+    let entry = |i: usize, j: usize| {
+        (0..NODES).map(|l| (2 * l + 1) as f64 * rule.weights[j] * at[j][l] * integral(i, l)).sum()
+    };
+    let matrix = (0..NODES).map(|i| std::array::from_fn(|j| entry(i, j))).collect();
+    let last = std::array::from_fn(|j| (2 * NODES - 1) as f64 * rule.weights[j] * at[j][NODES - 1]);
+    Collocation { rule, matrix, last }
+});
+
+/// Terms of an exponential: over a span on which rates reach [`SPAN`] the rest is below rounding.
+const TERMS: usize = 60;
+/// Rates times span above which a span is halved: the largest terms of its series are then some hundred times the sum.
+const SPAN: f64 = 8.0;
+/// The same of a collocation piece.
+const PIECE: f64 = 1.5;
+/// Picard iterations of a piece.
+const SWEEPS: usize = 60;
+/// Largest share of the highest Legendre coefficient of a piece: the ends of pieces are exact to its square.
+const RESOLVED: f64 = 1e-8;
+/// Halvings of a step.
+const DEEPEST: u32 = 24;
+
+/// What is known of a mode.
+struct Known {
+    /// `f_x`, where it is constant.
+    gradient: Option<Gradient>,
+    held: Option<Sticking>,
+    /// Bound-like size of its rates without varying contacts, rad/s.
+    rate: f64,
+}
+
+/// The derivative of the state with respect to a start, along a run that it watches.
+pub struct Tangent<'s> {
+    structure: &'s Structure,
+    /// `∂x/∂(start)`, `[dim][count]`.
+    pub columns: Columns,
+    /// `∫ div f dt + Σ ln |det|` of jumps so far; NaN where contacts rest or latch, which have no volume.
+    pub volume: f64,
+    /// Several dependent impacts fell on one instant: the map has corners there.
+    pub is_piecewise: bool,
+    /// The latched speeds that were written anew.
+    pub latched: Vec<bool>,
+    modes: BTreeMap<Mode, Known>,
+    work: [Columns; 2],
+    nodes: Vec<[Columns; 2]>,
+    x: Vec<f64>,
+}
+
+impl<'s> Tangent<'s> {
+    /// The tangent of all components of the state: `columns` is the unit matrix.
+    #[must_use]
+    pub fn new(structure: &'s Structure) -> Self {
+        Self::of(structure, Columns::unit(HybridSystem::dim(structure)))
+    }
+
+    /// The tangent of some `columns`.
+    #[must_use]
+    pub fn of(structure: &'s Structure, columns: Columns) -> Self {
+        Self {
+            work: [columns.clone(), columns.clone()],
+            nodes: vec![[columns.clone(), columns.clone()]; NODES],
+            x: vec![0.0; HybridSystem::dim(structure)],
+            latched: vec![false; HybridSystem::dim(structure) - 2 * structure.freedoms()],
+            columns,
+            structure,
+            volume: 0.0,
+            is_piecewise: false,
+            modes: BTreeMap::new(),
+        }
+    }
+
+    fn known(&mut self, mode: &Mode) {
+        if !self.modes.contains_key(mode) {
+            let s = self.structure;
+            let gradient = s.is_affine(mode).then(|| s.gradient(mode, s.clock().instant(0.0), &self.x));
+            let known = Known { gradient, held: s.held(mode), rate: s.rate_of(mode) };
+            self.modes.insert(mode.clone(), known);
+        }
+    }
+
+    /// A span of a mode whose `f_x` is constant: `exp(f_x h) ξ` by its series.
+    fn exponential(&mut self, mode: &Mode, time: f64) {
+        let Self { structure: s, columns, work: [term, next], modes, volume, .. } = self;
+        let Some(Known { gradient: Some(gradient), held, rate }) = modes.get(mode) else { return };
+        *volume += if held.is_some() { f64::NAN } else { s.divergence(gradient) * time };
+        let parts = (rate * time / SPAN).ceil().max(1.0);
+        let h = time / parts;
+        for _ in 0..parts as u64 {
+            term.values.copy_from_slice(&columns.values);
+            let size = largest(s.freedoms(), columns);
+            for k in 1..=TERMS {
+                s.apply(gradient, held.as_ref(), term, next);
+                let share = h / k as f64;
+                next.values.iter_mut().for_each(|c| *c *= share);
+                columns.values.iter_mut().zip(&next.values).for_each(|(c, t)| *c += t);
+                std::mem::swap(term, next);
+                if k as f64 > rate * h && is_small(term, &size, f64::EPSILON / 16.0) {
+                    break;
+                }
+            }
+        }
+    }
+
+    /// A part of a step along which `f_x` changes, by collocation in the step's clock.
+    fn collocate(&mut self, mode: &Mode, step: &dyn DenseStep, from: f64, to: f64, depth: u32) {
+        let span = to - from;
+        let Collocation { rule, matrix, last } = &*COLLOCATION;
+        let Self { structure: s, columns, nodes, x, modes, work: [sum, _], .. } = self;
+        let Some(known) = modes.get(mode) else { return };
+        let clock = s.clock();
+        let mut gradients = Vec::with_capacity(NODES);
+        let (mut divergence, mut fastest) = (0.0, 0.0f64);
+        for (node, weight) in rule.nodes.iter().zip(&rule.weights) {
+            let theta = from + span * node;
+            step.state(theta, x);
+            let at = clock.advance(step.start(), step.time(theta));
+            let (gradient, rate) = (s.gradient(mode, at, x), span * step.rate(theta));
+            divergence += weight * rate * s.divergence(&gradient);
+            fastest = fastest.max(rate * (known.rate + s.rate_by(&gradient)));
+            gradients.push((gradient, rate));
+        }
+        let deepest = depth >= DEEPEST;
+        let mut converged = fastest <= PIECE || deepest;
+        if converged {
+            for [value, _] in &mut *nodes {
+                value.values.copy_from_slice(&columns.values);
+            }
+            converged = deepest;
+            for _ in 0..SWEEPS {
+                for ([value, slope], (gradient, rate)) in nodes.iter_mut().zip(&gradients) {
+                    s.apply(gradient, known.held.as_ref(), value, slope);
+                    slope.values.iter_mut().for_each(|c| *c *= rate);
+                }
+                let mut moved = 0.0f64;
+                for i in 0..NODES {
+                    sum.values.copy_from_slice(&columns.values);
+                    for (weight, [_, slope]) in matrix[i].iter().zip(&*nodes) {
+                        sum.values.iter_mut().zip(&slope.values).for_each(|(s, f)| *s += weight * f);
+                    }
+                    let [value, _] = &mut nodes[i];
+                    let size = largest(s.freedoms(), sum);
+                    moved = moved.max(difference(value, sum, &size));
+                    value.values.copy_from_slice(&sum.values);
+                }
+                if moved <= 2.0 * f64::EPSILON {
+                    converged = true;
+                    break;
+                }
+            }
+            // Is the motion of the columns resolved?
+            sum.values.fill(0.0);
+            for (weight, [_, slope]) in last.iter().zip(&*nodes) {
+                sum.values.iter_mut().zip(&slope.values).for_each(|(s, f)| *s += weight * f);
+            }
+            converged &= deepest || is_small(sum, &largest(s.freedoms(), columns), RESOLVED);
+        }
+        if !converged {
+            let middle = from + 0.5 * span;
+            self.collocate(mode, step, from, middle, depth + 1);
+            return self.collocate(mode, step, middle, to, depth + 1);
+        }
+        for (weight, [_, slope]) in rule.weights.iter().zip(&*nodes) {
+            columns.values.iter_mut().zip(&slope.values).for_each(|(c, f)| *c += weight * f);
+        }
+        self.volume += if known.held.is_some() { f64::NAN } else { divergence };
+    }
+}
+
+/// A component this much smaller than the largest of its kind counts as large as that.
+const FLOOR: f64 = 1e-6;
+
+/// The largest entries of the components: of `n` displacements, `n` velocities and the rest, each kind in its own units.
+fn largest(n: usize, columns: &Columns) -> Vec<f64> {
+    let rows = columns.values.chunks_exact(columns.count);
+    let mut sizes: Vec<f64> = rows.map(|row| row.iter().fold(0.0, |m: f64, c| m.max(c.abs()))).collect();
+    let (q, rest) = sizes.split_at_mut(n);
+    let (v, latches) = rest.split_at_mut(n);
+    for kind in [q, v, latches] {
+        let floor = FLOOR * kind.iter().fold(0.0, |m: f64, size| m.max(*size));
+        kind.iter_mut().for_each(|size| *size = size.max(floor));
+    }
+    sizes
+}
+
+/// Whether every component is at most `share` of its size.
+fn is_small(columns: &Columns, sizes: &[f64], share: f64) -> bool {
+    columns.values.chunks_exact(columns.count).zip(sizes).all(|(row, size)| row.iter().all(|c| c.abs() <= share * size))
+}
+
+/// The largest difference of two, relative to the sizes of the components.
+fn difference(a: &Columns, b: &Columns, sizes: &[f64]) -> f64 {
+    let rows = a.values.chunks_exact(a.count).zip(b.values.chunks_exact(b.count)).zip(sizes);
+    rows.filter(|(_, size)| **size > 0.0)
+        .flat_map(|((a, b), size)| a.iter().zip(b).map(move |(a, b)| (a - b).abs() / size))
+        .fold(0.0, f64::max)
+}
+
+impl Observer for Tangent<'_> {
+    fn wants_steps(&self, mode: &Mode) -> bool {
+        !self.structure.is_affine(mode)
+    }
+
+    fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
+        self.known(mode);
+        self.exponential(mode, time);
+        ControlFlow::Continue(())
+    }
+
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        self.known(mode);
+        if until <= 0.0 {
+            return ControlFlow::Continue(());
+        }
+        if self.structure.is_affine(mode) {
+            self.exponential(mode, step.time(until));
+        } else {
+            self.collocate(mode, step, 0.0, until, 0);
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn wants_jumps(&self) -> bool {
+        true
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        let &Jumped { at, from, to, fired, x_minus, x_plus, settles } = jumped;
+        let s = self.structure;
+        let saltation = s.saltate((from, to), (fired, settles), at, (x_minus, x_plus), &mut self.columns);
+        self.is_piecewise |= saltation.is_piecewise;
+        self.volume += saltation.volume;
+        saltation.latched.iter().for_each(|latch| self.latched[latch - 2 * s.freedoms()] = true);
+    }
+}

@@ -1,0 +1,125 @@
+//! Words: what happens along a motion, in the order of time.
+//!
+//! A token is a kind, the number of a contact and its side: `c0+`. The kinds: `c` contact gained, `s` lost as the deflection is zero, `r`
+//! lost as the force is zero, `a` gained again inside the zone, `x` left the zone, `i` impact, `z` comes to rest, `l` released from rest.
+//! Tokens of one instant stand sorted in brackets.
+
+use std::ops::ControlFlow;
+
+use crate::{
+    engine::{Jumped, Observer},
+    event::EventRecord,
+    hybrid::Watch,
+    system::{ContactMode, Structure, contact_mode, guard_of},
+};
+
+/// The token of a contact that goes from `was` to `is`; `None` where nothing happens that has a name.
+fn token(j: usize, was: ContactMode, is: ContactMode, is_rigid: bool) -> Option<String> {
+    use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
+    let side = if is == Separated { was.side() } else { is.side() };
+    let kind = match (was, is) {
+        (Separated, Drive | Back) if is_rigid => 'z',
+        (Drive | Back, Separated) if is_rigid => 'l',
+        _ if is_rigid => return None,
+        (Separated, Drive | Back) => 'c',
+        (Drive | Back, Separated) => 's',
+        (Drive, DriveDetached) | (Back, BackDetached) => 'r',
+        (DriveDetached, Drive) | (BackDetached, Back) => 'a',
+        (DriveDetached | BackDetached, Separated) => 'x',
+        _ => return None,
+    };
+    Some(spelled(kind, j, side))
+}
+
+fn spelled(kind: char, j: usize, side: f64) -> String {
+    format!("{kind}{j}{}", if side > 0.0 { '+' } else { '-' })
+}
+
+/// The smallest rotation of a word, by the order of its tokens (Booth 1980 does it in linear time; words are short).
+#[must_use]
+pub fn normal(tokens: &[String]) -> Vec<String> {
+    let rotation = |start: &usize| tokens[*start..].iter().chain(&tokens[..*start]).cloned().collect::<Vec<_>>();
+    (0..tokens.len()).map(|start| rotation(&start)).min().unwrap_or_default()
+}
+
+/// The tokens as one text.
+#[must_use]
+pub fn text(tokens: &[String]) -> String {
+    tokens.join(" ")
+}
+
+/// Spells the motion that it watches.
+#[derive(Debug)]
+pub(super) struct Speller<'s> {
+    structure: &'s Structure,
+    /// Tokens of the instant that is open.
+    open: Vec<String>,
+    tokens: Vec<String>,
+    /// The largest size of each component of the state so far.
+    pub sizes: Vec<f64>,
+}
+
+impl<'s> Speller<'s> {
+    pub fn new(structure: &'s Structure, x: &[f64]) -> Self {
+        let sizes = x.iter().map(|x| x.abs()).collect();
+        Self { structure, open: Vec::new(), tokens: Vec::new(), sizes }
+    }
+
+    /// Takes the sizes of a state into account.
+    pub fn meet(&mut self, x: &[f64]) {
+        self.sizes.iter_mut().zip(x).for_each(|(size, x)| *size = size.max(x.abs()));
+    }
+
+    /// The tokens up to now.
+    pub fn tokens(&mut self) -> Vec<String> {
+        self.close();
+        self.tokens.clone()
+    }
+
+    /// Takes the tokens up to now.
+    pub fn take(&mut self) -> Vec<String> {
+        self.close();
+        std::mem::take(&mut self.tokens)
+    }
+
+    fn close(&mut self) {
+        self.open.sort();
+        match self.open.len() {
+            0 => {}
+            1 => self.tokens.append(&mut self.open),
+            _ => self.tokens.push(format!("[{}]", self.open.drain(..).collect::<Vec<_>>().join(" "))),
+        }
+        self.open.clear();
+    }
+}
+
+impl Observer for Speller<'_> {
+    fn wants_steps(&self, _: &crate::hybrid::Mode) -> bool {
+        false
+    }
+
+    fn wants_jumps(&self) -> bool {
+        true
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        self.meet(jumped.x_minus);
+        self.meet(jumped.x_plus);
+        for (j, c) in self.structure.contacts().iter().enumerate() {
+            let (was, is) = (contact_mode(&jumped.from.mode, j), contact_mode(&jumped.to.mode, j));
+            let is_rigid = c.spec.law.is_rigid();
+            if let Some(token) = token(j, was, is, is_rigid) {
+                self.open.push(token);
+            } else if is_rigid && was == ContactMode::Separated {
+                let struck = jumped.to.struck.iter().map(guard_of).find(|(k, _)| *k == j);
+                let side = |watch: Watch| if watch == Watch::DriveFlank { 1.0 } else { -1.0 };
+                self.open.extend(struck.map(|(_, watch)| spelled('i', j, side(watch))));
+            }
+        }
+    }
+
+    fn event(&mut self, _: &EventRecord) -> ControlFlow<()> {
+        self.close();
+        ControlFlow::Continue(())
+    }
+}

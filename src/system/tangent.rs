@@ -1,0 +1,332 @@
+//! The derivative of the motion: what small changes of the state become along a mode and across a jump.
+//!
+//! Between jumps columns `ξ = ∂x` obey `ξ̇ = f_x(t, x) ξ`. Across a jump at a guard h with the reset R they become
+//! `R_x ξ + (f⁺ − R_x f⁻ − R_t) h_x ξ/ḣ` (Aizerman and Gantmacher 1958): the saltation matrix. It stands here in closed form for each kind
+//! of jump; no form divides by a speed but those of impacts and of a latched speed.
+
+use super::{
+    acting::{Acting, Elasticity, Force},
+    assemble::{PerContact, Structure, dot, zeros},
+    contact_mode::{ContactMode, Watch, contact_mode, guard_of},
+    sticking::Sticking,
+};
+use crate::{
+    gear::contact::Law,
+    hybrid::{GuardSet, Instant, Jump, Mode},
+};
+
+/// Changes of a state side by side: one row of `count` numbers for each component of the state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Columns {
+    /// How many.
+    pub count: usize,
+    /// `[dim][count]`.
+    pub values: Vec<f64>,
+}
+
+impl Columns {
+    /// The columns of the unit matrix of `dim` rows.
+    #[must_use]
+    pub fn unit(dim: usize) -> Self {
+        let mut values = vec![0.0; dim * dim];
+        (0..dim).for_each(|i| values[i * dim + i] = 1.0);
+        Self { count: dim, values }
+    }
+
+    /// Component `i` of all of them.
+    #[must_use]
+    pub fn row(&self, i: usize) -> &[f64] {
+        &self.values[i * self.count..(i + 1) * self.count]
+    }
+
+    fn row_mut(&mut self, i: usize) -> &mut [f64] {
+        &mut self.values[i * self.count..(i + 1) * self.count]
+    }
+
+    /// Adds `factor` times `row` to component `i`.
+    fn add(&mut self, i: usize, factor: f64, row: &[f64]) {
+        self.row_mut(i).iter_mut().zip(row).for_each(|(c, r)| *c += factor * r);
+    }
+}
+
+/// How the force of a contact along its direction changes with deflection, rate and latched speed.
+#[derive(Clone, Copy, Debug)]
+struct Change {
+    contact: usize,
+    by_deflection: f64,
+    by_rate: f64,
+    by_latch: Option<(usize, f64)>,
+}
+
+/// `f_x` of a mode at a place.
+#[derive(Debug)]
+pub(crate) struct Gradient {
+    changes: PerContact<Option<Change>>,
+}
+
+/// What a jump has done to columns.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Saltation {
+    /// Several impacts at one instant that depend on each other: their order decides, and the columns are those of the order taken.
+    pub is_piecewise: bool,
+    /// `ln |det S|`; NaN where contacts come to rest or latch a speed, which have no volume.
+    pub volume: f64,
+    /// The latched speeds that were written, by their place in the state.
+    pub latched: Vec<usize>,
+}
+
+impl Structure {
+    /// Whether `f_x` is constant along `mode`.
+    pub(crate) fn is_affine(&self, mode: &Mode) -> bool {
+        let is_constant =
+            |a: Acting| matches!(a.force, Force::Held | Force::Linear { stiffness: Elasticity::Constant(_), .. });
+        self.carrying(mode).all(is_constant)
+    }
+
+    /// `f_x` in `mode` at a place.
+    pub(crate) fn gradient(&self, mode: &Mode, at: Instant, x: &[f64]) -> Gradient {
+        let change = |acting: Acting| {
+            let contact = acting.contact;
+            let by = |change: [f64; 2]| self.force_change(&acting, at, x, change, &[]);
+            match acting.force {
+                Force::Held => None,
+                Force::Linear { damping, .. } => {
+                    Some(Change { contact, by_deflection: by([1.0, 0.0]), by_rate: damping, by_latch: None })
+                }
+                Force::Power { latch, .. } => {
+                    let by_latch = latch.map(|i| (i, self.force_by_latch(&acting, at, x)));
+                    Some(Change { contact, by_deflection: by([1.0, 0.0]), by_rate: by([0.0, 1.0]), by_latch })
+                }
+            }
+        };
+        Gradient { changes: self.carrying(mode).map(change).collect() }
+    }
+
+    /// `f_x ξ` into `out`, for the columns `ξ`.
+    pub(crate) fn apply(&self, gradient: &Gradient, held: Option<&Sticking>, columns: &Columns, out: &mut Columns) {
+        let (n, m) = (self.n, columns.count);
+        out.values[2 * n * m..].fill(0.0);
+        out.values[..n * m].copy_from_slice(&columns.values[n * m..2 * n * m]);
+        out.values[n * m..2 * n * m].fill(0.0);
+        for (i, row) in self.rows.iter().enumerate() {
+            for (j, k, c) in row {
+                out.add(n + i, -k, columns.row(*j as usize));
+                out.add(n + i, -c, columns.row(n + *j as usize));
+            }
+        }
+        let mut force = vec![0.0; m];
+        for change in gradient.changes.iter().flatten() {
+            let c = &self.contacts[change.contact];
+            force.fill(0.0);
+            let mut add = |factor: f64, row: &[f64]| force.iter_mut().zip(row).for_each(|(f, r)| *f += factor * r);
+            for (i, g) in &c.direction {
+                add(change.by_deflection * g, columns.row(*i as usize));
+                add(change.by_rate * g, columns.row(n + *i as usize));
+            }
+            if let Some((latch, by_latch)) = change.by_latch {
+                add(by_latch, columns.row(latch));
+            }
+            c.push.iter().for_each(|(i, p)| out.add(n + *i as usize, -p, &force));
+        }
+        if let Some(held) = held {
+            self.take_out(held, n, out);
+        }
+    }
+
+    /// Takes what `held` contacts would do out of the rows from `first` on, by changes along `M⁻¹g`.
+    fn take_out(&self, held: &Sticking, first: usize, columns: &mut Columns) {
+        let (set, m) = (held.contacts(), columns.count);
+        let mut by = zeros(set.len());
+        for l in 0..m {
+            for (by, j) in by.iter_mut().zip(set) {
+                let direction = self.contacts[*j].direction.iter();
+                *by = direction.map(|(i, g)| g * columns.values[(first + *i as usize) * m + l]).sum();
+            }
+            held.solve(&mut by);
+            for (by, j) in by.iter().zip(set) {
+                let push = self.contacts[*j].push.iter();
+                push.for_each(|(i, p)| columns.values[(first + *i as usize) * m + l] -= p * by);
+            }
+        }
+    }
+
+    /// The contacts at rest in `mode`, if any.
+    pub(crate) fn held(&self, mode: &Mode) -> Option<Sticking> {
+        Sticking::new(self, mode)
+    }
+
+    /// `gᵀξ` of contact `j`, for the rows from `first` on.
+    fn along(&self, j: usize, first: usize, columns: &Columns) -> Vec<f64> {
+        let mut along = vec![0.0; columns.count];
+        for (i, g) in &self.contacts[j].direction {
+            along.iter_mut().zip(columns.row(first + *i as usize)).for_each(|(a, c)| *a += g * c);
+        }
+        along
+    }
+
+    /// Takes `columns` across the jump from `from` to `to`, of the guards `fired`, at `at`; `x_minus` and `x_plus` are the states before
+    /// and after, `settles` says that contacts are brought to rest whatever their speed.
+    pub(crate) fn saltate(
+        &self,
+        (from, to): (&Jump, &Jump),
+        (fired, settles): (&GuardSet, bool),
+        at: Instant,
+        (x_minus, x_plus): (&[f64], &[f64]),
+        columns: &mut Columns,
+    ) -> Saltation {
+        let n = self.n;
+        let mut saltation = Saltation::default();
+        for id in fired.iter() {
+            let (j, watch) = guard_of(id);
+            let (was, is) = (contact_mode(&from.mode, j), contact_mode(&to.mode, j));
+            let c = &self.contacts[j];
+            match c.spec.law {
+                // The damper's force jumps with the contact: `δv⁺ = δv ∓ c w gᵀδq`, the speed having dropped out.
+                Law::KelvinVoigt(l, _) if watch != Watch::Force => {
+                    let factor = match (was, is) {
+                        (ContactMode::Separated, _) if is.is_closed() => -l.damping,
+                        (_, ContactMode::Separated) if was.is_closed() => l.damping,
+                        _ => continue,
+                    };
+                    let along = self.along(j, 0, columns);
+                    c.push.iter().for_each(|(i, p)| columns.add(n + *i as usize, factor * p, &along));
+                }
+                Law::Power(l) if was == ContactMode::Separated => {
+                    let Some(latch) = c.latch else { continue };
+                    saltation.latched.push(latch);
+                    saltation.volume = f64::NAN;
+                    let rate = self.deflection(j, at, x_minus).1;
+                    if is.side() * rate <= l.speed_floor {
+                        columns.row_mut(latch).fill(0.0);
+                        continue;
+                    }
+                    // The approach speed at the start of the contact, which comes earlier by `gᵀδq/δ̇`.
+                    let relative = self.relative_acceleration(j, &from.mode, at, x_minus);
+                    let (early, mut row) = (self.along(j, 0, columns), self.along(j, n, columns));
+                    row.iter_mut().zip(&early).for_each(|(r, e)| *r = is.side() * (*r - relative * e / rate));
+                    columns.row_mut(latch).copy_from_slice(&row);
+                }
+                _ => {}
+            }
+        }
+        let is_struck = |j: usize| to.struck.iter().any(|id| guard_of(id).0 == j);
+        let rests = |mode: &Mode, j: usize| self.contacts[j].spec.law.is_rigid() && contact_mode(mode, j).is_closed();
+        let lands = |j: usize| rests(&to.mode, j) && !rests(&from.mode, j);
+        let strikers: PerContact<usize> = (0..self.contacts.len())
+            .filter(|j| self.contacts[*j].spec.law.is_rigid() && !rests(&from.mode, *j) && (is_struck(*j) || lands(*j)))
+            .collect();
+        if !strikers.is_empty() {
+            self.strike_columns((from, to), (&strikers, settles), at, (x_minus, x_plus), columns);
+            let are_apart = |i: &usize| strikers.iter().all(|j| i == j || self.coupling(*i, *j) == 0.0);
+            saltation.is_piecewise = !strikers.iter().all(are_apart);
+            let logarithm = |j: &usize| match self.contacts[*j].spec.law {
+                Law::Rigid(l) if !settles && !rests(&to.mode, *j) => 2.0 * libm::log(l.restitution),
+                _ => f64::NAN,
+            };
+            saltation.volume += strikers.iter().map(logarithm).sum::<f64>();
+        }
+        saltation
+    }
+
+    /// `tr f_x`, 1/s.
+    pub(crate) fn divergence(&self, gradient: &Gradient) -> f64 {
+        let structure = self.rows.iter().enumerate().flat_map(|(i, row)| row.iter().map(move |entry| (i, entry)));
+        let damped: f64 = structure.filter(|(i, (j, ..))| *i == *j as usize).map(|(_, (.., c))| c).sum();
+        let contacts = gradient.changes.iter().flatten();
+        -damped - contacts.map(|c| c.by_rate * self.contacts[c.contact].mobility).sum::<f64>()
+    }
+
+    /// A size of the rates that contacts add, rad/s.
+    pub(crate) fn rate_by(&self, gradient: &Gradient) -> f64 {
+        let rate = |c: &Change| {
+            let mobility = self.contacts[c.contact].mobility;
+            (c.by_deflection.abs() * mobility).sqrt() + c.by_rate.abs() * mobility
+        };
+        gradient.changes.iter().flatten().map(rate).sum()
+    }
+
+    /// A size of the rates of a mode, rad/s; of contacts whose stiffness is constant only.
+    pub(crate) fn rate_of(&self, mode: &Mode) -> f64 {
+        let free = self.own_rates(&Mode::default());
+        let rates = self.rows.iter().map(|row| {
+            let sum = |of: &dyn Fn(&(u32, f64, f64)) -> f64| row.iter().map(|entry| of(entry).abs()).sum::<f64>();
+            sum(&|entry| entry.1).sqrt() + sum(&|entry| entry.2)
+        });
+        let contacts = self.carrying(mode).filter_map(|a| match a.force {
+            Force::Linear { stiffness: Elasticity::Constant(k), damping } => {
+                let mobility = self.contacts[a.contact].mobility;
+                Some((k * mobility).sqrt() + damping * mobility)
+            }
+            _ => None,
+        });
+        rates.fold(free.oscillating.max(free.damped), f64::max) + contacts.sum::<f64>()
+    }
+
+    /// `gᵀv̇ − ë` of contact `j` in `mode`.
+    fn relative_acceleration(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
+        let (mut forces, mut a) = (zeros(self.contacts.len()), vec![0.0; self.n]);
+        self.dynamics(mode, at, x, &mut forces, &mut a);
+        dot(&self.contacts[j].direction, &a) - self.error(j, at).2
+    }
+
+    /// Impacts of the rigid contacts `strikers`, those at rest held: `v⁺ = v⁻ − W (G W)⁻¹ (I + E) (G v⁻ − ė)` with `W = M⁻¹Gᵀ`.
+    fn strike_columns(
+        &self,
+        (from, to): (&Jump, &Jump),
+        (strikers, settles): (&[usize], bool),
+        at: Instant,
+        (x_minus, x_plus): (&[f64], &[f64]),
+        columns: &mut Columns,
+    ) {
+        let (n, m) = (self.n, columns.count);
+        let rests = |mode: &Mode, j: usize| self.contacts[j].spec.law.is_rigid() && contact_mode(mode, j).is_closed();
+        let resting = (0..self.contacts.len()).filter(|j| rests(&from.mode, *j));
+        let active = Sticking::of(self, strikers.iter().copied().chain(resting));
+        // One plus the restitution; a contact at rest, or one that comes to rest, has none.
+        let returns = |j: usize| match self.contacts[j].spec.law {
+            Law::Rigid(l) if !settles && strikers.contains(&j) && !rests(&to.mode, j) => 1.0 + l.restitution,
+            _ => 1.0,
+        };
+        // `W (G W)⁻¹ (I + E) y`, taken from the rows of velocity.
+        let reset = |y: &dyn Fn(usize) -> f64, take: &mut dyn FnMut(usize, f64)| {
+            let mut by: PerContact<f64> = active.contacts().iter().map(|j| returns(*j) * y(*j)).collect();
+            active.solve(&mut by);
+            for (by, j) in by.iter().zip(active.contacts()) {
+                self.contacts[*j].push.iter().for_each(|(i, p)| take(*i as usize, p * by));
+            }
+        };
+        let acceleration = |mode: &Mode, x: &[f64]| {
+            let (mut forces, mut a) = (zeros(self.contacts.len()), vec![0.0; n]);
+            self.dynamics(mode, at, x, &mut forces, &mut a);
+            a
+        };
+        let (before, after) = (acceleration(&from.mode, x_minus), acceleration(&to.mode, x_plus));
+        // `a⁺ − R_v a⁻ − R_t`.
+        let mut change: Vec<f64> = after.iter().zip(&before).map(|(after, before)| after - before).collect();
+        reset(&|j| dot(&self.contacts[j].direction, &before) - self.error(j, at).2, &mut |i, by| change[i] += by);
+        // How much later the event comes: `−gᵀδq/δ̇`, the mean of those that strike together.
+        let mut later = vec![0.0; m];
+        for j in strikers {
+            let rate = self.deflection(*j, at, x_minus).1;
+            let along = self.along(*j, 0, columns);
+            later.iter_mut().zip(&along).for_each(|(l, a)| *l += a / rate / strikers.len() as f64);
+        }
+        for l in 0..m {
+            let mut taken = zeros(n);
+            let velocity = |j: usize| {
+                let direction = self.contacts[j].direction.iter();
+                direction.map(|(i, g)| g * columns.values[(n + *i as usize) * m + l]).sum()
+            };
+            reset(&velocity, &mut |i, by| taken[i] += by);
+            for i in 0..n {
+                columns.values[i * m + l] += (x_plus[n + i] - x_minus[n + i]) * later[l];
+                columns.values[(n + i) * m + l] += change[i] * later[l] - taken[i];
+            }
+        }
+        // Where contacts have come to rest both gap and rate stay zero.
+        if let Some(held) = self.held(&to.mode) {
+            self.take_out(&held, 0, columns);
+            self.take_out(&held, n, columns);
+        }
+    }
+}
