@@ -5,6 +5,7 @@ mod check;
 mod compare;
 mod error;
 mod identify;
+mod lyapunov;
 mod orbit;
 mod progress;
 mod run;
@@ -48,6 +49,8 @@ enum Command {
     Sweep(sweep::Arguments),
     /// Solve for the periodic orbit that a scene starts on or approaches: stable or not, with its multipliers
     Orbit(orbit::Arguments),
+    /// Measure all Lyapunov exponents of the motion that a scene runs to, with their bands
+    Lyapunov(lyapunov::Arguments),
     /// Compare Flank with fixed-step and adaptive codes on a scene: accuracy against work
     Compare(compare::Arguments),
     /// Show what a scene builds: freedoms, contacts, natural frequencies, integrators, warnings
@@ -99,6 +102,7 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
         Command::Advise(arguments) => return advise::execute(&arguments),
         Command::Sweep(arguments) => return sweep::execute(&arguments),
         Command::Orbit(arguments) => return orbit::execute(&arguments),
+        Command::Lyapunov(arguments) => return lyapunov::execute(&arguments),
         Command::Compare(arguments) => return compare::execute(&arguments),
         Command::Stability(arguments) => return stability::execute(&arguments),
         Command::Identify(arguments) => return identify::execute(&arguments),

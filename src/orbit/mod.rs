@@ -3,12 +3,14 @@
 //! A [`Tangent`] watches a run and carries columns of the derivative along arcs and across jumps. A [`SectionMap`] takes a state at phase 0
 //! over whole cycles, with the derivative; Newton's method on it solves for orbits, stable or not.
 
+mod exponents;
 mod newton;
 mod search;
 mod section;
 mod tangent;
 pub mod words;
 
+pub use exponents::{Exponents, Finite, Lyapunov, WithoutSaltation};
 pub use newton::{Drift, Missed, Orbit};
 pub use search::{Found, LONGEST, Search, components};
 pub use section::{Image, Section, SectionMap};

@@ -79,6 +79,9 @@ pub struct Tangent<'s> {
     pub is_piecewise: bool,
     /// The latched speeds that were written anew.
     pub latched: Vec<bool>,
+    /// The last jump brought contacts to rest.
+    pub(super) lands: bool,
+    resets_only: bool,
     modes: BTreeMap<Mode, Known>,
     work: [Columns; 2],
     nodes: Vec<[Columns; 2]>,
@@ -104,8 +107,20 @@ impl<'s> Tangent<'s> {
             structure,
             volume: 0.0,
             is_piecewise: false,
+            lands: false,
+            resets_only: false,
             modes: BTreeMap::new(),
         }
+    }
+
+    /// Leaves out that neighbours meet an event earlier or later: what differentiating each reset alone gives.
+    pub fn without_saltation(&mut self) {
+        self.resets_only = true;
+    }
+
+    /// A size of the rates of `mode`, rad/s.
+    pub(super) fn rate(&self, mode: &Mode) -> f64 {
+        self.modes.get(mode).map_or(0.0, |known| known.rate)
     }
 
     fn known(&mut self, mode: &Mode) {
@@ -265,7 +280,9 @@ impl Observer for Tangent<'_> {
     fn jump(&mut self, jumped: &Jumped<'_>) {
         let &Jumped { at, from, to, fired, x_minus, x_plus, settles } = jumped;
         let s = self.structure;
-        let saltation = s.saltate((from, to), (fired, settles), at, (x_minus, x_plus), &mut self.columns);
+        let jump = (fired, settles, self.resets_only);
+        let saltation = s.saltate((from, to), jump, at, (x_minus, x_plus), &mut self.columns);
+        self.lands = saltation.lands;
         self.is_piecewise |= saltation.is_piecewise;
         self.volume += saltation.volume;
         saltation.latched.iter().for_each(|latch| self.latched[latch - 2 * s.freedoms()] = true);

@@ -76,12 +76,6 @@ impl<'s> Speller<'s> {
         self.tokens.clone()
     }
 
-    /// Takes the tokens up to now.
-    pub fn take(&mut self) -> Vec<String> {
-        self.close();
-        std::mem::take(&mut self.tokens)
-    }
-
     fn close(&mut self) {
         self.open.sort();
         match self.open.len() {

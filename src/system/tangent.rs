@@ -71,6 +71,8 @@ pub struct Saltation {
     pub is_piecewise: bool,
     /// `ln |det S|`; NaN where contacts come to rest or latch a speed, which have no volume.
     pub volume: f64,
+    /// Contacts come to rest: the rank falls.
+    pub lands: bool,
     /// The latched speeds that were written, by their place in the state.
     pub latched: Vec<usize>,
 }
@@ -165,11 +167,11 @@ impl Structure {
     }
 
     /// Takes `columns` across the jump from `from` to `to`, of the guards `fired`, at `at`; `x_minus` and `x_plus` are the states before
-    /// and after, `settles` says that contacts are brought to rest whatever their speed.
+    /// and after, `settles` says that contacts are brought to rest whatever their speed, `resets_only` leaves out that events come earlier or later.
     pub(crate) fn saltate(
         &self,
         (from, to): (&Jump, &Jump),
-        (fired, settles): (&GuardSet, bool),
+        (fired, settles, resets_only): (&GuardSet, bool, bool),
         at: Instant,
         (x_minus, x_plus): (&[f64], &[f64]),
         columns: &mut Columns,
@@ -182,7 +184,7 @@ impl Structure {
             let c = &self.contacts[j];
             match c.spec.law {
                 // The damper's force jumps with the contact: `δv⁺ = δv ∓ c w gᵀδq`, the speed having dropped out.
-                Law::KelvinVoigt(l, _) if watch != Watch::Force => {
+                Law::KelvinVoigt(l, _) if watch != Watch::Force && !resets_only => {
                     let factor = match (was, is) {
                         (ContactMode::Separated, _) if is.is_closed() => -l.damping,
                         (_, ContactMode::Separated) if was.is_closed() => l.damping,
@@ -202,7 +204,10 @@ impl Structure {
                     }
                     // The approach speed at the start of the contact, which comes earlier by `gᵀδq/δ̇`.
                     let relative = self.relative_acceleration(j, &from.mode, at, x_minus);
-                    let (early, mut row) = (self.along(j, 0, columns), self.along(j, n, columns));
+                    let (mut early, mut row) = (self.along(j, 0, columns), self.along(j, n, columns));
+                    if resets_only {
+                        early.fill(0.0);
+                    }
                     row.iter_mut().zip(&early).for_each(|(r, e)| *r = is.side() * (*r - relative * e / rate));
                     columns.row_mut(latch).copy_from_slice(&row);
                 }
@@ -216,7 +221,8 @@ impl Structure {
             .filter(|j| self.contacts[*j].spec.law.is_rigid() && !rests(&from.mode, *j) && (is_struck(*j) || lands(*j)))
             .collect();
         if !strikers.is_empty() {
-            self.strike_columns((from, to), (&strikers, settles), at, (x_minus, x_plus), columns);
+            self.strike_columns((from, to), (&strikers, settles, resets_only), at, (x_minus, x_plus), columns);
+            saltation.lands = strikers.iter().any(|j| rests(&to.mode, *j));
             let are_apart = |i: &usize| strikers.iter().all(|j| i == j || self.coupling(*i, *j) == 0.0);
             saltation.is_piecewise = !strikers.iter().all(are_apart);
             let logarithm = |j: &usize| match self.contacts[*j].spec.law {
@@ -273,7 +279,7 @@ impl Structure {
     fn strike_columns(
         &self,
         (from, to): (&Jump, &Jump),
-        (strikers, settles): (&[usize], bool),
+        (strikers, settles, resets_only): (&[usize], bool, bool),
         at: Instant,
         (x_minus, x_plus): (&[f64], &[f64]),
         columns: &mut Columns,
@@ -306,7 +312,7 @@ impl Structure {
         reset(&|j| dot(&self.contacts[j].direction, &before) - self.error(j, at).2, &mut |i, by| change[i] += by);
         // How much later the event comes: `−gᵀδq/δ̇`, the mean of those that strike together.
         let mut later = vec![0.0; m];
-        for j in strikers {
+        for j in strikers.iter().filter(|_| !resets_only) {
             let rate = self.deflection(*j, at, x_minus).1;
             let along = self.along(*j, 0, columns);
             later.iter_mut().zip(&along).for_each(|(l, a)| *l += a / rate / strikers.len() as f64);

@@ -1,0 +1,369 @@
+//! Lyapunov exponents: how fast neighbouring motions part, by the tangent and its factors.
+//!
+//! Columns of the tangent are made orthonormal again and again, `W X = Q R`, W the scales of the components; the exponents are the means
+//! of `ln R_ii` over time (Benettin et al. 1980, with jumps Müller 1995). Their sum is the mean rate of volumes, which is known by itself:
+//! the divergence of the field along arcs, and `ln |det|` of the jumps.
+
+use std::ops::ControlFlow;
+
+use serde::Serialize;
+
+use super::{Drift, SectionMap, Tangent};
+use crate::{
+    engine::{Jumped, Observer, Outcome},
+    hybrid::Mode,
+    integrate::DenseStep,
+    simulation::{Simulation, SimulationError},
+    system::Columns,
+    task::{Progress, Task},
+};
+
+/// Cycles dropped at least.
+const DROPPED: u64 = 1000;
+/// Cycles averaged at most, unless their number is given.
+const MOST: u64 = 1_000_000;
+/// Band of the largest exponent that is good enough, as a share of the largest in size.
+const BAND: f64 = 1e-3;
+/// Blocks that a band is estimated from.
+const BLOCKS: usize = 40;
+/// Correlation of neighbouring blocks above which a band is doubled.
+const CORRELATED: f64 = 0.2;
+/// Rates times time after which columns are made orthonormal at the latest: they have then turned to each other by a factor of 1e3.
+const TURNED: f64 = 7.0;
+/// A column this much smaller than the largest, after contacts have come to rest, is rounding: the derivative has lost a rank.
+const LOST: f64 = 1e-11;
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Lyapunov {
+    /// Cycles averaged; without it, until the band of the largest exponent is small.
+    pub cycles: Option<u64>,
+    /// The exponents of resets alone too, to show what leaving saltation out does.
+    pub without_saltation: bool,
+    /// Finite-time exponents over this many cycles from the start, too.
+    pub finite: Option<u64>,
+}
+
+/// Exponents, and what they are worth. `null` is −∞.
+#[derive(Clone, Debug, Serialize)]
+pub struct Exponents {
+    /// Largest first, one for each displacement and velocity that does not drift; then `null`, one for each rank that rest takes and for
+    /// each latched speed.
+    pub exponents: Vec<Option<f64>>,
+    /// One standard error each.
+    pub band: Vec<Option<f64>>,
+    /// Their sum, of those that are finite.
+    pub sum: f64,
+    /// The value that the sum must have; `null` where contacts rest or latch speeds.
+    pub sum_rule: Option<f64>,
+    /// Cycles averaged.
+    pub cycles: u64,
+    /// Cycles dropped before.
+    pub dropped: u64,
+    /// `1/s`, or `1/time` where the scene has no units.
+    pub unit: &'static str,
+    /// Directions of drift left out, each with exponent 0.
+    pub drift: usize,
+    /// Why it stopped before the band was small enough, if so.
+    pub reason: Option<String>,
+    /// What only the derivative of each reset gives, without the change of event times.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub without_saltation: Option<WithoutSaltation>,
+    /// Finite-time exponents of the first cycles.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub finite: Option<Finite>,
+    /// How the means of the exponents went on: cycles averaged, mean and band of each.
+    #[serde(skip)]
+    pub course: Vec<(u64, Vec<f64>, Vec<f64>)>,
+}
+
+/// What one gets without saltation.
+#[derive(Clone, Debug, Serialize)]
+pub struct WithoutSaltation {
+    /// Which way of leaving it out.
+    pub way: &'static str,
+    /// As [`Exponents::exponents`].
+    pub exponents: Vec<Option<f64>>,
+}
+
+/// Exponents of a number of cycles from the start, the columns starting as the unit matrix.
+#[derive(Clone, Debug, Serialize)]
+pub struct Finite {
+    /// How many cycles.
+    pub cycles: u64,
+    /// In the order of the columns.
+    pub exponents: Vec<Option<f64>>,
+}
+
+/// A tangent whose columns are kept orthonormal.
+struct Frame<'s> {
+    tangent: Tangent<'s>,
+    drift: &'s Drift,
+    /// Momenta of the drift, `M ρ`, and `ρᵀMρ`.
+    momenta: Vec<(Vec<f64>, f64)>,
+    n: usize,
+    /// Scale of velocities.
+    scale: f64,
+    /// `Σ ln R_ii` since they were taken.
+    logs: Vec<f64>,
+    /// Columns whose rank has been lost.
+    lost: Vec<bool>,
+    turned: f64,
+}
+
+impl<'s> Frame<'s> {
+    fn new(simulation: &'s Simulation, drift: &'s Drift, scale: f64) -> Self {
+        let structure = &simulation.structure;
+        let n = structure.freedoms();
+        let left_out: usize = drift.is_free.iter().map(|free| 1 + usize::from(*free)).sum();
+        let count = 2 * n - left_out;
+        let dim = 2 * n + structure.contacts().iter().filter(|c| c.latch().is_some()).count();
+        let spec = structure.spec();
+        let momenta = drift.directions.iter().map(|direction| {
+            let momentum: Vec<f64> = (0..n).map(|i| (0..n).map(|j| spec.mass[(i, j)] * direction[j]).sum()).collect();
+            let weight = momentum.iter().zip(direction).map(|(m, d)| m * d).sum();
+            (momentum, weight)
+        });
+        // Unit columns; those most along a drift are left out, and what is left of it in the others goes with the first factors.
+        let mut values = vec![0.0; dim * count];
+        let mut kept: Vec<usize> = (0..2 * n).collect();
+        for (direction, is_free) in drift.directions.iter().zip(&drift.is_free) {
+            let along = (0..n).filter(|i| kept.contains(i)).max_by(|a, b| direction[*a].abs().total_cmp(&direction[*b].abs()));
+            if let Some(i) = along {
+                kept.retain(|k| *k != i && !(*is_free && *k == n + i));
+            }
+        }
+        kept.iter().enumerate().for_each(|(column, i)| values[i * count + column] = 1.0);
+        let mut frame = Self {
+            tangent: Tangent::of(structure, Columns { count, values }),
+            drift,
+            momenta: momenta.collect(),
+            n,
+            scale,
+            logs: vec![0.0; count],
+            lost: vec![false; count],
+            turned: 0.0,
+        };
+        frame.orthonormalise(false);
+        frame.logs.fill(0.0);
+        frame
+    }
+
+    /// Takes the factors out of the columns. After contacts have come to rest (`lands`), columns may have lost their rank.
+    fn orthonormalise(&mut self, lands: bool) {
+        let Self { tangent, drift, momenta, n, scale, logs, lost, .. } = self;
+        let (n, m) = (*n, tangent.columns.count);
+        let values = &mut tangent.columns.values;
+        for ((momentum, weight), (direction, is_free)) in momenta.iter().zip(drift.directions.iter().zip(&drift.is_free)) {
+            for first in if *is_free { vec![0, n] } else { vec![0] } {
+                for l in 0..m {
+                    let share: f64 = (0..n).map(|i| momentum[i] * values[(first + i) * m + l]).sum::<f64>() / *weight;
+                    (0..n).for_each(|i| values[(first + i) * m + l] -= share * direction[i]);
+                }
+            }
+        }
+        let weight = |i: usize| if i < n || i >= 2 * n { 1.0 } else { 1.0 / (*scale * *scale) };
+        let rows = values.len() / m;
+        let mut largest = 0.0f64;
+        for l in 0..m {
+            let mut norm = 0.0;
+            for sweep in 0..2 {
+                for k in 0..l {
+                    let dot: f64 = (0..rows).map(|i| weight(i) * values[i * m + k] * values[i * m + l]).sum();
+                    (0..rows).for_each(|i| values[i * m + l] -= dot * values[i * m + k]);
+                }
+                let size = (0..rows).map(|i| weight(i) * values[i * m + l] * values[i * m + l]).sum::<f64>().sqrt();
+                if sweep == 0 {
+                    norm = size;
+                    largest = largest.max(size);
+                    lost[l] |= lands && size <= LOST * largest || size == 0.0;
+                    if size == 0.0 {
+                        // Any direction will do: it has no exponent any more.
+                        (0..rows).for_each(|i| values[i * m + l] = f64::from(u8::from(i == l)));
+                        continue;
+                    }
+                } else {
+                    norm *= size;
+                }
+                (0..rows).for_each(|i| values[i * m + l] /= size);
+            }
+            logs[l] += libm::log(norm);
+        }
+        self.turned = 0.0;
+    }
+
+    fn turn(&mut self, mode: &Mode, time: f64) {
+        self.turned += self.tangent.rate(mode) * time;
+        if self.turned > TURNED {
+            self.orthonormalise(false);
+        }
+    }
+
+    /// The logarithms since the last time.
+    fn take(&mut self) -> Vec<f64> {
+        self.orthonormalise(false);
+        let count = self.logs.len();
+        std::mem::replace(&mut self.logs, vec![0.0; count])
+    }
+}
+
+impl Observer for Frame<'_> {
+    fn wants_steps(&self, mode: &Mode) -> bool {
+        self.tangent.wants_steps(mode)
+    }
+
+    fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
+        self.tangent.leap(mode, time)?;
+        self.turn(mode, time);
+        ControlFlow::Continue(())
+    }
+
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        self.tangent.step(mode, step, until)?;
+        self.turn(mode, step.time(until));
+        ControlFlow::Continue(())
+    }
+
+    fn wants_jumps(&self) -> bool {
+        true
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        // What the columns have turned by so far is not to be mixed with what a jump does.
+        self.orthonormalise(false);
+        self.tangent.jump(jumped);
+        self.orthonormalise(self.tangent.lands);
+    }
+}
+
+/// Means of the columns of `rows`, and their standard errors from blocks.
+fn means(rows: &[Vec<f64>], period: f64) -> (Vec<f64>, Vec<f64>) {
+    let count = rows.first().map_or(0, Vec::len);
+    let mean = |rows: &[Vec<f64>], l: usize| rows.iter().map(|row| row[l]).sum::<f64>() / (rows.len() as f64 * period);
+    let band = |l: usize| {
+        let length = rows.len() / BLOCKS;
+        if length == 0 {
+            return f64::NAN;
+        }
+        // The last blocks: what does not fill one is left out at the front.
+        let blocks: Vec<f64> = rows[rows.len() - BLOCKS * length..].chunks_exact(length).map(|b| mean(b, l)).collect();
+        let middle = blocks.iter().sum::<f64>() / BLOCKS as f64;
+        let off: Vec<f64> = blocks.iter().map(|b| b - middle).collect();
+        let squares: f64 = off.iter().map(|o| o * o).sum();
+        let neighbours: f64 = off.windows(2).map(|pair| pair[0] * pair[1]).sum();
+        let error = (squares / (BLOCKS * (BLOCKS - 1)) as f64).sqrt();
+        if squares > 0.0 && neighbours / squares > CORRELATED { 2.0 * error } else { error }
+    };
+    ((0..count).map(|l| mean(rows, l)).collect(), (0..count).map(band).collect())
+}
+
+impl Lyapunov {
+    /// The exponents of the motion that the scene runs to.
+    ///
+    /// # Errors
+    /// [`SimulationError`] if the run fails, or for a train without a forcing period.
+    pub fn run(&self, simulation: &Simulation, task: Task<'_>) -> Result<Exponents, SimulationError> {
+        let map = SectionMap::new(simulation)?;
+        let (drift, period) = (map.drift(), simulation.period()?);
+        let scale = if simulation.dimensionless { 1.0 } else { simulation.clock().omega() };
+        let finite = self.finite.map(|cycles| self.finite_time(&map, &drift, cycles, period)).transpose()?;
+        let run = &simulation.settings;
+        let [from, _, end] = simulation.instants();
+        let least = self.cycles.unwrap_or_else(|| (end.cycle - from.cycle).max(1) as u64);
+        let most = self.cycles.unwrap_or(MOST.max(least));
+        let dropped = DROPPED.max(run.transient_cycles);
+        let mut engine = simulation.engine(map.state(&map.start()?)?)?;
+        let mut frame = Frame::new(simulation, &drift, scale);
+        let mut bare = self.without_saltation.then(|| {
+            let mut bare = Frame::new(simulation, &drift, scale);
+            bare.tangent.without_saltation();
+            bare
+        });
+        let (mut rows, mut bare_rows, mut course) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut volume, mut reason, mut next_look) = (0.0, None, least);
+        let clock = simulation.clock();
+        let first = engine.state().at.cycle;
+        for cycle in 1..=dropped + most {
+            let outcome = engine.run(clock.at(first + cycle as i64, 0.0), &mut (&mut frame, &mut bare))?;
+            let (logs, bare_logs) = (frame.take(), bare.as_mut().map(Frame::take));
+            if cycle > dropped {
+                rows.push(logs);
+                bare_rows.extend(bare_logs);
+                volume += frame.tangent.volume;
+            }
+            frame.tangent.volume = 0.0;
+            if outcome != Outcome::ReachedEnd || task.is_cancelled() {
+                reason = Some(if task.is_cancelled() { "interrupted" } else { "the limit on events is reached" }.to_owned());
+                break;
+            }
+            let averaged = rows.len() as u64;
+            if cycle % 64 == 0 {
+                task.report(Progress::Share(cycle as f64 / (dropped + most) as f64));
+            }
+            if cycle <= dropped || averaged < next_look {
+                continue;
+            }
+            let (mean, band) = means(&rows, period);
+            let largest = mean.iter().zip(&frame.lost).filter(|(_, lost)| !**lost).fold(0.0, |m: f64, (e, _)| m.max(e.abs()));
+            let is_good = band.first().is_some_and(|band| *band <= BAND * largest);
+            course.push((averaged, mean, band));
+            if self.cycles.is_none() && is_good {
+                break;
+            }
+            next_look = (averaged + averaged / 8 + 1).min(most);
+            if averaged == most && !is_good && self.cycles.is_none() {
+                reason = Some(format!("stopped after {most} cycles, before the band was below {BAND} of the largest"));
+            }
+        }
+        let (mean, band) = means(&rows, period);
+        let latches = engine.state().x.len() - 2 * simulation.structure.freedoms();
+        let null = |values: &[f64], lost: &[bool]| -> Vec<Option<f64>> {
+            let mut order: Vec<usize> = (0..values.len()).filter(|l| !lost[*l]).collect();
+            order.sort_by(|a, b| mean[*b].total_cmp(&mean[*a]));
+            let known = order.iter().map(|l| Some(values[*l]).filter(|v| v.is_finite()));
+            known.chain(std::iter::repeat_n(None, values.len() - order.len() + latches)).collect()
+        };
+        let sum_rule = volume / (rows.len() as f64 * period);
+        let bare = bare.map(|bare| {
+            let (mut values, _) = means(&bare_rows, period);
+            values.retain(|v| v.is_finite());
+            values.sort_by(|a, b| b.total_cmp(a));
+            WithoutSaltation {
+                way: "the derivative of each reset alone, without the change of event times",
+                exponents: values.into_iter().map(Some).chain(std::iter::repeat_n(None, bare.lost.iter().filter(|l| **l).count() + latches)).collect(),
+            }
+        });
+        let exponents = null(&mean, &frame.lost);
+        Ok(Exponents {
+            sum: exponents.iter().flatten().sum(),
+            band: null(&band, &frame.lost),
+            exponents,
+            sum_rule: (sum_rule.is_finite() && latches == 0).then_some(sum_rule),
+            cycles: rows.len() as u64,
+            dropped,
+            unit: if simulation.dimensionless { "1/time" } else { "1/s" },
+            drift: drift.is_free.iter().map(|free| 1 + usize::from(*free)).sum(),
+            reason,
+            without_saltation: bare,
+            finite,
+            course,
+        })
+    }
+
+    fn finite_time(
+        &self,
+        map: &SectionMap<'_>,
+        drift: &Drift,
+        cycles: u64,
+        period: f64,
+    ) -> Result<Finite, SimulationError> {
+        let simulation = map.simulation();
+        let mut engine = simulation.engine(map.state(&map.start()?)?)?;
+        let mut frame = Frame::new(simulation, drift, 1.0);
+        let first = engine.state().at.cycle;
+        engine.run(simulation.clock().at(first + cycles as i64, 0.0), &mut frame)?;
+        let logs = frame.take();
+        let exponent = |(log, lost): (&f64, &bool)| (!lost).then_some(log / (cycles as f64 * period));
+        Ok(Finite { cycles, exponents: logs.iter().zip(&frame.lost).map(exponent).collect() })
+    }
+}
