@@ -128,6 +128,12 @@ pub enum Shown {
     Damping,
     /// The power lost in all contacts, W.
     Contacts,
+    /// Change of the force along g with the deflection, times the rate of the clock `dt/dθ`, N s/m.
+    ByDeflection(usize),
+    /// The same with the rate of the deflection, kg.
+    ByRate(usize),
+    /// The same with the latched speed, kg.
+    ByLatch(usize),
 }
 
 /// Whether all are finite. A finite number times zero is zero; NaN and the infinities are not.

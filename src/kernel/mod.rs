@@ -74,6 +74,8 @@ struct Layout {
     gaps: usize,
     /// Cosine and sine of each oscillator at one order, side by side.
     waves: usize,
+    /// The contact that owns the clock, if its clock is a root of its penetration; else −1.
+    owner: usize,
     len: usize,
 }
 
@@ -87,8 +89,8 @@ impl Layout {
         let stretches = deflections + ROW * lanes;
         let gaps = stretches + lanes;
         let waves = gaps + s.contacts.len();
-        let len = waves + 2 * s.oscillators.len();
-        Self { contacts, deflections, clock, accelerations, stretches, gaps, waves, len }
+        let owner = waves + 2 * s.oscillators.len();
+        Self { contacts, deflections, clock, accelerations, stretches, gaps, waves, owner, len: owner + 1 }
     }
 
     /// `cos ωt` of oscillator `i`; its sine follows, one row on.
@@ -247,6 +249,7 @@ impl Motion<'_> {
         let owner = self.owner(request);
         out.order = ORDER;
         let h = owner.map_or(request.span, |o| self.root_scale(request, o));
+        out.work[layout.owner] = owner.filter(|o| o.root > 1).map_or(-1.0, |o| o.contact as f64);
         let mut e = Expansion { s, motion: self, request, layout, h };
         let tail = loop {
             e.start(out);

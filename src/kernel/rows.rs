@@ -2,8 +2,9 @@
 //!
 //! They are products of series that the recurrence has formed; a series without terms is None.
 
-use super::{CARRIED, FORCE, LANES, Layout, Motion, POWER, RATE, ROW, STIFFNESS};
+use super::{CARRIED, FACTOR, FORCE, LANES, Layout, Motion, PENETRATION, POWER, RATE, ROW, STIFFNESS};
 use crate::{
+    gear::contact::PowerLaw,
     hybrid::{Jet, Shown},
     system::{Elasticity, Force, Spring, Wave},
 };
@@ -74,6 +75,9 @@ impl Motion<'_> {
             Shown::Transmission(j) => return out.extend_from_slice(&rows.transmission(j)),
             Shown::Force(j) => return rows.force(j).iter().for_each(|force| out.extend_from_slice(force)),
             Shown::Loss(j) => is_any = rows.loss(j, &mut sum),
+            Shown::ByDeflection(j) | Shown::ByRate(j) | Shown::ByLatch(j) => {
+                return rows.change(j, what).iter().for_each(|change| out.extend_from_slice(change));
+            }
             Shown::Load => {
                 rows.load(&mut sum);
                 is_any = true;
@@ -236,6 +240,82 @@ impl Rows<'_> {
         add_square(&mut square, 0.5, &self.stretch(j));
         add_product(sum, 1.0, &rate, &square);
         true
+    }
+
+    /// How the force of contact `j` changes, times `dt/dθ`; `None` for zero.
+    fn change(&self, j: usize, what: Shown) -> Option<Series> {
+        let force = self.force_of(j)?;
+        let clock: Series = match self.is_rooted {
+            true => gather(self.step.time[1..].iter().zip(&self.powers[1..]).enumerate().map(|(k, (t, p))| (k + 1) as f64 * t * p)),
+            false => gather(std::iter::once(self.step.span * self.step.reach)),
+        };
+        let times = |a: &Series, b: &Series| {
+            let mut product = [0.0; TWICE];
+            add_product(&mut product, 1.0, a, b);
+            gather(product.into_iter())
+        };
+        match (force, what) {
+            (Force::Linear { stiffness: Elasticity::Constant(k), .. }, Shown::ByDeflection(_)) => Some(scaled(k, clock)),
+            (Force::Linear { .. }, Shown::ByDeflection(_)) if self.is_rooted => Some(times(&self.work(j, STIFFNESS), &clock)),
+            (Force::Linear { .. }, Shown::ByDeflection(_)) => Some(times(&self.stiffness(j), &clock)),
+            (Force::Linear { damping, .. }, Shown::ByRate(_)) => Some(scaled(damping, clock)),
+            // In plain time only what is leaving at this very instant.
+            (Force::Power { .. }, _) if !self.is_rooted => None,
+            (Force::Power { law, stiffness, .. }, Shown::ByDeflection(_)) => {
+                // A force that is left out does not change either.
+                if self.work(j, POWER).iter().all(|c| *c == 0.0) {
+                    return None;
+                }
+                let n = law.exponent.value();
+                let slope = scaled(n * stiffness, times(&self.slope(j, law)?, &clock));
+                Some(times(&slope, &self.work(j, FACTOR)))
+            }
+            (Force::Power { stiffness, latch: Some(latch), .. }, _) => {
+                let chi = force.chi(&self.step.state);
+                let damped = scaled(chi * stiffness, times(&self.work(j, POWER), &clock));
+                match what {
+                    Shown::ByRate(_) => Some(damped),
+                    _ => Some(scaled(-self.step.state[latch].recip(), times(&damped, &self.work(j, RATE)))),
+                }
+            }
+            _ => None,
+        }
+    }
+
+    /// `pⁿ⁻¹` of a closed power law; `None` where it has no series, and the force is left out.
+    fn slope(&self, j: usize, law: PowerLaw) -> Option<Series> {
+        let layout = &self.motion.layout;
+        let (p, owner) = (self.work(j, PENETRATION), self.step.work[layout.owner]);
+        let (m, q) = (law.exponent.p as usize, law.exponent.q as usize);
+        let owns = owner >= 0.0 && (owner as usize == j || self.work(owner as usize, PENETRATION) == p);
+        if owns {
+            // `p = y^q`: `pⁿ⁻¹ = y^(m − q)`, products only.
+            let y = self.every(1, &self.step.work[layout.y(1)..]);
+            let mut power: Series = gather(std::iter::once(1.0));
+            for _ in 0..m - q {
+                let mut product = [0.0; TWICE];
+                add_product(&mut product, 1.0, &power, &y);
+                power = gather(product.into_iter());
+            }
+            return Some(power);
+        }
+        // `p = θ^s β`: `pᵉ = θ^(s e) βᵉ`, βᵉ by the recurrence of a power of a series.
+        let e = law.exponent.value() - 1.0;
+        let zeros = p.iter().position(|c| *c != 0.0)?;
+        if p[zeros] < 0.0 || !(zeros * (m - q)).is_multiple_of(q) {
+            return None;
+        }
+        let shift = zeros * (m - q) / q;
+        let mut power = [0.0; ROW];
+        if shift < ROW {
+            power[shift] = libm::pow(p[zeros], e);
+        }
+        for i in 1..ROW.saturating_sub(shift.max(zeros)) {
+            let sum: f64 =
+                (1..=i).map(|l| (l as f64 * (e + 1.0) - i as f64) * p[zeros + l] * power[shift + i - l]).sum();
+            power[shift + i] = sum / (i as f64 * p[zeros]);
+        }
+        Some(power)
     }
 
     #[inline(always)]

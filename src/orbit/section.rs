@@ -125,6 +125,7 @@ impl<'a> SectionMap<'a> {
         let structure = &self.simulation.structure;
         let state = self.state(section)?;
         let mut tangent = Tangent::new(structure);
+        tangent.start(&state.jump.mode);
         let mut speller = Speller::new(structure, &state.x);
         let mut engine = self.simulation.engine(state)?;
         let mut between = Vec::with_capacity(cycles as usize);

@@ -5,11 +5,13 @@ use std::{collections::BTreeMap, ops::ControlFlow, sync::LazyLock};
 use crate::{
     analysis::Rule,
     engine::{Jumped, Observer},
-    hybrid::{HybridSystem, Mode},
+    hybrid::{HybridSystem, Mode, Shown},
     integrate::DenseStep,
     system::{Columns, Gradient, Sticking, Structure},
 };
 
+/// Highest power of the columns' series.
+const ORDER: usize = 28;
 /// Nodes of the collocation where `f_x` changes along a step.
 const NODES: usize = 10;
 
@@ -84,6 +86,8 @@ pub struct Tangent<'s> {
     resets_only: bool,
     modes: BTreeMap<Mode, Known>,
     work: [Columns; 2],
+    orders: Vec<Columns>,
+    base: Vec<Columns>,
     nodes: Vec<[Columns; 2]>,
     x: Vec<f64>,
 }
@@ -101,6 +105,8 @@ impl<'s> Tangent<'s> {
         Self {
             work: [columns.clone(), columns.clone()],
             nodes: vec![[columns.clone(), columns.clone()]; NODES],
+            orders: Vec::new(),
+            base: Vec::new(),
             x: vec![0.0; HybridSystem::dim(structure)],
             latched: vec![false; HybridSystem::dim(structure) - 2 * structure.freedoms()],
             columns,
@@ -111,6 +117,11 @@ impl<'s> Tangent<'s> {
             resets_only: false,
             modes: BTreeMap::new(),
         }
+    }
+
+    /// Takes out of the columns what contacts at rest in `mode`, where the run starts, do not allow.
+    pub fn start(&mut self, mode: &Mode) {
+        self.structure.restrain(mode, &mut self.columns);
     }
 
     /// Leaves out that neighbours meet an event earlier or later: what differentiating each reset alone gives.
@@ -223,6 +234,56 @@ impl<'s> Tangent<'s> {
 /// A component this much smaller than the largest of its kind counts as large as that.
 const FLOOR: f64 = 1e-6;
 
+/// The series of a step that the derivative along it is made from, in the step's clock.
+struct Coefficients {
+    /// `dt/dθ`.
+    clock: Vec<f64>,
+    /// For each contact that changes: it, its latched speed, and its changes times the clock's rate.
+    changes: Vec<(usize, Option<usize>, [Vec<f64>; 3])>,
+}
+
+impl Coefficients {
+    /// Those of `step`; `None` where it does not know them.
+    fn new(structure: &Structure, mode: &Mode, step: &dyn DenseStep) -> Option<Self> {
+        let show = |what: Shown| {
+            let mut series = Vec::new();
+            step.show(what, &mut series).then_some(series)
+        };
+        let clock = show(Shown::Time)?.iter().enumerate().skip(1).map(|(k, t)| k as f64 * t).collect();
+        let changes = structure.changing(mode).map(|(j, latch)| {
+            let by = [show(Shown::ByDeflection(j))?, show(Shown::ByRate(j))?, show(Shown::ByLatch(j))?];
+            Some((j, latch, by))
+        });
+        Some(Self { clock, changes: changes.collect::<Option<_>>()? })
+    }
+
+    /// The same on `[from, to]`, by a clock that goes from 0 to 1 there.
+    fn part(&self, from: f64, to: f64) -> Self {
+        let part = |series: &Vec<f64>| {
+            let mut shifted = series.clone();
+            // Taylor's shift by Horner's scheme, then the scale.
+            for i in 0..shifted.len() {
+                for k in (i..shifted.len() - 1).rev() {
+                    shifted[k] += from * shifted[k + 1];
+                }
+            }
+            let mut power = to - from;
+            for c in &mut shifted {
+                *c *= power;
+                power *= to - from;
+            }
+            shifted
+        };
+        let changes = self.changes.iter().map(|(j, latch, by)| (*j, *latch, std::array::from_fn(|i| part(&by[i]))));
+        Self { clock: part(&self.clock), changes: changes.collect() }
+    }
+}
+
+/// `Σ a_i x_{k−i}` over the orders that `a` has, into `sum`.
+fn convolve(a: &[f64], k: usize, mut add: impl FnMut(usize, f64)) {
+    a.iter().take(k + 1).enumerate().filter(|(_, a)| **a != 0.0).for_each(|(i, a)| add(k - i, *a));
+}
+
 /// The largest entries of the components: of `n` displacements, `n` velocities and the rest, each kind in its own units.
 fn largest(n: usize, columns: &Columns) -> Vec<f64> {
     let rows = columns.values.chunks_exact(columns.count);
@@ -249,6 +310,66 @@ fn difference(a: &Columns, b: &Columns, sizes: &[f64]) -> f64 {
         .fold(0.0, f64::max)
 }
 
+impl Tangent<'_> {
+    /// The columns along a part of a step, by their own series; `false` where they are not short enough.
+    fn expand(&mut self, mode: &Mode, c: &Coefficients) -> bool {
+        let Self { structure: s, columns, modes, orders, base, .. } = self;
+        let Some(known) = modes.get(mode) else { return true };
+        let (n, m) = (s.freedoms(), columns.count);
+        orders.resize_with(ORDER + 1, || columns.clone());
+        base.resize_with(ORDER, || columns.clone());
+        orders[0].values.copy_from_slice(&columns.values);
+        let (none, mut force) = (Gradient::default(), vec![0.0; m]);
+        for k in 0..ORDER {
+            let (low, high) = orders.split_at_mut(k + 1);
+            let next = &mut high[0];
+            s.apply(&none, None, &low[k], &mut base[k]);
+            next.values.fill(0.0);
+            convolve(&c.clock, k, |i, a| next.values.iter_mut().zip(&base[i].values).for_each(|(n, b)| *n += a * b));
+            for (j, latch, [by_deflection, by_rate, by_latch]) in &c.changes {
+                force.fill(0.0);
+                convolve(by_deflection, k, |i, a| s.add_along(*j, 0, a, &low[i], &mut force));
+                convolve(by_rate, k, |i, a| s.add_along(*j, n, a, &low[i], &mut force));
+                if let (Some(latch), Some(a)) = (latch, by_latch.get(k)) {
+                    force.iter_mut().zip(low[0].row(*latch)).for_each(|(f, l)| *f += a * l);
+                }
+                s.push_columns(*j, &force, next);
+            }
+            if let Some(held) = &known.held {
+                s.take_out(held, n, next);
+            }
+            next.values.iter_mut().for_each(|x| *x /= (k + 1) as f64);
+        }
+        let sizes = largest(n, columns);
+        let is_short = orders[ORDER - 1..].iter().all(|last| is_small(last, &sizes, 4.0 * f64::EPSILON));
+        if is_short {
+            for order in orders[1..].iter().rev() {
+                columns.values.iter_mut().zip(&order.values).for_each(|(c, o)| *c += o);
+            }
+            let by_rate = c.changes.iter().map(|(j, _, by)| s.divergence_by(*j) * integral(&by[1]));
+            let divergence = s.divergence(&none) * integral(&c.clock) + by_rate.sum::<f64>();
+            self.volume += if known.held.is_some() { f64::NAN } else { divergence };
+        }
+        is_short
+    }
+
+    /// The same, in as many parts as it takes.
+    fn expand_parts(&mut self, mode: &Mode, c: &Coefficients, from: f64, to: f64, depth: u32) -> bool {
+        if self.expand(mode, &c.part(from, to)) {
+            return true;
+        }
+        let middle = 0.5 * (from + to);
+        depth < DEEPEST
+            && self.expand_parts(mode, c, from, middle, depth + 1)
+            && self.expand_parts(mode, c, middle, to, depth + 1)
+    }
+}
+
+/// The integral of a series over `[0, 1]`.
+fn integral(series: &[f64]) -> f64 {
+    series.iter().enumerate().map(|(k, c)| c / (k + 1) as f64).sum()
+}
+
 impl Observer for Tangent<'_> {
     fn wants_steps(&self, mode: &Mode) -> bool {
         !self.structure.is_affine(mode)
@@ -267,6 +388,8 @@ impl Observer for Tangent<'_> {
         }
         if self.structure.is_affine(mode) {
             self.exponential(mode, step.time(until));
+        } else if let Some(coefficients) = Coefficients::new(self.structure, mode, step) {
+            self.expand_parts(mode, &coefficients, 0.0, until, 0);
         } else {
             self.collocate(mode, step, 0.0, until, 0);
         }

@@ -112,7 +112,19 @@ impl Observer for Speller<'_> {
         }
     }
 
-    fn event(&mut self, _: &EventRecord) -> ControlFlow<()> {
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        if let Some(accumulation) = record.accumulation {
+            // The impacts of the sequence are one token, that of its end.
+            for j in record.fired.iter().map(|id| guard_of(id).0) {
+                for side in [1.0, -1.0] {
+                    let impact = spelled('i', j, side);
+                    for _ in 0..accumulation.resolved {
+                        let Some(last) = self.tokens.iter().rposition(|token| *token == impact) else { break };
+                        self.tokens.remove(last);
+                    }
+                }
+            }
+        }
         self.close();
         ControlFlow::Continue(())
     }

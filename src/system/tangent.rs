@@ -59,7 +59,7 @@ struct Change {
 }
 
 /// `f_x` of a mode at a place.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Gradient {
     changes: PerContact<Option<Change>>,
 }
@@ -135,8 +135,25 @@ impl Structure {
         }
     }
 
+    /// The contacts whose forces change with the state in `mode`, and the place of their latched speed in it.
+    pub(crate) fn changing(&self, mode: &Mode) -> impl Iterator<Item = (usize, Option<usize>)> {
+        self.carrying(mode).filter(|a| !a.is_held()).map(|a| (a.contact, self.contacts[a.contact].latch))
+    }
+
+    /// Adds `factor gᵀξ` of contact `j` for the rows of `columns` from `first` on, to `sum`.
+    pub(crate) fn add_along(&self, j: usize, first: usize, factor: f64, columns: &Columns, sum: &mut [f64]) {
+        for (i, g) in &self.contacts[j].direction {
+            sum.iter_mut().zip(columns.row(first + *i as usize)).for_each(|(s, c)| *s += factor * g * c);
+        }
+    }
+
+    /// Takes `force` of contact `j` out of the rows of velocity.
+    pub(crate) fn push_columns(&self, j: usize, force: &[f64], columns: &mut Columns) {
+        self.contacts[j].push.iter().for_each(|(i, p)| columns.add(self.n + *i as usize, -p, force));
+    }
+
     /// Takes what `held` contacts would do out of the rows from `first` on, by changes along `M⁻¹g`.
-    fn take_out(&self, held: &Sticking, first: usize, columns: &mut Columns) {
+    pub(crate) fn take_out(&self, held: &Sticking, first: usize, columns: &mut Columns) {
         let (set, m) = (held.contacts(), columns.count);
         let mut by = zeros(set.len());
         for l in 0..m {
@@ -157,12 +174,18 @@ impl Structure {
         Sticking::new(self, mode)
     }
 
+    /// Takes out of `columns` what the contacts at rest in `mode` do not allow.
+    pub(crate) fn restrain(&self, mode: &Mode, columns: &mut Columns) {
+        if let Some(held) = self.held(mode) {
+            self.take_out(&held, 0, columns);
+            self.take_out(&held, self.n, columns);
+        }
+    }
+
     /// `gᵀξ` of contact `j`, for the rows from `first` on.
     fn along(&self, j: usize, first: usize, columns: &Columns) -> Vec<f64> {
         let mut along = vec![0.0; columns.count];
-        for (i, g) in &self.contacts[j].direction {
-            along.iter_mut().zip(columns.row(first + *i as usize)).for_each(|(a, c)| *a += g * c);
-        }
+        self.add_along(j, first, 1.0, columns, &mut along);
         along
     }
 
@@ -242,6 +265,11 @@ impl Structure {
         -damped - contacts.map(|c| c.by_rate * self.contacts[c.contact].mobility).sum::<f64>()
     }
 
+    /// What a change of the force of contact `j` with its rate adds to the divergence.
+    pub(crate) fn divergence_by(&self, j: usize) -> f64 {
+        -self.contacts[j].mobility
+    }
+
     /// A size of the rates that contacts add, rad/s.
     pub(crate) fn rate_by(&self, gradient: &Gradient) -> f64 {
         let rate = |c: &Change| {
@@ -314,6 +342,9 @@ impl Structure {
         let mut later = vec![0.0; m];
         for j in strikers.iter().filter(|_| !resets_only) {
             let rate = self.deflection(*j, at, x_minus).1;
+            if rate.abs() <= self.speed_rounding(*j, at, x_minus) {
+                continue;
+            }
             let along = self.along(*j, 0, columns);
             later.iter_mut().zip(&along).for_each(|(l, a)| *l += a / rate / strikers.len() as f64);
         }
@@ -330,9 +361,6 @@ impl Structure {
             }
         }
         // Where contacts have come to rest both gap and rate stay zero.
-        if let Some(held) = self.held(&to.mode) {
-            self.take_out(&held, 0, columns);
-            self.take_out(&held, n, columns);
-        }
+        self.restrain(&to.mode, columns);
     }
 }

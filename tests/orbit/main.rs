@@ -1,0 +1,4 @@
+//! The derivative of the motion, orbits and exponents.
+#![allow(clippy::unwrap_used)] // helpers of tests are not recognised as tests
+
+mod differences;
