@@ -70,9 +70,8 @@ fn text(simulation: &Simulation, found: &Found) -> Result<String, std::fmt::Erro
     let head = ["period", "word", "stable", "largest multiplier", "residual"].map(String::from);
     let rows = found.orbits.iter().map(|orbit| {
         let stable = if orbit.is_stable { "yes" } else { "no" };
-        let largest = orbit.multipliers.get(orbit.drifting).map_or(0.0, |m| m.norm());
-        let word = orbit.word();
-        vec![orbit.period.to_string(), word, stable.to_owned(), number(largest), number(orbit.residual)]
+        let [largest, residual] = [orbit.largest_multiplier(), orbit.residual].map(number);
+        vec![orbit.period.to_string(), orbit.word(), stable.to_owned(), largest, residual]
     });
     if !found.orbits.is_empty() {
         write!(out, "{}", Table::new(head).with(rows))?;

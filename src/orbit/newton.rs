@@ -41,8 +41,8 @@ pub struct Orbit {
     pub image: Image,
     /// One for each component of the state, the largest first.
     pub multipliers: Vec<Complex<f64>>,
-    /// How many of them are the ones of a drift.
-    pub drifting: usize,
+    /// How many of them are ones of a drift, or of a latched speed that is never written: they say nothing of stability.
+    pub neutral: usize,
     /// All others are inside the unit circle.
     pub is_stable: bool,
     /// Distance between start and end, in scales.
@@ -58,6 +58,19 @@ pub struct Missed {
     pub residual: f64,
     /// What stopped the search.
     pub reason: String,
+}
+
+impl Orbit {
+    /// The multiplier of largest size, but those that say nothing of stability.
+    #[must_use]
+    pub fn largest_multiplier(&self) -> f64 {
+        let mut sizes: Vec<f64> = self.multipliers.iter().map(|m| m.norm()).collect();
+        for _ in 0..self.neutral {
+            let nearest = (0..sizes.len()).min_by(|a, b| (sizes[*a] - 1.0).abs().total_cmp(&(sizes[*b] - 1.0).abs()));
+            nearest.map(|i| sizes.remove(i));
+        }
+        sizes.into_iter().fold(0.0, f64::max)
+    }
 }
 
 impl SectionMap<'_> {
@@ -230,11 +243,14 @@ impl SectionMap<'_> {
         let dim = scales.len();
         let scaled = DMatrix::from_fn(dim, dim, |i, j| image.jacobian[(i, j)] * scales[j] / scales[i]);
         let mut multipliers: Vec<Complex<f64>> = self.reduced_multipliers(&scaled, &basis);
-        let drifting: usize = drift.is_free.iter().map(|free| 1 + usize::from(*free)).sum();
+        let neutral = dim - basis.ncols();
         let is_stable = multipliers.iter().all(|m| m.norm() < 1.0);
-        multipliers.extend(std::iter::repeat_n(Complex::new(1.0, 0.0), dim - basis.ncols()));
+        // Zeros are known from the events, and are not computed.
+        multipliers.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
+        multipliers.iter_mut().take(image.zeros).for_each(|m| *m = Complex::new(0.0, 0.0));
+        multipliers.extend(std::iter::repeat_n(Complex::new(1.0, 0.0), neutral));
         multipliers.sort_by(|a, b| b.norm().total_cmp(&a.norm()).then(b.im.total_cmp(&a.im)));
-        Ok(Orbit { period, section, image, multipliers, drifting, is_stable, residual, condition })
+        Ok(Orbit { period, section, image, multipliers, neutral, is_stable, residual, condition })
     }
 
     /// The eigenvalues in the space of the unknowns.

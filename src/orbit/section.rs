@@ -32,6 +32,8 @@ pub struct Image {
     pub word: Vec<String>,
     /// Which latched speeds were written.
     pub latched: Vec<bool>,
+    /// Multipliers that are zero: one for each latched speed that was written, two for each contact that rested at one time.
+    pub zeros: usize,
     /// `∫ div f dt + Σ ln |det|` of jumps; NaN where contacts rest or latch.
     pub volume: f64,
     /// Dependent impacts fell on one instant: the derivative is that of the order they had.
@@ -144,6 +146,7 @@ impl<'a> SectionMap<'a> {
             between,
             jacobian: DMatrix::from_row_slice(dim, dim, &tangent.columns.values),
             word: speller.tokens(),
+            zeros: tangent.rested + tangent.latched.iter().filter(|latched| **latched).count(),
             latched: tangent.latched,
             volume: tangent.volume,
             is_piecewise: tangent.is_piecewise,

@@ -83,6 +83,8 @@ pub struct Tangent<'s> {
     pub latched: Vec<bool>,
     /// The last jump brought contacts to rest.
     pub(super) lands: bool,
+    /// The most ranks that contacts at rest have taken at one time.
+    pub rested: usize,
     resets_only: bool,
     modes: BTreeMap<Mode, Known>,
     work: [Columns; 2],
@@ -114,6 +116,7 @@ impl<'s> Tangent<'s> {
             volume: 0.0,
             is_piecewise: false,
             lands: false,
+            rested: 0,
             resets_only: false,
             modes: BTreeMap::new(),
         }
@@ -138,7 +141,9 @@ impl<'s> Tangent<'s> {
         if !self.modes.contains_key(mode) {
             let s = self.structure;
             let gradient = s.is_affine(mode).then(|| s.gradient(mode, s.clock().instant(0.0), &self.x));
-            let known = Known { gradient, held: s.held(mode), rate: s.rate_of(mode) };
+            let held = s.held(mode);
+            self.rested = self.rested.max(held.as_ref().map_or(0, |held| 2 * held.independent()));
+            let known = Known { gradient, held, rate: s.rate_of(mode) };
             self.modes.insert(mode.clone(), known);
         }
     }

@@ -113,6 +113,10 @@ impl Observer for Speller<'_> {
     }
 
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        if record.start {
+            // A decision about the first mode, and no event.
+            self.open.clear();
+        }
         if let Some(accumulation) = record.accumulation {
             // The impacts of the sequence are one token, that of its end.
             for j in record.fired.iter().map(|id| guard_of(id).0) {

@@ -124,6 +124,11 @@ impl Sticking {
         left <= REDUNDANT * s.coupling(j, j)
     }
 
+    /// How many of the contacts are not held by the others.
+    pub fn independent(&self) -> usize {
+        self.pivot.iter().filter(|pivot| **pivot > 0.0).count()
+    }
+
     pub fn contacts(&self) -> &[usize] {
         &self.set
     }
