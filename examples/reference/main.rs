@@ -11,6 +11,7 @@
 
 mod eigenvalues;
 mod impact;
+mod orbits;
 mod simulate;
 mod translate;
 
@@ -48,6 +49,9 @@ fn convert(input: &str, output: &str, work: impl Fn(&Value) -> Outcome<Value>) -
 
 /// What the engine makes of a case.
 fn answer(case: &Value) -> Outcome<Value> {
+    if let Some(table) = orbits::table(case) {
+        return Ok(json!({ "table": table? }));
+    }
     match case["type"].as_str() {
         None | Some("hertz_deadzone") => simulate::run(&translate::scene(case)?, translate::start_time(case)),
         Some("single_impact_table") => Ok(json!({ "table": impact::table(case)? })),
