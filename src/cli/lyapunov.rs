@@ -3,14 +3,14 @@
 use std::{fmt::Write, path::PathBuf};
 
 use flank::{
-    orbit::{Exponents, Lyapunov},
+    orbit::{Exponents, Lyapunov, pictures},
     output::{Table, five_digits as number},
 };
 
 use super::{
     CliError, Done, open, print,
     progress::{cancellable, catch_interrupt, running, show},
-    request,
+    picture_files, request,
 };
 
 const LYAPUNOV: &str = "lyapunov.json";
@@ -20,7 +20,7 @@ const LYAPUNOV: &str = "lyapunov.json";
 pub struct Arguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
-    /// Folder of lyapunov.json
+    /// Folder of lyapunov.json and its picture
     #[arg(long, value_name = "DIR", default_value = "lyapunov")]
     out: PathBuf,
     /// Cycles averaged; until the band of the largest exponent is below 1e-3 of the largest if left out
@@ -44,7 +44,7 @@ pub struct Arguments {
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let simulation = open(arguments.scene.as_deref())?;
     simulation.period()?;
-    let files = vec![LYAPUNOV.to_owned()];
+    let files = picture_files(pictures::EXPONENTS, LYAPUNOV);
     let request = request(Some(arguments.out.as_path()), "lyapunov", arguments.scene.as_deref(), arguments.force, files)?;
     let asked = Lyapunov {
         cycles: arguments.cycles,
@@ -58,7 +58,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     bar.finish_and_clear();
     let exponents = exponents?;
     if let Some(request) = request {
-        request.open()?.complete(LYAPUNOV, &exponents)?;
+        let mut folder = request.open()?;
+        if !exponents.course.is_empty() {
+            pictures::exponents(&simulation, &exponents).write(&mut folder)?;
+        }
+        folder.complete(LYAPUNOV, &exponents)?;
     }
     if !arguments.quiet {
         print(&text(&simulation.name, &exponents).unwrap_or_default())?;

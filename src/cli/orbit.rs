@@ -4,14 +4,14 @@ use std::{fmt::Write, path::PathBuf};
 
 use flank::{
     Simulation,
-    orbit::{Found, Search},
+    orbit::{Found, Search, pictures},
     output::{Table, five_digits as number},
 };
 
 use super::{
     CliError, Done, open, print,
     progress::{cancellable, catch_interrupt, running, show},
-    request, threads,
+    picture_files, request, threads,
 };
 
 const ORBIT: &str = "orbit.json";
@@ -21,7 +21,7 @@ const ORBIT: &str = "orbit.json";
 pub struct Arguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
-    /// Folder of orbit.json
+    /// Folder of orbit.json and its picture
     #[arg(long, value_name = "DIR", default_value = "orbit")]
     out: PathBuf,
     /// Period, cycles; the smallest that is found if left out
@@ -45,7 +45,7 @@ pub struct Arguments {
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let simulation = open(arguments.scene.as_deref())?;
     simulation.period()?;
-    let files = vec![ORBIT.to_owned()];
+    let files = picture_files(pictures::ORBIT, ORBIT);
     let request =
         request(Some(arguments.out.as_path()), "orbit", arguments.scene.as_deref(), arguments.force, files)?;
     let search = Search { period: arguments.period, starts: arguments.starts };
@@ -56,7 +56,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     bar.finish_and_clear();
     let found = found?;
     if let Some(request) = request {
-        request.open()?.complete(ORBIT, &found.report(&simulation))?;
+        let mut folder = request.open()?;
+        if let Some(orbit) = found.orbits.first() {
+            pictures::orbit(&simulation, orbit)?.write(&mut folder)?;
+        }
+        folder.complete(ORBIT, &found.report(&simulation))?;
     }
     if !arguments.quiet {
         print(&text(&simulation, &found).unwrap_or_default())?;

@@ -280,7 +280,7 @@ impl Lyapunov {
             bare
         });
         let (mut rows, mut bare_rows, mut course) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut volume, mut reason, mut next_look) = (0.0, None, least);
+        let (mut volume, mut reason, mut next_look, mut next_point) = (0.0, None, least, 2 * BLOCKS as u64);
         let clock = simulation.clock();
         let first = engine.state().at.cycle;
         for cycle in 1..=dropped + most {
@@ -300,13 +300,17 @@ impl Lyapunov {
             if cycle % 64 == 0 {
                 task.report(Progress::Share(cycle as f64 / (dropped + most) as f64));
             }
-            if cycle <= dropped || averaged < next_look {
+            if cycle <= dropped || averaged < next_look.min(next_point) {
                 continue;
             }
             let (mean, band) = means(&rows, period);
             let largest = mean.iter().zip(&frame.lost).filter(|(_, lost)| !**lost).fold(0.0, |m: f64, (e, _)| m.max(e.abs()));
             let is_good = band.first().is_some_and(|band| *band <= BAND * largest);
             course.push((averaged, mean, band));
+            next_point = averaged + averaged / 8 + 1;
+            if averaged < next_look {
+                continue;
+            }
             if self.cycles.is_none() && is_good {
                 break;
             }

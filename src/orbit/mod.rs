@@ -5,6 +5,7 @@
 
 mod exponents;
 mod newton;
+pub mod pictures;
 mod search;
 mod section;
 mod tangent;

@@ -1,0 +1,146 @@
+//! Pictures: an orbit against its backlash, and how exponents settle.
+
+use std::f64::consts::TAU;
+
+use super::{Exponents, Orbit, SectionMap};
+use crate::{
+    plot::{Axis, Figure, Guide, Panel, Series, Style},
+    simulation::{Simulation, SimulationError},
+};
+
+/// Samples of a cycle.
+const SAMPLES: u64 = 240;
+/// Contacts drawn.
+const MOST: usize = 6;
+
+/// Name of the picture of an orbit in file names.
+pub const ORBIT: &str = "orbit";
+/// Name of the picture of exponents.
+pub const EXPONENTS: &str = "exponents";
+
+/// The deflection of each contact over the period and against its rate, and the multipliers in the unit circle.
+///
+/// # Errors
+/// [`SimulationError`] if the orbit cannot be run.
+pub fn orbit(simulation: &Simulation, orbit: &Orbit) -> Result<Figure, SimulationError> {
+    let structure = &simulation.structure;
+    let contacts = &structure.spec().contacts[..structure.contacts().len().min(MOST)];
+    let period = simulation.period()?;
+    let map = SectionMap::new(simulation)?;
+    let mut engine = simulation.engine(map.state(&orbit.section)?)?;
+    let first = engine.state().at.cycle;
+    let mut cycles = Vec::new();
+    let mut shown = vec![(Vec::new(), Vec::new()); contacts.len()];
+    for i in 0..=orbit.period * SAMPLES {
+        let (cycle, part) = (i / SAMPLES, (i % SAMPLES) as f64 / SAMPLES as f64);
+        if i > 0 {
+            engine.run(simulation.clock().at(first + cycle as i64, part * period), &mut ())?;
+        }
+        let state = engine.state();
+        cycles.push(i as f64 / SAMPLES as f64);
+        for (j, (deflections, rates)) in shown.iter_mut().enumerate() {
+            let (deflection, rate) = structure.deflection(j, state.at, &state.x);
+            deflections.push(deflection);
+            rates.push(rate);
+        }
+    }
+    let (m, speed) = (simulation.unit("m"), simulation.unit("m/s"));
+    let deflection = || Axis::new("deflection", m);
+    let line = |j: usize, x: Vec<f64>, y: Vec<f64>| Series::line(contacts[j].name.clone(), j, x, y);
+    // The flanks of all contacts, each once.
+    let mut flanks: Vec<(f64, &str)> = Vec::new();
+    for c in contacts {
+        let both = [(c.half_backlash, "drive flank"), (-c.half_backlash, "back flank")];
+        let has_back = c.flanks == crate::system::Flanks::Both;
+        flanks.extend(both.into_iter().take(1 + usize::from(has_back)));
+    }
+    flanks.dedup_by(|a, b| a == b);
+    flanks.sort_by(|a, b| a.0.total_cmp(&b.0));
+    flanks.dedup_by(|a, b| a.0 == b.0);
+    let across = flanks.iter().map(|(y, name)| Guide::Horizontal { y: *y, name: (*name).to_owned() });
+    let upright = flanks.iter().map(|(x, name)| Guide::Vertical { x: *x, name: (*name).to_owned() });
+    let over = Panel {
+        title: "Over the period".to_owned(),
+        x: Axis::new("cycle", "").between(0.0, orbit.period as f64),
+        y: deflection(),
+        series: (0..contacts.len()).map(|j| line(j, cycles.clone(), shown[j].0.clone())).collect(),
+        guides: across.collect(),
+        ..Panel::default()
+    };
+    let portrait = Panel {
+        title: "Phase portrait".to_owned(),
+        x: deflection(),
+        y: Axis::new("rate", speed),
+        series: (0..contacts.len()).map(|j| line(j, shown[j].0.clone(), shown[j].1.clone())).collect(),
+        guides: upright.collect(),
+        names_above: true,
+        ..Panel::default()
+    };
+    let angle = |i: usize| i as f64 * TAU / 180.0;
+    let circle = Series::line("unit circle", 7, (0..=180).map(|i| libm::cos(angle(i))).collect(), (0..=180).map(|i| libm::sin(angle(i))).collect());
+    let multipliers = Series {
+        name: "multipliers".to_owned(),
+        x: orbit.multipliers.iter().map(|m| m.re).collect(),
+        y: orbit.multipliers.iter().map(|m| m.im).collect(),
+        style: Style::Points,
+        colour: 1,
+    };
+    let plane = Panel {
+        title: "Multipliers".to_owned(),
+        x: Axis::new("real part", ""),
+        y: Axis::new("imaginary part", ""),
+        equal_scales: true,
+        series: vec![circle.styled(Style::Hairline), multipliers],
+        ..Panel::default()
+    };
+    let stable = if orbit.is_stable { "stable" } else { "unstable" };
+    let left_out = structure.contacts().len() - contacts.len();
+    let rest = if left_out > 0 { format!(" {left_out} further contacts are not drawn.") } else { String::new() };
+    Ok(Figure {
+        id: ORBIT.to_owned(),
+        title: format!("Periodic orbit of {}", simulation.title()),
+        caption: format!("Period {} cycles, {stable}. Word: {}.{rest}", orbit.period, shortened(&orbit.word())),
+        columns: 3,
+        panels: vec![over, portrait, plane],
+    })
+}
+
+/// A word that fits a caption.
+fn shortened(word: &str) -> String {
+    match word.char_indices().nth(120) {
+        Some((end, _)) => format!("{} …", &word[..end]),
+        None if word.is_empty() => "none, no contact is gained or lost".to_owned(),
+        None => word.to_owned(),
+    }
+}
+
+/// How the means of the exponents settle, each with its band.
+#[must_use]
+pub fn exponents(simulation: &Simulation, exponents: &Exponents) -> Figure {
+    let course = &exponents.course;
+    let count = exponents.exponents.iter().flatten().count().min(course.first().map_or(0, |(_, mean, _)| mean.len()));
+    let cycles: Vec<f64> = course.iter().map(|(cycles, ..)| *cycles as f64).collect();
+    let mut series = Vec::new();
+    for l in 0..count {
+        let mean: Vec<f64> = course.iter().map(|(_, mean, _)| mean[l]).collect();
+        for sign in [-1.0, 1.0] {
+            let edge = course.iter().map(|(_, mean, band)| mean[l] + sign * band[l]);
+            series.push(Series::line("one standard error", 7, cycles.clone(), edge.collect()).styled(Style::Hairline));
+        }
+        let name = if count <= 8 { format!("exponent {}", l + 1) } else { "exponents".to_owned() };
+        series.push(Series::line(name, if count <= 8 { l } else { 0 }, cycles.clone(), mean));
+    }
+    Figure {
+        id: EXPONENTS.to_owned(),
+        title: format!("Lyapunov exponents of {}", simulation.title()),
+        caption: format!("Means over the cycles after the first {}.", exponents.dropped),
+        columns: 1,
+        panels: vec![Panel {
+            x: Axis { logarithmic: true, ..Axis::new("cycles averaged", "") },
+            y: Axis::new("exponent", exponents.unit),
+            guides: vec![Guide::Horizontal { y: 0.0, name: String::new() }],
+            series,
+            ..Panel::default()
+        }],
+    }
+}
