@@ -129,7 +129,12 @@ fn floquet(case: &Value) -> Outcome<Vec<Value>> {
             "multipliers": multipliers(&orbit), "stable": orbit.is_stable,
         }));
     }
-    rows.sort_by(|a, b| a["impact_phase_time"].as_f64().partial_cmp(&b["impact_phase_time"].as_f64()).unwrap_or(std::cmp::Ordering::Equal));
+    rows.sort_by(|a, b| {
+        a["impact_phase_time"]
+            .as_f64()
+            .partial_cmp(&b["impact_phase_time"].as_f64())
+            .unwrap_or(std::cmp::Ordering::Equal)
+    });
     Ok(rows)
 }
 

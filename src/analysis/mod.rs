@@ -18,11 +18,11 @@ mod track;
 mod trajectory;
 mod transmission;
 
-pub(crate) use quadrature::Rule;
 pub use contacts::Contacts;
 pub use episode::{Episode, Moment, Separation};
 pub use events::{ContactEvent, EventLog, EventRow, Kind};
 pub use ledger::{Balance, Ledger};
+pub(crate) use quadrature::Rule;
 pub use report::{ContactReport, Statistics};
 pub use settle::{Sections, Settled, Settling, cycles_later, settle};
 pub use spectrum::{Spectrum, Window};

@@ -8,9 +8,9 @@ use flank::{
 };
 
 use super::{
-    CliError, Done, open, print,
+    CliError, Done, open, picture_files, print,
     progress::{cancellable, catch_interrupt, running, show},
-    picture_files, request,
+    request,
 };
 
 const LYAPUNOV: &str = "lyapunov.json";
@@ -45,12 +45,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let simulation = open(arguments.scene.as_deref())?;
     simulation.period()?;
     let files = picture_files(pictures::EXPONENTS, LYAPUNOV);
-    let request = request(Some(arguments.out.as_path()), "lyapunov", arguments.scene.as_deref(), arguments.force, files)?;
-    let asked = Lyapunov {
-        cycles: arguments.cycles,
-        without_saltation: arguments.without_saltation,
-        finite: arguments.finite,
-    };
+    let request =
+        request(Some(arguments.out.as_path()), "lyapunov", arguments.scene.as_deref(), arguments.force, files)?;
+    let asked =
+        Lyapunov { cycles: arguments.cycles, without_saltation: arguments.without_saltation, finite: arguments.finite };
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);
     catch_interrupt();

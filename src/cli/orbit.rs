@@ -9,9 +9,9 @@ use flank::{
 };
 
 use super::{
-    CliError, Done, open, print,
+    CliError, Done, open, picture_files, print,
     progress::{cancellable, catch_interrupt, running, show},
-    picture_files, request, threads,
+    request, threads,
 };
 
 const ORBIT: &str = "orbit.json";
@@ -46,8 +46,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let simulation = open(arguments.scene.as_deref())?;
     simulation.period()?;
     let files = picture_files(pictures::ORBIT, ORBIT);
-    let request =
-        request(Some(arguments.out.as_path()), "orbit", arguments.scene.as_deref(), arguments.force, files)?;
+    let request = request(Some(arguments.out.as_path()), "orbit", arguments.scene.as_deref(), arguments.force, files)?;
     let search = Search { period: arguments.period, starts: arguments.starts };
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);

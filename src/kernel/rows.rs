@@ -246,7 +246,9 @@ impl Rows<'_> {
     fn change(&self, j: usize, what: Shown) -> Option<Series> {
         let force = self.force_of(j)?;
         let clock: Series = match self.is_rooted {
-            true => gather(self.step.time[1..].iter().zip(&self.powers[1..]).enumerate().map(|(k, (t, p))| (k + 1) as f64 * t * p)),
+            true => gather(
+                self.step.time[1..].iter().zip(&self.powers[1..]).enumerate().map(|(k, (t, p))| (k + 1) as f64 * t * p),
+            ),
             false => gather(std::iter::once(self.step.span * self.step.reach)),
         };
         let times = |a: &Series, b: &Series| {
@@ -255,8 +257,12 @@ impl Rows<'_> {
             gather(product.into_iter())
         };
         match (force, what) {
-            (Force::Linear { stiffness: Elasticity::Constant(k), .. }, Shown::ByDeflection(_)) => Some(scaled(k, clock)),
-            (Force::Linear { .. }, Shown::ByDeflection(_)) if self.is_rooted => Some(times(&self.work(j, STIFFNESS), &clock)),
+            (Force::Linear { stiffness: Elasticity::Constant(k), .. }, Shown::ByDeflection(_)) => {
+                Some(scaled(k, clock))
+            }
+            (Force::Linear { .. }, Shown::ByDeflection(_)) if self.is_rooted => {
+                Some(times(&self.work(j, STIFFNESS), &clock))
+            }
             (Force::Linear { .. }, Shown::ByDeflection(_)) => Some(times(&self.stiffness(j), &clock)),
             (Force::Linear { damping, .. }, Shown::ByRate(_)) => Some(scaled(damping, clock)),
             // In plain time only what is leaving at this very instant.

@@ -106,8 +106,10 @@ struct Frame<'s> {
     scale: f64,
     /// `Σ ln R_ii` since they were taken.
     logs: Vec<f64>,
-    /// Columns whose rank has been lost.
+    /// Columns whose rank has been lost since they were looked at.
     lost: Vec<bool>,
+    /// Columns that are zero now, as contacts rest.
+    zero: Vec<bool>,
     turned: f64,
 }
 
@@ -128,7 +130,8 @@ impl<'s> Frame<'s> {
         let mut values = vec![0.0; dim * count];
         let mut kept: Vec<usize> = (0..2 * n).collect();
         for (direction, is_free) in drift.directions.iter().zip(&drift.is_free) {
-            let along = (0..n).filter(|i| kept.contains(i)).max_by(|a, b| direction[*a].abs().total_cmp(&direction[*b].abs()));
+            let along =
+                (0..n).filter(|i| kept.contains(i)).max_by(|a, b| direction[*a].abs().total_cmp(&direction[*b].abs()));
             if let Some(i) = along {
                 kept.retain(|k| *k != i && !(*is_free && *k == n + i));
             }
@@ -142,19 +145,29 @@ impl<'s> Frame<'s> {
             scale,
             logs: vec![0.0; count],
             lost: vec![false; count],
+            zero: vec![false; count],
             turned: 0.0,
         };
-        frame.orthonormalise(false);
+        frame.orthonormalise();
         frame.logs.fill(0.0);
         frame
     }
 
-    /// Takes the factors out of the columns. After contacts have come to rest (`lands`), columns may have lost their rank.
-    fn orthonormalise(&mut self, lands: bool) {
-        let Self { tangent, drift, momenta, n, scale, logs, lost, .. } = self;
+    /// Starts in `mode`, where contacts may rest.
+    fn start(&mut self, mode: &Mode) {
+        self.tangent.start(mode);
+        self.orthonormalise();
+        self.logs.fill(0.0);
+    }
+
+    /// Takes the factors out of the columns. Those without a length of their own, as contacts at rest have taken their rank, become zero.
+    fn orthonormalise(&mut self) {
+        let Self { tangent, drift, momenta, n, scale, logs, lost, zero, .. } = self;
         let (n, m) = (*n, tangent.columns.count);
         let values = &mut tangent.columns.values;
-        for ((momentum, weight), (direction, is_free)) in momenta.iter().zip(drift.directions.iter().zip(&drift.is_free)) {
+        for ((momentum, weight), (direction, is_free)) in
+            momenta.iter().zip(drift.directions.iter().zip(&drift.is_free))
+        {
             for first in if *is_free { vec![0, n] } else { vec![0] } {
                 for l in 0..m {
                     let share: f64 = (0..n).map(|i| momentum[i] * values[(first + i) * m + l]).sum::<f64>() / *weight;
@@ -162,46 +175,71 @@ impl<'s> Frame<'s> {
                 }
             }
         }
-        let weight = |i: usize| if i < n || i >= 2 * n { 1.0 } else { 1.0 / (*scale * *scale) };
+        // Latched speeds have no length: they follow from displacements and velocities, and go with them.
+        let weight = |i: usize| if i < n { 1.0 } else { 1.0 / (*scale * *scale) };
         let rows = values.len() / m;
         let mut largest = 0.0f64;
         for l in 0..m {
-            let mut norm = 0.0;
-            for sweep in 0..2 {
-                for k in 0..l {
-                    let dot: f64 = (0..rows).map(|i| weight(i) * values[i * m + k] * values[i * m + l]).sum();
+            if zero[l] {
+                continue;
+            }
+            let norm = |values: &[f64]| {
+                (0..2 * n).map(|i| weight(i) * values[i * m + l] * values[i * m + l]).sum::<f64>().sqrt()
+            };
+            let before = norm(values);
+            largest = largest.max(before);
+            let mut log = 0.0;
+            for _ in 0..2 {
+                for k in (0..l).filter(|k| !zero[*k]) {
+                    let dot: f64 =
+                        (0..2 * n).map(|i| weight(i) * values[i * m + k] * values[i * m + l]).sum();
                     (0..rows).for_each(|i| values[i * m + l] -= dot * values[i * m + k]);
                 }
-                let size = (0..rows).map(|i| weight(i) * values[i * m + l] * values[i * m + l]).sum::<f64>().sqrt();
-                if sweep == 0 {
-                    norm = size;
-                    largest = largest.max(size);
-                    lost[l] |= lands && size <= LOST * largest || size == 0.0;
-                    if size == 0.0 {
-                        // Any direction will do: it has no exponent any more.
-                        (0..rows).for_each(|i| values[i * m + l] = f64::from(u8::from(i == l)));
-                        continue;
-                    }
-                } else {
-                    norm *= size;
+                let size = norm(values);
+                if tangent.rests && size <= LOST * largest || size == 0.0 {
+                    (lost[l], zero[l]) = (true, true);
+                    (0..rows).for_each(|i| values[i * m + l] = 0.0);
+                    break;
                 }
+                log += libm::log(size);
                 (0..rows).for_each(|i| values[i * m + l] /= size);
             }
-            logs[l] += libm::log(norm);
+            logs[l] += log;
         }
         self.turned = 0.0;
+    }
+
+    /// Contacts let go: columns that were zero have a direction again, any one, at right angles to the others.
+    fn seed(&mut self) {
+        let (n, m) = (self.n, self.tangent.columns.count);
+        for l in (0..m).filter(|l| self.zero[*l]).collect::<Vec<_>>() {
+            let weight = |i: usize| if i < n { 1.0 } else { self.scale };
+            // Of all units the one that the others have least of.
+            let covered = |i: usize| {
+                let row = self.tangent.columns.row(i);
+                row.iter().map(|c| (c / weight(i)).powi(2)).sum::<f64>()
+            };
+            let best = (0..2 * n).min_by(|a, b| covered(*a).total_cmp(&covered(*b)));
+            let Some(best) = best else { return };
+            let scale = weight(best);
+            self.tangent.columns.values[best * m + l] = scale;
+            self.zero[l] = false;
+            let logs = self.logs.clone();
+            self.orthonormalise();
+            self.logs = logs;
+        }
     }
 
     fn turn(&mut self, mode: &Mode, time: f64) {
         self.turned += self.tangent.rate(mode) * time;
         if self.turned > TURNED {
-            self.orthonormalise(false);
+            self.orthonormalise();
         }
     }
 
     /// The logarithms since the last time.
     fn take(&mut self) -> Vec<f64> {
-        self.orthonormalise(false);
+        self.orthonormalise();
         let count = self.logs.len();
         std::mem::replace(&mut self.logs, vec![0.0; count])
     }
@@ -230,9 +268,13 @@ impl Observer for Frame<'_> {
 
     fn jump(&mut self, jumped: &Jumped<'_>) {
         // What the columns have turned by so far is not to be mixed with what a jump does.
-        self.orthonormalise(false);
+        self.orthonormalise();
         self.tangent.jump(jumped);
-        self.orthonormalise(self.tangent.lands);
+        self.tangent.forget(&jumped.to.mode);
+        self.orthonormalise();
+        if !self.tangent.rests && self.zero.contains(&true) {
+            self.seed();
+        }
     }
 }
 
@@ -252,7 +294,14 @@ fn means(rows: &[Vec<f64>], period: f64) -> (Vec<f64>, Vec<f64>) {
         let squares: f64 = off.iter().map(|o| o * o).sum();
         let neighbours: f64 = off.windows(2).map(|pair| pair[0] * pair[1]).sum();
         let error = (squares / (BLOCKS * (BLOCKS - 1)) as f64).sqrt();
-        if squares > 0.0 && neighbours / squares > CORRELATED { 2.0 * error } else { error }
+        let error = if squares > 0.0 && neighbours / squares > CORRELATED { 2.0 * error } else { error };
+        // What turns regularly averages out over blocks of a fitting length. The range over which the sum strays from its mean shows it.
+        let (mean, mut sum, mut low, mut high) = (mean(rows, l) * period, 0.0, 0.0f64, 0.0f64);
+        for row in rows {
+            sum += row[l] - mean;
+            (low, high) = (low.min(sum), high.max(sum));
+        }
+        error.max(0.5 * (high - low) / (rows.len() as f64 * period))
     };
     ((0..count).map(|l| mean(rows, l)).collect(), (0..count).map(band).collect())
 }
@@ -272,13 +321,19 @@ impl Lyapunov {
         let least = self.cycles.unwrap_or_else(|| (end.cycle - from.cycle).max(1) as u64);
         let most = self.cycles.unwrap_or(MOST.max(least));
         let dropped = DROPPED.max(run.transient_cycles);
-        let mut engine = simulation.engine(map.state(&map.start()?)?)?;
-        let mut frame = Frame::new(simulation, &drift, scale);
+        let start = map.state(&map.start()?)?;
+        let framed = || {
+            let mut frame = Frame::new(simulation, &drift, scale);
+            frame.start(&start.jump.mode);
+            frame
+        };
+        let mut frame = framed();
         let mut bare = self.without_saltation.then(|| {
-            let mut bare = Frame::new(simulation, &drift, scale);
+            let mut bare = framed();
             bare.tangent.without_saltation();
             bare
         });
+        let mut engine = simulation.engine(start.clone())?;
         let (mut rows, mut bare_rows, mut course) = (Vec::new(), Vec::new(), Vec::new());
         let (mut volume, mut reason, mut next_look, mut next_point) = (0.0, None, least, 2 * BLOCKS as u64);
         let clock = simulation.clock();
@@ -286,6 +341,11 @@ impl Lyapunov {
         for cycle in 1..=dropped + most {
             let outcome = engine.run(clock.at(first + cycle as i64, 0.0), &mut (&mut frame, &mut bare))?;
             let (logs, bare_logs) = (frame.take(), bare.as_mut().map(Frame::take));
+            if cycle == dropped {
+                // What rested before the averages is no part of them.
+                frame.lost.clone_from(&frame.zero);
+                bare.iter_mut().for_each(|bare| bare.lost.clone_from(&bare.zero));
+            }
             if cycle > dropped {
                 rows.push(logs);
                 bare_rows.extend(bare_logs);
@@ -293,7 +353,8 @@ impl Lyapunov {
             }
             frame.tangent.volume = 0.0;
             if outcome != Outcome::ReachedEnd || task.is_cancelled() {
-                reason = Some(if task.is_cancelled() { "interrupted" } else { "the limit on events is reached" }.to_owned());
+                reason =
+                    Some(if task.is_cancelled() { "interrupted" } else { "the limit on events is reached" }.to_owned());
                 break;
             }
             let averaged = rows.len() as u64;
@@ -304,8 +365,11 @@ impl Lyapunov {
                 continue;
             }
             let (mean, band) = means(&rows, period);
-            let largest = mean.iter().zip(&frame.lost).filter(|(_, lost)| !**lost).fold(0.0, |m: f64, (e, _)| m.max(e.abs()));
-            let is_good = band.first().is_some_and(|band| *band <= BAND * largest);
+            let largest =
+                mean.iter().zip(&frame.lost).filter(|(_, lost)| !**lost).fold(0.0, |m: f64, (e, _)| m.max(e.abs()));
+            // The band of the largest that is finite; none is, where rest takes all.
+            let first = (0..mean.len()).filter(|l| !frame.lost[*l]).max_by(|a, b| mean[*a].total_cmp(&mean[*b]));
+            let is_good = first.is_none_or(|l| band[l] <= BAND * largest);
             course.push((averaged, mean, band));
             next_point = averaged + averaged / 8 + 1;
             if averaged < next_look {
@@ -334,7 +398,11 @@ impl Lyapunov {
             values.sort_by(|a, b| b.total_cmp(a));
             WithoutSaltation {
                 way: "the derivative of each reset alone, without the change of event times",
-                exponents: values.into_iter().map(Some).chain(std::iter::repeat_n(None, bare.lost.iter().filter(|l| **l).count() + latches)).collect(),
+                exponents: values
+                    .into_iter()
+                    .map(Some)
+                    .chain(std::iter::repeat_n(None, bare.lost.iter().filter(|l| **l).count() + latches))
+                    .collect(),
             }
         });
         let exponents = null(&mean, &frame.lost);
@@ -362,10 +430,15 @@ impl Lyapunov {
         period: f64,
     ) -> Result<Finite, SimulationError> {
         let simulation = map.simulation();
-        let mut engine = simulation.engine(map.state(&map.start()?)?)?;
+        let start = map.state(&map.start()?)?;
         let mut frame = Frame::new(simulation, drift, 1.0);
+        frame.start(&start.jump.mode);
+        let mut engine = simulation.engine(start)?;
         let first = engine.state().at.cycle;
-        engine.run(simulation.clock().at(first + cycles as i64, 0.0), &mut frame)?;
+        let outcome = engine.run(simulation.clock().at(first + cycles as i64, 0.0), &mut frame)?;
+        if outcome != Outcome::ReachedEnd {
+            return Err(simulation.missing("its run stops before the cycles asked for; raise its limit on events"));
+        }
         let logs = frame.take();
         let exponent = |(log, lost): (&f64, &bool)| (!lost).then_some(log / (cycles as f64 * period));
         Ok(Finite { cycles, exponents: logs.iter().zip(&frame.lost).map(exponent).collect() })

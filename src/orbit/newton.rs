@@ -80,10 +80,12 @@ impl SectionMap<'_> {
         let spec = self.simulation().structure.spec();
         let n = spec.freedoms.len();
         let weight: Vec<f64> = (0..n).map(|i| spec.mass[(i, i)].sqrt()).collect();
-        let stiffest = spec.contacts.iter().map(|c| c.stiffness.maximum()).fold(spec.stiffness.amax(), f64::max).max(1e-300);
+        let stiffest =
+            spec.contacts.iter().map(|c| c.stiffness.maximum()).fold(spec.stiffness.amax(), f64::max).max(1e-300);
         let contacts = spec.contacts.len();
         let stacked = DMatrix::from_fn(n + contacts, n, |i, j| {
-            let entry = if i < n { spec.stiffness[(i, j)] / stiffest / weight[i] } else { spec.contacts[i - n].direction[j] };
+            let entry =
+                if i < n { spec.stiffness[(i, j)] / stiffest / weight[i] } else { spec.contacts[i - n].direction[j] };
             entry / weight[j]
         });
         let svd = stacked.svd(false, true);
@@ -107,9 +109,10 @@ impl SectionMap<'_> {
         let backlash = self.simulation().structure.spec().contacts.iter().map(|c| c.half_backlash).fold(0.0, f64::max);
         let omega = self.simulation().clock().omega();
         let largest = |sizes: &[f64]| sizes.iter().fold(0.0, |m: f64, s| m.max(*s));
-        let floor = 1e-9 * backlash.max(largest(&image.sizes[n..2 * n]) / omega);
-        let q = largest(&image.sizes[..n]).max(floor).max(f64::MIN_POSITIVE);
-        let v = largest(&image.sizes[n..2 * n]).max(1e-9 * omega * q);
+        // Sections alone may find displacements or velocities at zero: each is worth the other times the frequency.
+        let (q, v) = (largest(&image.sizes[..n]), largest(&image.sizes[n..2 * n]));
+        let q = q.max(v / omega).max(1e-9 * backlash).max(f64::MIN_POSITIVE);
+        let v = v.max(omega * q);
         let scale = |i: usize| match i {
             i if i < n => q,
             i if i < 2 * n => v,
@@ -134,7 +137,8 @@ impl SectionMap<'_> {
         }
         let mut basis: Vec<DVector<f64>> = Vec::new();
         let left_out = out.len();
-        for column in out.into_iter().chain((0..dim).map(|i| DVector::from_fn(dim, |k, _| f64::from(u8::from(k == i))))) {
+        for column in out.into_iter().chain((0..dim).map(|i| DVector::from_fn(dim, |k, _| f64::from(u8::from(k == i)))))
+        {
             let mut left = column;
             for _ in 0..2 {
                 basis.iter().for_each(|b| left -= b * b.dot(&left));

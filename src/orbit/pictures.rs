@@ -77,7 +77,12 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit) -> Result<Figure, Simulatio
         ..Panel::default()
     };
     let angle = |i: usize| i as f64 * TAU / 180.0;
-    let circle = Series::line("unit circle", 7, (0..=180).map(|i| libm::cos(angle(i))).collect(), (0..=180).map(|i| libm::sin(angle(i))).collect());
+    let circle = Series::line(
+        "unit circle",
+        7,
+        (0..=180).map(|i| libm::cos(angle(i))).collect(),
+        (0..=180).map(|i| libm::sin(angle(i))).collect(),
+    );
     let multipliers = Series {
         name: "multipliers".to_owned(),
         x: orbit.multipliers.iter().map(|m| m.re).collect(),

@@ -52,8 +52,7 @@ impl Search {
     /// [`SimulationError`] for a train without a forcing period or a start that cannot be used.
     pub fn run(&self, simulation: &Simulation, task: Task<'_>) -> Result<Found, SimulationError> {
         let map = SectionMap::new(simulation)?;
-        let mut found =
-            Found { orbits: Vec::new(), drift: map.drift(), reason: None, best: f64::INFINITY };
+        let mut found = Found { orbits: Vec::new(), drift: map.drift(), reason: None, best: f64::INFINITY };
         let start = map.start()?;
         self.near(&map, &start, &mut found, task);
         let mut passed = Vec::new();
@@ -162,8 +161,11 @@ impl Search {
         let apart = |m: usize, k: u64| distance(map, &passed[m], &passed[m + k as usize], &scales, &found.drift);
         let fits = |m: usize, k: u64| m + k as usize <= last;
         // At the end first, with the shortest period that closes best.
-        let mut ends: Vec<(f64, usize, u64)> =
-            periods.clone().filter(|k| last as u64 >= *k).map(|k| (apart(last - k as usize, k), last - k as usize, k)).collect();
+        let mut ends: Vec<(f64, usize, u64)> = periods
+            .clone()
+            .filter(|k| last as u64 >= *k)
+            .map(|k| (apart(last - k as usize, k), last - k as usize, k))
+            .collect();
         ends.sort_by(|a, b| a.0.total_cmp(&b.0));
         if let Some(k) = ends.iter().filter(|(d, ..)| *d <= SAME).map(|(.., k)| *k).min() {
             ends.insert(0, (0.0, last - k as usize, k));
@@ -305,10 +307,20 @@ fn sizes(map: &SectionMap<'_>, sections: &[Section]) -> Vec<f64> {
         sections.iter().flat_map(|s| &s.x[range.clone()]).fold(0.0, |m: f64, x| m.max(x.abs()))
     };
     let omega = simulation.clock().omega();
-    let (q, v) = (largest(0..n).max(1e-3 * backlash), largest(n..2 * n));
-    let q = q.max(1e-3 * v / omega).max(f64::MIN_POSITIVE);
-    let v = v.max(1e-3 * q * omega);
-    (0..dim).map(|i| if i < n { q } else if i < 2 * n { v } else { largest(i..i + 1).max(f64::MIN_POSITIVE) }).collect()
+    let (q, v) = (largest(0..n).max(1e-9 * backlash), largest(n..2 * n));
+    let q = q.max(v / omega).max(f64::MIN_POSITIVE);
+    let v = v.max(q * omega);
+    (0..dim)
+        .map(|i| {
+            if i < n {
+                q
+            } else if i < 2 * n {
+                v
+            } else {
+                largest(i..i + 1).max(f64::MIN_POSITIVE)
+            }
+        })
+        .collect()
 }
 
 /// How far two sections are apart, in scales, without what drifts and without latched speeds.

@@ -7,7 +7,7 @@ use crate::{
     engine::{Jumped, Observer},
     hybrid::{HybridSystem, Mode, Shown},
     integrate::DenseStep,
-    system::{Columns, Gradient, Sticking, Structure},
+    system::{Columns, ContactMode, Gradient, Sticking, Structure, contact_mode},
 };
 
 /// Highest power of the columns' series.
@@ -40,9 +40,8 @@ static COLLOCATION: LazyLock<Collocation> = LazyLock::new(|| {
         0 => rule.nodes[i],
         l => (at[i][l + 1] - at[i][l - 1]) / (2.0 * (2 * l + 1) as f64),
     };
-    let entry = |i: usize, j: usize| {
-        (0..NODES).map(|l| (2 * l + 1) as f64 * rule.weights[j] * at[j][l] * integral(i, l)).sum()
-    };
+    let entry =
+        |i: usize, j: usize| (0..NODES).map(|l| (2 * l + 1) as f64 * rule.weights[j] * at[j][l] * integral(i, l)).sum();
     let matrix = (0..NODES).map(|i| std::array::from_fn(|j| entry(i, j))).collect();
     let last = std::array::from_fn(|j| (2 * NODES - 1) as f64 * rule.weights[j] * at[j][NODES - 1]);
     Collocation { rule, matrix, last }
@@ -81,8 +80,8 @@ pub struct Tangent<'s> {
     pub is_piecewise: bool,
     /// The latched speeds that were written anew.
     pub latched: Vec<bool>,
-    /// The last jump brought contacts to rest.
-    pub(super) lands: bool,
+    /// Contacts rest.
+    pub(super) rests: bool,
     /// The most ranks that contacts at rest have taken at one time.
     pub rested: usize,
     resets_only: bool,
@@ -115,7 +114,7 @@ impl<'s> Tangent<'s> {
             structure,
             volume: 0.0,
             is_piecewise: false,
-            lands: false,
+            rests: false,
             rested: 0,
             resets_only: false,
             modes: BTreeMap::new(),
@@ -124,7 +123,18 @@ impl<'s> Tangent<'s> {
 
     /// Takes out of the columns what contacts at rest in `mode`, where the run starts, do not allow.
     pub fn start(&mut self, mode: &Mode) {
+        self.rests = self.structure.held(mode).is_some();
         self.structure.restrain(mode, &mut self.columns);
+    }
+
+    /// Forgets the latched speeds of contacts that are open in `mode`: nothing follows from them any more.
+    pub(super) fn forget(&mut self, mode: &Mode) {
+        let count = self.columns.count;
+        for (j, c) in self.structure.contacts().iter().enumerate() {
+            if let Some(latch) = c.latch().filter(|_| contact_mode(mode, j) == ContactMode::Separated) {
+                self.columns.values[latch * count..(latch + 1) * count].fill(0.0);
+            }
+        }
     }
 
     /// Leaves out that neighbours meet an event earlier or later: what differentiating each reset alone gives.
@@ -410,7 +420,8 @@ impl Observer for Tangent<'_> {
         let s = self.structure;
         let jump = (fired, settles, self.resets_only);
         let saltation = s.saltate((from, to), jump, at, (x_minus, x_plus), &mut self.columns);
-        self.lands = saltation.lands;
+        self.rests = s.held(&to.mode).is_some();
+        self.rested = self.rested.max(saltation.ranks);
         self.is_piecewise |= saltation.is_piecewise;
         self.volume += saltation.volume;
         saltation.latched.iter().for_each(|latch| self.latched[latch - 2 * s.freedoms()] = true);

@@ -71,8 +71,8 @@ pub struct Saltation {
     pub is_piecewise: bool,
     /// `ln |det S|`; NaN where contacts come to rest or latch a speed, which have no volume.
     pub volume: f64,
-    /// Contacts come to rest: the rank falls.
-    pub lands: bool,
+    /// Ranks that impacts without rebound take, of contacts that do not stay at rest.
+    pub ranks: usize,
     /// The latched speeds that were written, by their place in the state.
     pub latched: Vec<usize>,
 }
@@ -243,9 +243,10 @@ impl Structure {
         let strikers: PerContact<usize> = (0..self.contacts.len())
             .filter(|j| self.contacts[*j].spec.law.is_rigid() && !rests(&from.mode, *j) && (is_struck(*j) || lands(*j)))
             .collect();
+        let is_dead = |j: usize| matches!(self.contacts[j].spec.law, Law::Rigid(l) if settles || l.restitution == 0.0);
         if !strikers.is_empty() {
             self.strike_columns((from, to), (&strikers, settles, resets_only), at, (x_minus, x_plus), columns);
-            saltation.lands = strikers.iter().any(|j| rests(&to.mode, *j));
+            saltation.ranks = strikers.iter().filter(|j| !rests(&to.mode, **j) && is_dead(**j)).count();
             let are_apart = |i: &usize| strikers.iter().all(|j| i == j || self.coupling(*i, *j) == 0.0);
             saltation.is_piecewise = !strikers.iter().all(are_apart);
             let logarithm = |j: &usize| match self.contacts[*j].spec.law {

@@ -3,7 +3,9 @@
 use flank::{
     Simulation,
     orbit::{Section, SectionMap},
+    scene::Scene,
 };
+use serde_json::{Value, json};
 
 /// `∂P/∂x_i` by central differences of six points, exact to the sixth order of the step.
 fn difference(map: &SectionMap<'_>, start: &Section, cycles: u64, i: usize, step: f64) -> Option<Vec<f64>> {
@@ -34,7 +36,15 @@ pub fn disagreement(simulation: &Simulation, before: u64, cycles: u64) -> (f64, 
     let n = simulation.structure.freedoms();
     let q = image.sizes[..n].iter().fold(0.0, |m: f64, s| m.max(*s));
     let v = image.sizes[n..2 * n].iter().fold(0.0, |m: f64, s| m.max(*s));
-    let scale = |i: usize| if i < n { q } else if i < 2 * n { v } else { image.sizes[i] };
+    let scale = |i: usize| {
+        if i < n {
+            q
+        } else if i < 2 * n {
+            v
+        } else {
+            image.sizes[i]
+        }
+    };
     let dim = start.x.len();
     let mut worst = 0.0f64;
     let largest = (0..dim)
@@ -79,7 +89,10 @@ fn the_derivative_is_that_of_the_motion_on_every_example() {
     ] {
         let simulation = Simulation::from_file(format!("examples/scenes/{scene}.json")).unwrap();
         let watch = std::time::Instant::now();
-        if simulation.period().is_err() { println!("{scene}: no period"); continue; }
+        if simulation.period().is_err() {
+            println!("{scene}: no period");
+            continue;
+        }
         let (worst, word) = disagreement(&simulation, before, cycles);
         println!("{scene:18} {worst:9.1e} {:6.2} s  {}", watch.elapsed().as_secs_f64(), &word[..word.len().min(70)]);
         if worst > 1e-8 {
@@ -87,4 +100,104 @@ fn the_derivative_is_that_of_the_motion_on_every_example() {
         }
     }
     assert!(failed.is_empty(), "{failed:?}");
+}
+
+/// Two masses, the first driven and between flanks, coupled by a spring.
+fn two(contacts: &Value, omega: f64, error: f64, q: [f64; 2]) -> Simulation {
+    let mut contacts = contacts.clone();
+    for contact in contacts.as_array_mut().unwrap() {
+        if error != 0.0 {
+            contact["error"] = json!([{ "amplitude_m": error, "frequency_rad_per_s": if omega < 0.5 { 8.0 * omega } else { omega }, "phase_rad": 0.4 }]);
+        }
+    }
+    let scene = json!({
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": [[1.0, 0.1], [0.1, 1.5]],
+            "damping_n_s_per_m": [[0.08, -0.03], [-0.03, 0.05]],
+            "stiffness_n_per_m": [[0.6, -0.4], [-0.4, 0.5]],
+            "load_n": [0.25, 0.05],
+            "load_harmonics": [{ "vector_n": [0.9, 0.1], "frequency_rad_per_s": omega, "phase_rad": 0.3 }],
+            "contacts": contacts,
+        },
+        "initial": { "q": q, "v": [0.0, 0.0] },
+        "run": { "cycles": 10, "period_s": std::f64::consts::TAU / omega },
+    });
+    Simulation::from_scene(Scene::from_value(scene, "test").unwrap()).unwrap()
+}
+
+fn contact(law: Value, stiffness: Value, flanks: &str) -> Value {
+    let mut contact = json!({ "direction": [1.0, -0.3], "half_backlash_m": 0.5, "stiffness": stiffness, "flanks": flanks, "law": law });
+    if law["kind"] == "rigid" {
+        contact.as_object_mut().unwrap().remove("stiffness");
+    }
+    contact
+}
+
+/// Every law, release and kind of stiffness, with flanks that move and that do not; the words say which events the derivative crossed.
+#[test]
+fn the_derivative_crosses_every_kind_of_event() {
+    let kelvin = |damping: f64, release: &str| json!({ "kind": "kelvin-voigt", "damping_n_s_per_m": damping, "release": release });
+    let power = |exponent: &str, hysteresis: f64| {
+        json!({
+            "kind": "power", "exponent": exponent, "hysteresis_coefficient": hysteresis,
+            "speed_floor_m_per_s": 1e-6, "initial_speed_m_per_s": 1e-2,
+        })
+    };
+    let rigid = |restitution: f64| json!({ "kind": "rigid", "restitution": restitution });
+    let harmonic = json!({ "kind": "harmonic", "mean": 6.0, "harmonics": [{ "amplitude": 0.3, "frequency_rad_per_s": 2.2, "phase_rad": 0.2 }] });
+    let rectangle = json!({ "kind": "rectangular", "high": 8.0, "low": 4.0, "duty": 0.6, "period_s": 2.8559933214452666, "origin_s": 0.1 });
+    let cases: Vec<(&str, Value)> = vec![
+        ("damped, by deflection", json!([contact(kelvin(0.7, "deflection"), json!(6.0), "both")])),
+        ("damped, by force", json!([contact(kelvin(0.7, "force"), json!(6.0), "both")])),
+        ("overdamped, by force", json!([contact(kelvin(9.0, "force"), json!(3.0), "both")])),
+        ("stiff, overdamped, by force", json!([contact(kelvin(12.0, "force"), json!(30.0), "both")])),
+        ("harmonic, damped", json!([contact(kelvin(0.4, "force"), harmonic, "both")])),
+        ("rectangular, damped", json!([contact(kelvin(0.4, "deflection"), rectangle, "drive")])),
+        ("Hertz", json!([contact(power("3/2", 0.0), json!(9.0), "both")])),
+        ("Hertz, hysteresis", json!([contact(power("3/2", 0.6), json!(9.0), "both")])),
+        ("10/9, hysteresis", json!([contact(power("10/9", 0.5), json!(9.0), "drive")])),
+        ("square, hysteresis", json!([contact(power("2", 1.2), json!(9.0), "both")])),
+        ("rigid", json!([contact(rigid(0.6), Value::Null, "both")])),
+        (
+            "two laws",
+            json!([
+                contact(kelvin(0.5, "deflection"), json!(5.0), "drive"),
+                { "direction": [0.2, 1.0], "half_backlash_m": 0.3, "flanks": "both", "stiffness": 7.0, "law": power("3/2", 0.4) },
+            ]),
+        ),
+        (
+            "rigid and soft",
+            json!([
+                contact(rigid(0.7), Value::Null, "drive"),
+                { "direction": [0.1, 1.0], "half_backlash_m": 0.2, "flanks": "both", "stiffness": 4.0, "law": kelvin(0.3, "force") },
+            ]),
+        ),
+        ("lands and is released", json!([contact(rigid(0.0), Value::Null, "drive")])),
+        ("bounces to rest", json!([contact(rigid(0.3), Value::Null, "drive")])),
+    ];
+    let (mut kinds, mut failed) = (std::collections::BTreeSet::new(), Vec::new());
+    for (name, contacts) in &cases {
+        for (omega, error, q) in [
+            (0.6, 0.0, [0.1, 0.2]),
+            (0.9, 0.0, [-0.2, 0.1]),
+            (0.35, 0.0, [0.0, 0.0]),
+            (0.4, 0.04, [0.6, 0.0]),
+            (1.4, 0.05, [0.2, 0.0]),
+        ] {
+            if omega == 0.4 && contacts[0]["law"]["kind"] == "rigid" {
+                // It would start inside the flank.
+                continue;
+            }
+            let simulation = two(contacts, omega, error, q);
+            let (worst, word) = disagreement(&simulation, 0, 1);
+            kinds.extend(word.split([' ', '[', ']']).filter_map(|token| token.chars().next()));
+            println!("{name:24} {omega} {worst:9.1e}  {}", &word[..word.len().min(80)]);
+            if worst > 1e-8 {
+                failed.push(format!("{name} at {omega}: {worst:e}"));
+            }
+        }
+    }
+    assert!(failed.is_empty(), "{failed:#?}");
+    assert_eq!(kinds.into_iter().collect::<String>(), "acilrsxz");
 }

@@ -2,3 +2,5 @@
 #![allow(clippy::unwrap_used)] // helpers of tests are not recognised as tests
 
 mod differences;
+mod exponents;
+mod orbits;
