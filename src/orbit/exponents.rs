@@ -111,6 +111,8 @@ struct Frame<'s> {
     /// Columns that are zero now, as contacts rest.
     zero: Vec<bool>,
     turned: f64,
+    /// The mode, while contacts rest in it.
+    resting: Option<Mode>,
 }
 
 impl<'s> Frame<'s> {
@@ -147,6 +149,7 @@ impl<'s> Frame<'s> {
             lost: vec![false; count],
             zero: vec![false; count],
             turned: 0.0,
+            resting: None,
         };
         frame.orthonormalise();
         frame.logs.fill(0.0);
@@ -156,12 +159,29 @@ impl<'s> Frame<'s> {
     /// Starts in `mode`, where contacts may rest.
     fn start(&mut self, mode: &Mode) {
         self.tangent.start(mode);
+        self.rest(mode);
         self.orthonormalise();
         self.logs.fill(0.0);
     }
 
+    /// Keeps in mind what contacts at rest in `mode` allow.
+    fn rest(&mut self, mode: &Mode) {
+        self.resting = self.tangent.rests.then(|| mode.clone());
+    }
+
+    /// Takes the averages to begin here: nothing that rested or latched before has a part in them.
+    fn begin(&mut self) {
+        self.lost.clone_from(&self.zero);
+        let first = 2 * self.n * self.tangent.columns.count;
+        self.tangent.columns.values[first..].fill(0.0);
+    }
+
     /// Takes the factors out of the columns. Those without a length of their own, as contacts at rest have taken their rank, become zero.
     fn orthonormalise(&mut self) {
+        // Rounding along what contacts at rest do not allow does not decay as the columns do.
+        if let Some(mode) = &self.resting {
+            self.tangent.start(mode);
+        }
         let Self { tangent, drift, momenta, n, scale, logs, lost, zero, .. } = self;
         let (n, m) = (*n, tangent.columns.count);
         let values = &mut tangent.columns.values;
@@ -196,7 +216,7 @@ impl<'s> Frame<'s> {
                     (0..rows).for_each(|i| values[i * m + l] -= dot * values[i * m + k]);
                 }
                 let size = norm(values);
-                if tangent.rests && size <= LOST * largest || size == 0.0 {
+                if (tangent.rests || tangent.dies) && size <= LOST * largest || size == 0.0 {
                     (lost[l], zero[l]) = (true, true);
                     (0..rows).for_each(|i| values[i * m + l] = 0.0);
                     break;
@@ -271,7 +291,9 @@ impl Observer for Frame<'_> {
         self.orthonormalise();
         self.tangent.jump(jumped);
         self.tangent.forget(&jumped.to.mode);
+        self.rest(&jumped.to.mode);
         self.orthonormalise();
+        self.tangent.dies = false;
         if !self.tangent.rests && self.zero.contains(&true) {
             self.seed();
         }
@@ -342,9 +364,8 @@ impl Lyapunov {
             let outcome = engine.run(clock.at(first + cycle as i64, 0.0), &mut (&mut frame, &mut bare))?;
             let (logs, bare_logs) = (frame.take(), bare.as_mut().map(Frame::take));
             if cycle == dropped {
-                // What rested before the averages is no part of them.
-                frame.lost.clone_from(&frame.zero);
-                bare.iter_mut().for_each(|bare| bare.lost.clone_from(&bare.zero));
+                frame.begin();
+                bare.iter_mut().for_each(Frame::begin);
             }
             if cycle > dropped {
                 rows.push(logs);

@@ -164,6 +164,17 @@ impl SectionMap<'_> {
     /// # Errors
     /// [`Missed`], if it does not converge.
     pub fn solve(&self, start: &Section, period: u64, drift: &Drift) -> Result<Orbit, Missed> {
+        self.solve_from(start, period, drift, None)
+    }
+
+    /// The same; where `patience` is given, the residual must fall by half in as many steps, or the search ends.
+    pub(super) fn solve_from(
+        &self,
+        start: &Section,
+        period: u64,
+        drift: &Drift,
+        patience: Option<usize>,
+    ) -> Result<Orbit, Missed> {
         let missed = |residual: f64, reason: &str| Missed { residual, reason: reason.to_owned() };
         let evaluate = |section: &Section| -> Result<_, SimulationError> {
             let image = self.image(section, period)?;
@@ -172,8 +183,11 @@ impl SectionMap<'_> {
         };
         let mut section = start.clone();
         let mut now = evaluate(&section).map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
-        let mut best = now.0;
-        for _ in 0..STEPS {
+        let (mut best, first) = (now.0, now.0);
+        for step in 0..STEPS {
+            if patience.is_some_and(|steps| step == steps) && now.0 > 0.5 * first {
+                return Err(missed(best, "Newton's method does not converge from here"));
+            }
             let (residual, off, basis, scales, image) = &now;
             if !residual.is_finite() {
                 return Err(missed(best, "the motion leaves the range of numbers"));

@@ -18,6 +18,8 @@ use crate::{
 pub const LONGEST: u64 = 16;
 /// Distance, in scales, from a start within which an orbit belongs to it.
 const NEAR: f64 = 2.0;
+/// Steps in which Newton's method must halve the residual of a start that it is near to: it squares it there.
+const PATIENCE: usize = 3;
 /// Sections kept of the end of a run, among which close returns are looked for.
 const KEPT: usize = 2000;
 /// Close returns that are tried.
@@ -54,11 +56,17 @@ impl Search {
         let map = SectionMap::new(simulation)?;
         let mut found = Found { orbits: Vec::new(), drift: map.drift(), reason: None, best: f64::INFINITY };
         let start = map.start()?;
+        if found.drift.accelerates(simulation) {
+            found.reason = Some("the train as a whole has no drag, and a constant load pushes it: it accelerates for ever".to_owned());
+            return Ok(found);
+        }
         self.near(&map, &start, &mut found, task);
         let mut passed = Vec::new();
         if found.orbits.is_empty() || self.starts > 0 {
             passed = self.pass(&map, &start, &mut found, task)?;
         }
+        // An orbit is the same wherever it has drifted to: near the start it has the most digits.
+        passed.iter_mut().for_each(|section| found.drift.take_back(simulation, section, &start));
         if found.orbits.is_empty() && !passed.is_empty() {
             self.returns(&map, &passed, &mut found, task);
         }
@@ -99,7 +107,8 @@ impl Search {
 
     /// Newton's method from one start. Whether an orbit was found that is `near` it.
     fn attempt(&self, map: &SectionMap<'_>, start: &Section, period: u64, near: f64, found: &mut Found) -> bool {
-        match map.solve(start, period, &found.drift) {
+        let patience = near.is_finite().then_some(PATIENCE);
+        match map.solve_from(start, period, &found.drift, patience) {
             Ok(orbit) => {
                 let scales = sizes(map, std::slice::from_ref(&orbit.section));
                 if distance(map, start, &orbit.section, &scales, &found.drift) > near {
@@ -323,17 +332,45 @@ fn sizes(map: &SectionMap<'_>, sections: &[Section]) -> Vec<f64> {
         .collect()
 }
 
+/// The part of displacements `y` along a drift, by the mass.
+fn drift_share(simulation: &Simulation, direction: &[f64], y: &[f64]) -> f64 {
+    let mass = &simulation.structure.spec().mass;
+    let weigh = |y: &[f64]| -> f64 {
+        (0..y.len()).map(|i| direction[i] * (0..y.len()).map(|j| mass[(i, j)] * y[j]).sum::<f64>()).sum()
+    };
+    weigh(y) / weigh(direction)
+}
+
+/// A constant load along a drift below this share of its terms is rounding.
+const BALANCED: f64 = 1e-12;
+
+impl Drift {
+    /// Whether a constant load pushes what no damper holds.
+    fn accelerates(&self, simulation: &Simulation) -> bool {
+        let load = &simulation.structure.spec().load;
+        self.directions.iter().zip(&self.is_free).filter(|(_, is_free)| **is_free).any(|(direction, _)| {
+            let terms = direction.iter().zip(load).map(|(d, f)| d * f);
+            terms.clone().sum::<f64>().abs() > BALANCED * terms.map(f64::abs).sum::<f64>()
+        })
+    }
+
+    /// Moves `section` along the drift to where `start` is.
+    fn take_back(&self, simulation: &Simulation, section: &mut Section, start: &Section) {
+        let n = simulation.structure.freedoms();
+        for direction in &self.directions {
+            let off: Vec<f64> = section.x[..n].iter().zip(&start.x).map(|(x, s)| x - s).collect();
+            let share = drift_share(simulation, direction, &off);
+            section.x[..n].iter_mut().zip(direction).for_each(|(x, d)| *x -= share * d);
+        }
+    }
+}
+
 /// How far two sections are apart, in scales, without what drifts and without latched speeds.
 fn distance(map: &SectionMap<'_>, a: &Section, b: &Section, scales: &[f64], drift: &Drift) -> f64 {
-    let spec = map.simulation().structure.spec();
-    let n = spec.freedoms.len();
+    let n = map.simulation().structure.freedoms();
     let mut off: Vec<f64> = a.x.iter().zip(&b.x).map(|(a, b)| b - a).collect();
     for direction in &drift.directions {
-        // The part along a drift, by the mass.
-        let weigh = |y: &[f64]| -> f64 {
-            (0..n).map(|i| direction[i] * (0..n).map(|j| spec.mass[(i, j)] * y[j]).sum::<f64>()).sum()
-        };
-        let share = weigh(&off[..n]) / weigh(direction);
+        let share = drift_share(map.simulation(), direction, &off[..n]);
         off[..n].iter_mut().zip(direction).for_each(|(off, d)| *off -= share * d);
     }
     off[..2 * n].iter().zip(scales).map(|(off, scale)| (off / scale).powi(2)).sum::<f64>().sqrt()

@@ -2,9 +2,9 @@
 
 use crate::{
     engine::{Outcome, State},
-    hybrid::{Instant, Mode},
+    hybrid::{Instant, Mode, Watch},
     simulation::{Simulation, SimulationError},
-    system::{ContactMode, contact_mode},
+    system::{ContactMode, contact_mode, guard_id, set_contact},
 };
 use nalgebra::DMatrix;
 
@@ -104,8 +104,21 @@ impl<'a> SectionMap<'a> {
     /// # Errors
     /// [`SimulationError::Start`].
     pub fn state(&self, section: &Section) -> Result<State, SimulationError> {
-        let at = self.at(0);
-        let start = self.simulation.structure.resume(at, &section.x, &section.contacts)?;
+        let (at, structure) = (self.at(0), &self.simulation.structure);
+        // Contacts at rest stay at rest, whatever rounding has made of gap and rate.
+        let rests = |j: &usize| section.contacts[*j].is_closed() && structure.contacts()[*j].spec.law.is_rigid();
+        let mut resting = Mode::default();
+        (0..section.contacts.len()).filter(rests).for_each(|j| set_contact(&mut resting, j, section.contacts[j]));
+        let mut x = section.x.clone();
+        structure.rest(&resting, at, &mut x);
+        let mut start = structure.resume(at, &x, &section.contacts)?;
+        for j in (0..section.contacts.len()).filter(rests) {
+            set_contact(&mut start.jump.mode, j, section.contacts[j]);
+            for watch in [Watch::DriveFlank, Watch::BackFlank] {
+                start.jump.pinned.remove(guard_id(j, watch));
+                start.jump.still.remove(guard_id(j, watch));
+            }
+        }
         Ok(State { at, x: start.x, jump: start.jump })
     }
 

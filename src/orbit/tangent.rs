@@ -82,6 +82,8 @@ pub struct Tangent<'s> {
     pub latched: Vec<bool>,
     /// Contacts rest.
     pub(super) rests: bool,
+    /// The last jump took a rank.
+    pub(super) dies: bool,
     /// The most ranks that contacts at rest have taken at one time.
     pub rested: usize,
     resets_only: bool,
@@ -115,6 +117,7 @@ impl<'s> Tangent<'s> {
             volume: 0.0,
             is_piecewise: false,
             rests: false,
+            dies: false,
             rested: 0,
             resets_only: false,
             modes: BTreeMap::new(),
@@ -421,6 +424,7 @@ impl Observer for Tangent<'_> {
         let jump = (fired, settles, self.resets_only);
         let saltation = s.saltate((from, to), jump, at, (x_minus, x_plus), &mut self.columns);
         self.rests = s.held(&to.mode).is_some();
+        self.dies = saltation.ranks > 0;
         self.rested = self.rested.max(saltation.ranks);
         self.is_piecewise |= saltation.is_piecewise;
         self.volume += saltation.volume;

@@ -315,7 +315,10 @@ impl Structure {
     ) {
         let (n, m) = (self.n, columns.count);
         let rests = |mode: &Mode, j: usize| self.contacts[j].spec.law.is_rigid() && contact_mode(mode, j).is_closed();
-        let resting = (0..self.contacts.len()).filter(|j| rests(&from.mode, *j));
+        // A contact at rest that the impact lets go, and gives no impulse, has no part in it.
+        let is_struck = |j: usize| to.struck.iter().any(|id| guard_of(id).0 == j);
+        let takes_part = |j: &usize| rests(&from.mode, *j) && (rests(&to.mode, *j) || is_struck(*j));
+        let resting = (0..self.contacts.len()).filter(takes_part);
         let active = Sticking::of(self, strikers.iter().copied().chain(resting));
         // One plus the restitution; a contact at rest, or one that comes to rest, has none.
         let returns = |j: usize| match self.contacts[j].spec.law {
