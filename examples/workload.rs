@@ -14,7 +14,7 @@ use std::{error::Error, fs, io::Write, ops::ControlFlow, process::ExitCode, time
 use flank::{
     engine::{Engine, Observer, Options, State},
     event::EventRecord,
-    hybrid::{ContactView, HybridSystem, Instant, Watch},
+    hybrid::{ContactView, HybridSystem, Instant, Mode, Watch},
     integrate::build,
     scene::{Duration, Run, Scene},
     system::{Start, Structure},

@@ -211,8 +211,7 @@ impl<'s> Frame<'s> {
             let mut log = 0.0;
             for _ in 0..2 {
                 for k in (0..l).filter(|k| !zero[*k]) {
-                    let dot: f64 =
-                        (0..2 * n).map(|i| weight(i) * values[i * m + k] * values[i * m + l]).sum();
+                    let dot: f64 = (0..2 * n).map(|i| weight(i) * values[i * m + k] * values[i * m + l]).sum();
                     (0..rows).for_each(|i| values[i * m + l] -= dot * values[i * m + k]);
                 }
                 let size = norm(values);

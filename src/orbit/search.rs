@@ -11,6 +11,7 @@ use super::{
 };
 use crate::{
     simulation::{Simulation, SimulationError},
+    system::ContactMode,
     task::{Progress, Task},
 };
 
@@ -57,7 +58,9 @@ impl Search {
         let mut found = Found { orbits: Vec::new(), drift: map.drift(), reason: None, best: f64::INFINITY };
         let start = map.start()?;
         if found.drift.accelerates(simulation) {
-            found.reason = Some("the train as a whole has no drag, and a constant load pushes it: it accelerates for ever".to_owned());
+            found.reason = Some(
+                "the train as a whole has no drag, and a constant load pushes it: it accelerates for ever".to_owned(),
+            );
             return Ok(found);
         }
         self.near(&map, &start, &mut found, task);
@@ -278,6 +281,8 @@ struct Row {
     contacts: Vec<&'static str>,
     piecewise: bool,
     initial: Value,
+    /// A run that starts there is on the orbit: no contact that latches a speed is closed at phase 0.
+    initial_is_complete: bool,
 }
 
 impl Orbit {
@@ -301,6 +306,12 @@ impl Orbit {
             contacts: self.section.contacts.iter().map(|contact| contact.name()).collect(),
             piecewise: self.image.is_piecewise,
             initial: json!({ "q": x[..n], "v": x[n..2 * n] }),
+            initial_is_complete: !simulation
+                .structure
+                .contacts()
+                .iter()
+                .zip(&self.section.contacts)
+                .any(|(c, state)| c.latch().is_some() && *state != ContactMode::Separated),
         };
         json!(row)
     }

@@ -55,10 +55,12 @@ const SPAN: f64 = 8.0;
 const PIECE: f64 = 1.5;
 /// Picard iterations of a piece.
 const SWEEPS: usize = 60;
+/// Change in a sweep below which the iteration has converged: some ten roundings of a sum.
+const CONVERGED: f64 = 1e-14;
 /// Largest share of the highest Legendre coefficient of a piece: the ends of pieces are exact to its square.
 const RESOLVED: f64 = 1e-8;
 /// Halvings of a step.
-const DEEPEST: u32 = 24;
+const DEEPEST: u32 = 12;
 
 /// What is known of a mode.
 struct Known {
@@ -225,7 +227,7 @@ impl<'s> Tangent<'s> {
                     moved = moved.max(difference(value, sum, &size));
                     value.values.copy_from_slice(&sum.values);
                 }
-                if moved <= 2.0 * f64::EPSILON {
+                if moved <= CONVERGED {
                     converged = true;
                     break;
                 }
