@@ -1,0 +1,112 @@
+//! `flank orbit` and `flank lyapunov` as commands: files, exit codes, messages.
+#![allow(clippy::unwrap_used)] // helpers of tests are not recognised as tests
+
+use std::{fs, path::Path};
+
+use assert_cmd::{Command, assert::Assert};
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn flank(words: &[&str], out: &Path) -> Assert {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    Command::cargo_bin("flank").unwrap().current_dir(root).args(words).arg("--out").arg(out).assert()
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+const PAIR: &str = "examples/scenes/kahraman-singh.json";
+
+#[test]
+fn an_orbit_is_a_file_a_picture_and_a_scene_that_starts_on_it() {
+    let folder = TempDir::new().unwrap();
+    // The folder is created, and its parents.
+    let out = folder.path().join("a/b");
+    flank(&["orbit", PAIR], &out).code(0);
+    let found = json(&out.join("orbit.json"));
+    let orbit = &found["orbits"][0];
+    assert_eq!(
+        (&orbit["period_cycles"], &orbit["word"], &orbit["stable"]),
+        (&1.into(), &"c0+ s0+".into(), &true.into())
+    );
+    assert_eq!(orbit["x"].as_array().unwrap().len(), found["components"].as_array().unwrap().len());
+    for ending in ["csv", "json", "svg", "png"] {
+        assert!(out.join(format!("figures/orbit.{ending}")).is_file());
+    }
+    // From its block the motion comes back.
+    let mut scene = json(&Path::new(env!("CARGO_MANIFEST_DIR")).join(PAIR));
+    (scene["initial"], scene["run"]) = (orbit["initial"].clone(), serde_json::json!({ "cycles": 1 }));
+    let there = folder.path().join("scene.json");
+    fs::write(&there, scene.to_string()).unwrap();
+    let again = folder.path().join("again");
+    flank(&["orbit", there.to_str().unwrap()], &again).code(0);
+    assert_eq!(json(&again.join("orbit.json"))["orbits"][0]["x"], orbit["x"]);
+    // A folder in use is refused, unless it is to be replaced.
+    flank(&["orbit", PAIR], &out).code(2);
+    flank(&["orbit", PAIR, "--force", "-q"], &out).code(0).stdout("");
+}
+
+#[test]
+fn the_same_command_gives_the_same_bytes() {
+    let folder = TempDir::new().unwrap();
+    let run = |name: &str, threads: &str| {
+        let out = folder.path().join(name);
+        flank(&["orbit", PAIR, "--starts", "6", "--threads", threads], &out).code(0);
+        fs::read(out.join("orbit.json")).unwrap()
+    };
+    assert_eq!(run("one", "1"), run("two", "2"));
+}
+
+#[test]
+fn a_scene_without_a_period_is_refused_and_nothing_is_written() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("out");
+    for command in ["orbit", "lyapunov"] {
+        let done = flank(&[command, "examples/scenes/ball-on-wall.json"], &out).code(2);
+        let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+        assert!(said.contains("period"), "{said}");
+        assert!(!out.exists());
+    }
+}
+
+#[test]
+fn an_orbit_that_is_not_there_ends_with_the_reason_and_a_file() {
+    let folder = TempDir::new().unwrap();
+    let scene = folder.path().join("scene.json");
+    // Two free bodies with a net load.
+    let text = r#"{
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": [[1, 0], [0, 1]], "damping_n_s_per_m": [[0.1, -0.1], [-0.1, 0.1]], "load_n": [0.3, -0.1],
+            "load_harmonics": [{ "vector_n": [0.1, 0], "frequency_rad_per_s": 1.0, "phase_rad": 0 }],
+            "contacts": [{ "direction": [1, -1], "half_backlash_m": 1, "stiffness": 1, "law": { "kind": "kelvin-voigt" } }]
+        },
+        "run": { "cycles": 20 }
+    }"#;
+    fs::write(&scene, text).unwrap();
+    let out = folder.path().join("out");
+    flank(&["orbit", scene.to_str().unwrap()], &out).code(1);
+    let found = json(&out.join("orbit.json"));
+    assert_eq!(found["orbits"].as_array().unwrap().len(), 0);
+    assert!(found["reason"].as_str().unwrap().contains("accelerates"), "{found}");
+}
+
+#[test]
+fn exponents_are_a_file_and_a_picture() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("out");
+    flank(
+        &["lyapunov", "examples/scenes/W1a-ch.json", "--cycles", "400", "--without-saltation", "--finite", "5"],
+        &out,
+    )
+    .code(0);
+    let found = json(&out.join("lyapunov.json"));
+    assert_eq!(found["cycles"], 400);
+    assert_eq!(found["exponents"].as_array().unwrap().len(), 2);
+    assert_eq!(found["band"].as_array().unwrap().len(), 2);
+    let [sum, rule] = ["sum", "sum_rule"].map(|key| found[key].as_f64().unwrap());
+    assert!((sum - rule).abs() <= 1e-9 * rule.abs());
+    assert!(found["finite"]["cycles"] == 5 && found["without_saltation"]["exponents"].is_array());
+    assert!(out.join("figures/exponents.svg").is_file());
+}
