@@ -195,35 +195,40 @@ impl<'s> Frame<'s> {
                 }
             }
         }
-        // Latched speeds have no length: they follow from displacements and velocities, and go with them.
-        let weight = |i: usize| if i < n { 1.0 } else { 1.0 / (*scale * *scale) };
+        // Latched speeds have no length: they follow from displacements and velocities, and go with them. One vector after the other,
+        // velocities in units of the scale.
         let rows = values.len() / m;
+        let unit = |i: usize| if i < n || i >= 2 * n { 1.0 } else { *scale };
+        let mut vectors: Vec<Vec<f64>> =
+            (0..m).map(|l| (0..rows).map(|i| values[i * m + l] / unit(i)).collect()).collect();
+        let norm = |vector: &[f64]| vector[..2 * n].iter().map(|c| c * c).sum::<f64>().sqrt();
         let mut largest = 0.0f64;
         for l in 0..m {
             if zero[l] {
                 continue;
             }
-            let norm = |values: &[f64]| {
-                (0..2 * n).map(|i| weight(i) * values[i * m + l] * values[i * m + l]).sum::<f64>().sqrt()
-            };
-            let before = norm(values);
-            largest = largest.max(before);
+            let (done, rest) = vectors.split_at_mut(l);
+            let vector = &mut rest[0];
+            largest = largest.max(norm(vector));
             let mut log = 0.0;
             for _ in 0..2 {
-                for k in (0..l).filter(|k| !zero[*k]) {
-                    let dot: f64 = (0..2 * n).map(|i| weight(i) * values[i * m + k] * values[i * m + l]).sum();
-                    (0..rows).for_each(|i| values[i * m + l] -= dot * values[i * m + k]);
+                for (other, _) in done.iter().zip(&*zero).filter(|(_, zero)| !**zero) {
+                    let dot: f64 = other[..2 * n].iter().zip(&vector[..2 * n]).map(|(a, b)| a * b).sum();
+                    vector.iter_mut().zip(other).for_each(|(v, o)| *v -= dot * o);
                 }
-                let size = norm(values);
+                let size = norm(vector);
                 if (tangent.rests || tangent.dies) && size <= LOST * largest || size == 0.0 {
                     (lost[l], zero[l]) = (true, true);
-                    (0..rows).for_each(|i| values[i * m + l] = 0.0);
+                    vector.fill(0.0);
                     break;
                 }
                 log += libm::log(size);
-                (0..rows).for_each(|i| values[i * m + l] /= size);
+                vector.iter_mut().for_each(|v| *v /= size);
             }
             logs[l] += log;
+        }
+        for (l, vector) in vectors.iter().enumerate() {
+            vector.iter().enumerate().for_each(|(i, v)| values[i * m + l] = v * unit(i));
         }
         self.turned = 0.0;
     }
@@ -286,12 +291,17 @@ impl Observer for Frame<'_> {
     }
 
     fn jump(&mut self, jumped: &Jumped<'_>) {
-        // What the columns have turned by so far is not to be mixed with what a jump does.
-        self.orthonormalise();
+        // What the columns have turned by so far is not to be mixed with what an impact does. Soft contacts change them little.
+        let is_impact = !jumped.to.struck.is_empty() || jumped.settles || self.tangent.rests;
+        if is_impact {
+            self.orthonormalise();
+        }
         self.tangent.jump(jumped);
         self.tangent.forget(&jumped.to.mode);
         self.rest(&jumped.to.mode);
-        self.orthonormalise();
+        if is_impact || self.tangent.rests {
+            self.orthonormalise();
+        }
         self.tangent.dies = false;
         if !self.tangent.rests && self.zero.contains(&true) {
             self.seed();

@@ -93,6 +93,7 @@ pub struct Tangent<'s> {
     work: [Columns; 2],
     orders: Vec<Columns>,
     base: Vec<Columns>,
+    along: Vec<[Vec<f64>; 2]>,
     nodes: Vec<[Columns; 2]>,
     x: Vec<f64>,
 }
@@ -112,6 +113,7 @@ impl<'s> Tangent<'s> {
             nodes: vec![[columns.clone(), columns.clone()]; NODES],
             orders: Vec::new(),
             base: Vec::new(),
+            along: Vec::new(),
             x: vec![0.0; HybridSystem::dim(structure)],
             latched: vec![false; HybridSystem::dim(structure) - 2 * structure.freedoms()],
             columns,
@@ -333,9 +335,15 @@ fn difference(a: &Columns, b: &Columns, sizes: &[f64]) -> f64 {
 impl Tangent<'_> {
     /// The columns along a part of a step, by their own series; `false` where they are not short enough.
     fn expand(&mut self, mode: &Mode, c: &Coefficients) -> bool {
-        let Self { structure: s, columns, modes, orders, base, .. } = self;
+        let Self { structure: s, columns, modes, orders, base, along, .. } = self;
         let Some(known) = modes.get(mode) else { return true };
         let (n, m) = (s.freedoms(), columns.count);
+        // `gᵀδq` and `gᵀδq̇` of each contact, order by order.
+        along.resize_with(c.changes.len(), Default::default);
+        along.iter_mut().flatten().for_each(|rows| {
+            rows.clear();
+            rows.resize(ORDER * m, 0.0);
+        });
         orders.resize_with(ORDER + 1, || columns.clone());
         base.resize_with(ORDER, || columns.clone());
         orders[0].values.copy_from_slice(&columns.values);
@@ -346,10 +354,14 @@ impl Tangent<'_> {
             s.apply(&none, None, &low[k], &mut base[k]);
             next.values.fill(0.0);
             convolve(&c.clock, k, |i, a| next.values.iter_mut().zip(&base[i].values).for_each(|(n, b)| *n += a * b));
-            for (j, latch, [by_deflection, by_rate, by_latch]) in &c.changes {
+            for ((j, latch, [by_deflection, by_rate, by_latch]), along) in c.changes.iter().zip(&mut *along) {
                 force.fill(0.0);
-                convolve(by_deflection, k, |i, a| s.add_along(*j, 0, a, &low[i], &mut force));
-                convolve(by_rate, k, |i, a| s.add_along(*j, n, a, &low[i], &mut force));
+                for ((first, by), along) in [(0, by_deflection), (n, by_rate)].into_iter().zip(along) {
+                    s.add_along(*j, first, 1.0, &low[k], &mut along[k * m..(k + 1) * m]);
+                    convolve(by, k, |i, a| {
+                        force.iter_mut().zip(&along[i * m..(i + 1) * m]).for_each(|(f, x)| *f += a * x);
+                    });
+                }
                 if let (Some(latch), Some(a)) = (latch, by_latch.get(k)) {
                     force.iter_mut().zip(low[0].row(*latch)).for_each(|(f, l)| *f += a * l);
                 }
