@@ -19,6 +19,8 @@ use crate::{
 pub const LONGEST: u64 = 16;
 /// Distance, in scales, from a start within which an orbit belongs to it.
 const NEAR: f64 = 2.0;
+/// Distance, in scales, after a period from which Newton's method is not tried: an orbit near the start closes better.
+const RETURNED: f64 = 0.5;
 /// Steps in which Newton's method must halve the residual of a start that it is near to: it squares it there.
 const PATIENCE: usize = 3;
 /// Sections kept of the end of a run, among which close returns are looked for.
@@ -74,7 +76,9 @@ impl Search {
             self.returns(&map, &passed, &mut found, task);
         }
         self.spread(&map, &passed, &mut found, task);
-        if !found.orbits.is_empty() {
+        if found.orbits.is_empty() {
+            found.reason.get_or_insert("no state of the motion comes back near enough to itself".to_owned());
+        } else {
             found.reason = None;
         }
         Ok(found)
@@ -101,8 +105,9 @@ impl Search {
         if close.is_some_and(|k| self.attempt(map, start, k as u64, f64::INFINITY, found)) {
             return;
         }
-        for period in 1..=LONGEST {
-            if task.is_cancelled() || self.attempt(map, start, period, NEAR, found) {
+        for period in 1..sections.len() {
+            let is_far = distance(map, start, &sections[period], &scales, &found.drift) > RETURNED;
+            if task.is_cancelled() || !is_far && self.attempt(map, start, period as u64, NEAR, found) {
                 return;
             }
         }
