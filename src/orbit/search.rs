@@ -105,8 +105,8 @@ impl Search {
         if close.is_some_and(|k| self.attempt(map, start, k as u64, f64::INFINITY, found)) {
             return;
         }
-        for period in 1..sections.len() {
-            let is_far = distance(map, start, &sections[period], &scales, &found.drift) > RETURNED;
+        for (period, section) in sections.iter().enumerate().skip(1) {
+            let is_far = distance(map, start, section, &scales, &found.drift) > RETURNED;
             if task.is_cancelled() || !is_far && self.attempt(map, start, period as u64, NEAR, found) {
                 return;
             }
