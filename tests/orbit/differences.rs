@@ -3,9 +3,10 @@
 use flank::{
     Simulation,
     orbit::{Section, SectionMap},
-    scene::Scene,
 };
 use serde_json::{Value, json};
+
+use crate::open;
 
 /// `∂P/∂x_i` by central differences of six points, exact to the sixth order of the step.
 fn difference(map: &SectionMap<'_>, start: &Section, cycles: u64, i: usize, step: f64) -> Option<Vec<f64>> {
@@ -123,7 +124,7 @@ fn two(contacts: &Value, omega: f64, error: f64, q: [f64; 2]) -> Simulation {
         "initial": { "q": q, "v": [0.0, 0.0] },
         "run": { "cycles": 10, "period_s": std::f64::consts::TAU / omega },
     });
-    Simulation::from_scene(Scene::from_value(scene, "test").unwrap()).unwrap()
+    open(scene)
 }
 
 fn contact(law: Value, stiffness: Value, flanks: &str) -> Value {

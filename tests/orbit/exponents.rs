@@ -3,13 +3,10 @@
 use flank::{
     Simulation, Task,
     orbit::{Exponents, Lyapunov, Search},
-    scene::Scene,
 };
-use serde_json::{Value, json};
+use serde_json::json;
 
-fn open(scene: Value) -> Simulation {
-    Simulation::from_scene(Scene::from_value(scene, "test").unwrap()).unwrap()
-}
+use crate::open;
 
 fn measured(simulation: &Simulation, asked: Lyapunov) -> Exponents {
     asked.run(simulation, Task::default()).unwrap()

@@ -4,3 +4,10 @@
 mod differences;
 mod exponents;
 mod orbits;
+
+use flank::{Simulation, scene::Scene};
+use serde_json::Value;
+
+fn open(scene: Value) -> Simulation {
+    Simulation::from_scene(Scene::from_value(scene, "test").unwrap()).unwrap()
+}

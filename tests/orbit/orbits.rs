@@ -3,13 +3,10 @@
 use flank::{
     Simulation, Task,
     orbit::{Found, Search, SectionMap},
-    scene::Scene,
 };
-use serde_json::{Value, json};
+use serde_json::json;
 
-fn open(scene: Value) -> Simulation {
-    Simulation::from_scene(Scene::from_value(scene, "test").unwrap()).unwrap()
-}
+use crate::open;
 
 fn found(simulation: &Simulation, search: Search) -> Found {
     search.run(simulation, Task::default()).unwrap()
