@@ -116,7 +116,7 @@ impl Structure {
                 out.add(n + i, -c, columns.row(n + *j as usize));
             }
         }
-        let mut force = vec![0.0; m];
+        let mut force: PerContact<f64> = zeros(m);
         for change in gradient.changes.iter().flatten() {
             let c = &self.contacts[change.contact];
             force.fill(0.0);
