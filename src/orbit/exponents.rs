@@ -382,6 +382,9 @@ impl Lyapunov {
                 volume += frame.tangent.volume;
             }
             frame.tangent.volume = 0.0;
+            if frame.tangent.is_unresolved {
+                return Err(simulation.missing("the derivative along a step of its motion cannot be resolved"));
+            }
             if outcome != Outcome::ReachedEnd || task.is_cancelled() {
                 reason =
                     Some(if task.is_cancelled() { "interrupted" } else { "the limit on events is reached" }.to_owned());

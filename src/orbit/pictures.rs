@@ -2,6 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use nalgebra::Complex;
+
 use super::{Exponents, Orbit, SectionMap};
 use crate::{
     plot::{Axis, Figure, Guide, Panel, Series, Style},
@@ -83,19 +85,26 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit) -> Result<Figure, Simulatio
         (0..=180).map(|i| libm::cos(angle(i))).collect(),
         (0..=180).map(|i| libm::sin(angle(i))).collect(),
     );
-    let multipliers = Series {
-        name: "multipliers".to_owned(),
-        x: orbit.multipliers.iter().map(|m| m.re).collect(),
-        y: orbit.multipliers.iter().map(|m| m.im).collect(),
-        style: Style::Points,
+    // Those that say nothing of stability are written as exact ones.
+    let is_neutral = |m: &&Complex<f64>| **m == Complex::new(1.0, 0.0);
+    let (neutral, others): (Vec<_>, Vec<_>) = orbit.multipliers.iter().partition(is_neutral);
+    let points = |name: &str, of: &[&Complex<f64>], style: Style| Series {
+        name: name.to_owned(),
+        x: of.iter().map(|m| m.re).collect(),
+        y: of.iter().map(|m| m.im).collect(),
+        style,
         colour: 1,
     };
+    let mut drawn = vec![circle.styled(Style::Hairline), points("multipliers", &others, Style::Points)];
+    if !neutral.is_empty() {
+        drawn.push(points("of a drift or an unused latched speed", &neutral, Style::Marks));
+    }
     let plane = Panel {
         title: "Multipliers".to_owned(),
         x: Axis::new("real part", ""),
         y: Axis::new("imaginary part", ""),
         equal_scales: true,
-        series: vec![circle.styled(Style::Hairline), multipliers],
+        series: drawn,
         ..Panel::default()
     };
     let stable = if orbit.is_stable { "stable" } else { "unstable" };

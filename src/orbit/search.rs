@@ -1,5 +1,6 @@
 //! The search for periodic orbits: where Newton's method starts, and with which period.
 
+use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -25,6 +26,8 @@ const RETURNED: f64 = 0.5;
 const PATIENCE: usize = 3;
 /// Sections kept of the end of a run, among which close returns are looked for.
 const KEPT: usize = 2000;
+/// Starts that are solved side by side, between two looks at the task.
+const BLOCK: usize = 64;
 /// Close returns that are tried.
 const RETURNS: usize = 24;
 
@@ -116,22 +119,16 @@ impl Search {
     /// Newton's method from one start. Whether an orbit was found that is `near` it.
     fn attempt(&self, map: &SectionMap<'_>, start: &Section, period: u64, near: f64, found: &mut Found) -> bool {
         let patience = near.is_finite().then_some(PATIENCE);
-        match map.solve_from(start, period, &found.drift, patience) {
-            Ok(orbit) => {
-                let scales = sizes(map, std::slice::from_ref(&orbit.section));
-                if distance(map, start, &orbit.section, &scales, &found.drift) > near {
-                    return false;
-                }
-                found.add(map, orbit);
-                true
-            }
-            Err(Missed { residual, reason }) => {
-                if residual <= found.best {
-                    (found.best, found.reason) = (residual, Some(reason));
-                }
-                false
-            }
+        let solved = map.solve_from(start, period, &found.drift, patience);
+        let is_near = |orbit: &Orbit| {
+            let scales = sizes(map, std::slice::from_ref(&orbit.section));
+            distance(map, start, &orbit.section, &scales, &found.drift) <= near
+        };
+        let is_found = solved.as_ref().is_ok_and(is_near);
+        if is_found || solved.is_err() {
+            found.take(map, solved);
         }
+        is_found
     }
 
     /// Runs the scene, and gives the last of its sections.
@@ -205,31 +202,42 @@ impl Search {
         let simulation = map.simulation();
         let n = simulation.structure.freedoms();
         let scales = sizes(map, passed);
-        for i in 0..self.starts {
-            if task.is_cancelled() {
-                return;
-            }
-            task.report(Progress::Share(i as f64 / self.starts as f64));
+        let start = |i: usize| {
             // Weyl's sequence: the same starts on every machine.
             let spread = |k: usize| ((i + 1) as f64 * (k as f64 + 2.0).sqrt()).fract() * 2.0 - 1.0;
-            let start = if i % 2 == 0 {
-                passed[i * 7919 % passed.len()].clone()
-            } else {
-                let x = (0..last.x.len()).map(|k| if k < 2 * n { 2.0 * scales[k] * spread(k) } else { last.x[k] });
-                Section { x: x.collect(), contacts: last.contacts.clone() }
-            };
-            let periods = match self.period {
-                Some(period) => period..=period,
-                None => 1..=4,
-            };
-            for period in periods {
-                self.attempt(map, &start, period, f64::INFINITY, found);
+            if i.is_multiple_of(2) {
+                return passed[i * 7919 % passed.len()].clone();
+            }
+            let x = (0..last.x.len()).map(|k| if k < 2 * n { 2.0 * scales[k] * spread(k) } else { last.x[k] });
+            Section { x: x.collect(), contacts: last.contacts.clone() }
+        };
+        let periods = self.period.map_or(1..=4, |period| period..=period);
+        for first in (0..self.starts).step_by(BLOCK) {
+            let block = first..self.starts.min(first + BLOCK);
+            let drift = &found.drift;
+            let from = |i: usize| periods.clone().map(|k| map.solve(&start(i), k, drift)).collect::<Vec<_>>();
+            let solved: Vec<Vec<_>> = block.into_par_iter().map(from).collect();
+            solved.into_iter().flatten().for_each(|solved| found.take(map, solved));
+            task.report(Progress::Share(first as f64 / self.starts as f64));
+            if task.is_cancelled() {
+                return;
             }
         }
     }
 }
 
 impl Found {
+    /// Takes what Newton's method has come to.
+    fn take(&mut self, map: &SectionMap<'_>, solved: Result<Orbit, Missed>) {
+        match solved {
+            Ok(orbit) => self.add(map, orbit),
+            Err(Missed { residual, reason }) if residual <= self.best => {
+                (self.best, self.reason) = (residual, Some(reason));
+            }
+            Err(_) => {}
+        }
+    }
+
     /// Adds an orbit that is not there yet, at any of its points.
     fn add(&mut self, map: &SectionMap<'_>, orbit: Orbit) {
         let is_known = self.orbits.iter().any(|known| {

@@ -149,6 +149,9 @@ impl<'a> SectionMap<'a> {
             if outcome != Outcome::ReachedEnd {
                 return Err(self.simulation.missing("its run stops within a cycle; raise its limit on events"));
             }
+            if tangent.is_unresolved {
+                return Err(self.simulation.missing("the derivative along a step of its motion cannot be resolved"));
+            }
             between.push(engine.state().x.clone());
             speller.meet(&engine.state().x);
         }

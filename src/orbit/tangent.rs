@@ -67,7 +67,7 @@ struct Known {
     /// `f_x`, where it is constant.
     gradient: Option<Gradient>,
     held: Option<Sticking>,
-    /// Bound-like size of its rates without varying contacts, rad/s.
+    /// A size of its rates without contacts that vary, rad/s.
     rate: f64,
 }
 
@@ -80,6 +80,8 @@ pub struct Tangent<'s> {
     pub volume: f64,
     /// Several dependent impacts fell on one instant: the map has corners there.
     pub is_piecewise: bool,
+    /// A part of the motion could not be resolved: the columns must not be used.
+    pub is_unresolved: bool,
     /// The latched speeds that were written anew.
     pub latched: Vec<bool>,
     /// Contacts rest.
@@ -120,6 +122,7 @@ impl<'s> Tangent<'s> {
             structure,
             volume: 0.0,
             is_piecewise: false,
+            is_unresolved: false,
             rests: false,
             dies: false,
             rested: 0,
@@ -206,13 +209,12 @@ impl<'s> Tangent<'s> {
             fastest = fastest.max(rate * (known.rate + s.rate_by(&gradient)));
             gradients.push((gradient, rate));
         }
-        let deepest = depth >= DEEPEST;
-        let mut converged = fastest <= PIECE || deepest;
+        let mut converged = fastest <= PIECE;
         if converged {
             for [value, _] in &mut *nodes {
                 value.values.copy_from_slice(&columns.values);
             }
-            converged = deepest;
+            converged = false;
             for _ in 0..SWEEPS {
                 for ([value, slope], (gradient, rate)) in nodes.iter_mut().zip(&gradients) {
                     s.apply(gradient, known.held.as_ref(), value, slope);
@@ -239,7 +241,11 @@ impl<'s> Tangent<'s> {
             for (weight, [_, slope]) in last.iter().zip(&*nodes) {
                 sum.values.iter_mut().zip(&slope.values).for_each(|(s, f)| *s += weight * f);
             }
-            converged &= deepest || is_small(sum, &largest(s.freedoms(), columns), RESOLVED);
+            converged &= is_small(sum, &largest(s.freedoms(), columns), RESOLVED);
+        }
+        if !converged && depth >= DEEPEST {
+            self.is_unresolved = true;
+            return;
         }
         if !converged {
             let middle = from + 0.5 * span;
@@ -385,15 +391,17 @@ impl Tangent<'_> {
         is_short
     }
 
-    /// The same, in as many parts as it takes.
-    fn expand_parts(&mut self, mode: &Mode, c: &Coefficients, from: f64, to: f64, depth: u32) -> bool {
+    /// The same, in as many parts as it takes; what no series is short enough for is collocated.
+    fn expand_parts(&mut self, mode: &Mode, step: &dyn DenseStep, c: &Coefficients, [from, to]: [f64; 2], depth: u32) {
         if self.expand(mode, &c.part(from, to)) {
-            return true;
+            return;
+        }
+        if depth >= DEEPEST {
+            return self.collocate(mode, step, from, to, 0);
         }
         let middle = 0.5 * (from + to);
-        depth < DEEPEST
-            && self.expand_parts(mode, c, from, middle, depth + 1)
-            && self.expand_parts(mode, c, middle, to, depth + 1)
+        self.expand_parts(mode, step, c, [from, middle], depth + 1);
+        self.expand_parts(mode, step, c, [middle, to], depth + 1);
     }
 }
 
@@ -421,7 +429,7 @@ impl Observer for Tangent<'_> {
         if self.structure.is_affine(mode) {
             self.exponential(mode, step.time(until));
         } else if let Some(coefficients) = Coefficients::new(self.structure, mode, step) {
-            self.expand_parts(mode, &coefficients, 0.0, until, 0);
+            self.expand_parts(mode, step, &coefficients, [0.0, until], 0);
         } else {
             self.collocate(mode, step, 0.0, until, 0);
         }

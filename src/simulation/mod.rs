@@ -287,7 +287,7 @@ impl Simulation {
     /// What the scene calls itself, or else the name.
     #[must_use]
     pub fn title(&self) -> &str {
-        self.scene["name"].as_str().unwrap_or(&self.name)
+        self.scene["name"].as_str().filter(|name| !name.is_empty()).unwrap_or(&self.name)
     }
 
     /// Kind of train of the scene; `spec` for a train built in Rust.

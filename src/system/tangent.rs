@@ -342,15 +342,15 @@ impl Structure {
         // `a⁺ − R_v a⁻ − R_t`.
         let mut change: Vec<f64> = after.iter().zip(&before).map(|(after, before)| after - before).collect();
         reset(&|j| dot(&self.contacts[j].direction, &before) - self.error(j, at).2, &mut |i, by| change[i] += by);
-        // How much later the event comes: `−gᵀδq/δ̇`, the mean of those that strike together.
+        // How much earlier the event comes: `gᵀδq/δ̇`, the mean of those that strike together.
         let speeds = strikers.iter().map(|j| (*j, self.deflection(*j, at, x_minus).1));
         let is_fast = |(j, rate): &(usize, f64)| !resets_only && rate.abs() > self.speed_rounding(*j, at, x_minus);
         let fast: PerContact<(usize, f64)> = speeds.filter(is_fast).collect();
-        let mut later = vec![0.0; m];
+        let mut earlier = vec![0.0; m];
         for (j, rate) in &fast {
-            self.add_along(*j, 0, 1.0 / (rate * fast.len() as f64), columns, &mut later);
+            self.add_along(*j, 0, 1.0 / (rate * fast.len() as f64), columns, &mut earlier);
         }
-        for (l, later) in later.iter().enumerate() {
+        for (l, earlier) in earlier.iter().enumerate() {
             let mut taken = zeros(n);
             let velocity = |j: usize| {
                 let direction = self.contacts[j].direction.iter();
@@ -358,8 +358,8 @@ impl Structure {
             };
             reset(&velocity, &mut |i, by| taken[i] += by);
             for i in 0..n {
-                columns.values[i * m + l] += (x_plus[n + i] - x_minus[n + i]) * later;
-                columns.values[(n + i) * m + l] += change[i] * later - taken[i];
+                columns.values[i * m + l] += (x_plus[n + i] - x_minus[n + i]) * earlier;
+                columns.values[(n + i) * m + l] += change[i] * earlier - taken[i];
             }
         }
         // Where contacts have come to rest both gap and rate stay zero.

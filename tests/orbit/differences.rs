@@ -8,6 +8,9 @@ use serde_json::{Value, json};
 
 use crate::open;
 
+/// Differences of doubles, extrapolated to the sixth order: their rounding is some 1e-16 over the best step, about 1e-5 to 1e-6.
+const ALLOWED: f64 = 1e-9;
+
 /// `∂P/∂x_i` by central differences of six points, exact to the sixth order of the step.
 fn difference(map: &SectionMap<'_>, start: &Section, cycles: u64, i: usize, step: f64) -> Option<Vec<f64>> {
     let image = |steps: f64| {
@@ -25,8 +28,8 @@ fn difference(map: &SectionMap<'_>, start: &Section, cycles: u64, i: usize, step
     Some(sum)
 }
 
-/// The largest difference of the derivative of `cycles` cycles after `before` ones to extrapolated differences of runs, relative to the
-/// largest entry of its row, in the units of the state.
+/// The largest difference of the derivative of `cycles` cycles after `before` ones to extrapolated differences of runs, relative to its
+/// largest entry, in the scales of the motion.
 pub fn disagreement(simulation: &Simulation, before: u64, cycles: u64) -> (f64, String) {
     let map = SectionMap::new(simulation).unwrap();
     let mut start = map.start().unwrap();
@@ -76,12 +79,10 @@ fn the_derivative_is_that_of_the_motion_on_every_example() {
         ("W1a-ds", 5, 2),
         ("W1b-ds", 5, 2),
         ("W1c-ds", 5, 2),
-        ("W2a", 2, 1),
         ("W2b", 2, 1),
         ("W3", 1, 1),
         ("W3-sym", 1, 1),
         ("W4", 1, 1),
-        ("W5a", 2, 1),
         ("W5b-p", 5, 2),
         ("kahraman-singh", 5, 2),
         ("spur-pair", 2, 1),
@@ -89,14 +90,9 @@ fn the_derivative_is_that_of_the_motion_on_every_example() {
         ("reference-light", 1, 1),
     ] {
         let simulation = Simulation::from_file(format!("examples/scenes/{scene}.json")).unwrap();
-        let watch = std::time::Instant::now();
-        if simulation.period().is_err() {
-            println!("{scene}: no period");
-            continue;
-        }
         let (worst, word) = disagreement(&simulation, before, cycles);
-        println!("{scene:18} {worst:9.1e} {:6.2} s  {}", watch.elapsed().as_secs_f64(), &word[..word.len().min(70)]);
-        if worst > 1e-8 {
+        println!("{scene:18} {worst:9.1e}  {}", &word[..word.len().min(70)]);
+        if worst > ALLOWED {
             failed.push(scene);
         }
     }
@@ -194,7 +190,7 @@ fn the_derivative_crosses_every_kind_of_event() {
             let (worst, word) = disagreement(&simulation, 0, 1);
             kinds.extend(word.split([' ', '[', ']']).filter_map(|token| token.chars().next()));
             println!("{name:24} {omega} {worst:9.1e}  {}", &word[..word.len().min(80)]);
-            if worst > 1e-8 {
+            if worst > ALLOWED {
                 failed.push(format!("{name} at {omega}: {worst:e}"));
             }
         }
