@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::{Drift, SectionMap, Tangent};
 use crate::{
-    engine::{Jumped, Observer, Outcome},
+    engine::{Jumped, Observer, Outcome, State},
     hybrid::Mode,
     integrate::DenseStep,
     simulation::{Simulation, SimulationError},
@@ -156,10 +156,10 @@ impl<'s> Frame<'s> {
         frame
     }
 
-    /// Starts in `mode`, where contacts may rest.
-    fn start(&mut self, mode: &Mode) {
-        self.tangent.start(mode);
-        self.rest(mode);
+    /// Starts at `state`, where contacts may rest.
+    fn start(&mut self, state: &State) {
+        self.tangent.start(state);
+        self.rest(&state.jump.mode);
         self.orthonormalise();
         self.logs.fill(0.0);
     }
@@ -180,7 +180,7 @@ impl<'s> Frame<'s> {
     fn orthonormalise(&mut self) {
         // Rounding along what contacts at rest do not allow does not decay as the columns do.
         if let Some(mode) = &self.resting {
-            self.tangent.start(mode);
+            self.tangent.restrain(mode);
         }
         let Self { tangent, drift, momenta, n, scale, logs, lost, zero, .. } = self;
         let (n, m) = (*n, tangent.columns.count);
@@ -355,7 +355,7 @@ impl Lyapunov {
         let start = map.state(&map.start()?)?;
         let framed = || {
             let mut frame = Frame::new(simulation, &drift, scale);
-            frame.start(&start.jump.mode);
+            frame.start(&start);
             frame
         };
         let mut frame = framed();
@@ -465,7 +465,7 @@ impl Lyapunov {
         let simulation = map.simulation();
         let start = map.state(&map.start()?)?;
         let mut frame = Frame::new(simulation, drift, 1.0);
-        frame.start(&start.jump.mode);
+        frame.start(&start);
         let mut engine = simulation.engine(start)?;
         let first = engine.state().at.cycle;
         let outcome = engine.run(simulation.clock().at(first + cycles as i64, 0.0), &mut frame)?;

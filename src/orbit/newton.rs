@@ -6,7 +6,7 @@ use super::{
     SectionMap,
     section::{Image, Section},
 };
-use crate::simulation::SimulationError;
+use crate::{simulation::SimulationError, system::Variation};
 
 /// Newton steps at most.
 const STEPS: usize = 40;
@@ -238,6 +238,24 @@ impl SectionMap<'_> {
             return self.settle(section, now, period, drift, f64::NAN);
         }
         Err(missed(best, "Newton's method does not converge"))
+    }
+
+    /// `dx*/dα = (I − J)⁻¹ P_α`: how the start of an orbit moves with numbers of the train, `[dim, count]`; a drifting body stays where it is.
+    ///
+    /// # Errors
+    /// [`SimulationError`] if the run fails; [`SimulationError::Missing`] where a multiplier is 1 and the orbit does not go on.
+    pub fn orbit_by(&self, orbit: &Orbit, variations: &[Variation]) -> Result<DMatrix<f64>, SimulationError> {
+        let image = self.image_by(&orbit.section, orbit.period, variations)?;
+        let (_, basis, scales) = self.closure(&orbit.section, &image, &self.drift());
+        let dim = scales.len();
+        let scaled = DMatrix::from_fn(dim, dim, |i, j| image.jacobian[(i, j)] * scales[j] / scales[i]);
+        let moved = DMatrix::from_fn(dim, variations.len(), |i, l| image.by_number[(i, l)] / scales[i]);
+        let reduced = basis.transpose() * (DMatrix::identity(dim, dim) - scaled) * &basis;
+        let solved = reduced.lu().solve(&(basis.transpose() * moved));
+        let solved =
+            solved.ok_or_else(|| self.simulation().missing("its orbit has a multiplier 1: it turns back there"))?;
+        let full = basis * solved;
+        Ok(DMatrix::from_fn(dim, variations.len(), |i, l| full[(i, l)] * scales[i]))
     }
 
     /// What is known of an orbit that is found; of its smallest period.

@@ -4,7 +4,7 @@ use crate::{
     engine::{Outcome, State},
     hybrid::{Instant, Mode, Watch},
     simulation::{Simulation, SimulationError},
-    system::{ContactMode, contact_mode, guard_id, set_contact},
+    system::{ContactMode, Variation, contact_mode, guard_id, set_contact},
 };
 use nalgebra::DMatrix;
 
@@ -28,6 +28,8 @@ pub struct Image {
     pub between: Vec<Vec<f64>>,
     /// `∂end/∂start`, `[dim, dim]`.
     pub jacobian: DMatrix<f64>,
+    /// `∂end/∂α` of each number that was asked for, `[dim, count]`.
+    pub by_number: DMatrix<f64>,
     /// What happened, as tokens of a word.
     pub word: Vec<String>,
     /// Which latched speeds were written.
@@ -137,10 +139,18 @@ impl<'a> SectionMap<'a> {
     /// # Errors
     /// [`SimulationError`] if the run fails.
     pub fn image(&self, section: &Section, cycles: u64) -> Result<Image, SimulationError> {
+        self.image_by(section, cycles, &[])
+    }
+
+    /// The same, with the derivative by numbers of the train, as `variations` have them; `section` is held.
+    ///
+    /// # Errors
+    /// [`SimulationError`] if the run fails.
+    pub fn image_by(&self, section: &Section, cycles: u64, variations: &[Variation]) -> Result<Image, SimulationError> {
         let structure = &self.simulation.structure;
         let state = self.state(section)?;
-        let mut tangent = Tangent::new(structure);
-        tangent.start(&state.jump.mode);
+        let mut tangent = Tangent::new(structure).with(variations);
+        tangent.start(&state);
         let mut speller = Speller::new(structure, &state.x);
         let mut engine = self.simulation.engine(state)?;
         let mut between = Vec::with_capacity(cycles as usize);
@@ -161,6 +171,7 @@ impl<'a> SectionMap<'a> {
             end: self.section(engine.state()),
             between,
             jacobian: DMatrix::from_row_slice(dim, dim, &tangent.columns.values),
+            by_number: DMatrix::from_row_slice(dim, variations.len(), &tangent.by_number().values),
             word: speller.tokens(),
             zeros: tangent.rested + tangent.latched.iter().filter(|latched| **latched).count(),
             latched: tangent.latched,

@@ -4,10 +4,10 @@ use std::{collections::BTreeMap, ops::ControlFlow, sync::LazyLock};
 
 use crate::{
     analysis::Rule,
-    engine::{Jumped, Observer},
-    hybrid::{HybridSystem, Mode, Shown},
+    engine::{Jumped, Observer, State},
+    hybrid::{HybridSystem, Instant, Mode, Shown},
     integrate::DenseStep,
-    system::{Columns, ContactMode, Gradient, Sticking, Structure, contact_mode},
+    system::{By, Columns, ContactMode, Gradient, Sticking, Structure, Variation, contact_mode},
 };
 
 /// Highest power of the columns' series.
@@ -57,8 +57,12 @@ const PIECE: f64 = 1.5;
 const SWEEPS: usize = 60;
 /// Change in a sweep below which the iteration has converged: some ten roundings of a sum.
 const CONVERGED: f64 = 1e-14;
+/// Change below which an iteration that makes no more way has converged to the rounding of its terms.
+const STALLED: f64 = 1e-9;
 /// Largest share of the highest Legendre coefficient of a piece: the ends of pieces are exact to its square.
 const RESOLVED: f64 = 1e-8;
+/// Roundings of the rates that a difference of trains is formed from.
+const ROUNDED: f64 = 64.0 * f64::EPSILON;
 /// Halvings of a step.
 const DEEPEST: u32 = 12;
 
@@ -71,11 +75,31 @@ struct Known {
     rate: f64,
 }
 
-/// The derivative of the state with respect to a start, along a run that it watches.
+/// Columns that are collocated.
+struct Collocated {
+    columns: Columns,
+    /// Values and slopes at the nodes.
+    nodes: Vec<[Columns; 2]>,
+    sum: Columns,
+}
+
+impl Collocated {
+    fn new(columns: Columns) -> Self {
+        Self { nodes: vec![[columns.clone(), columns.clone()]; NODES], sum: columns.clone(), columns }
+    }
+}
+
+/// The derivative of the state with respect to a start, and to numbers of the train, along a run that it watches.
 pub struct Tangent<'s> {
     structure: &'s Structure,
     /// `∂x/∂(start)`, `[dim][count]`.
     pub columns: Columns,
+    /// The numbers.
+    variations: &'s [Variation],
+    /// `∂x/∂α`, one column for each number.
+    by_number: Collocated,
+    /// The mode that the columns of numbers have come to.
+    mode: Option<Mode>,
     /// `∫ div f dt + Σ ln |det|` of jumps so far; NaN where contacts rest or latch, which have no volume.
     pub volume: f64,
     /// Several dependent impacts fell on one instant: the map has corners there.
@@ -96,7 +120,7 @@ pub struct Tangent<'s> {
     orders: Vec<Columns>,
     base: Vec<Columns>,
     along: Vec<[Vec<f64>; 2]>,
-    nodes: Vec<[Columns; 2]>,
+    collocated: Collocated,
     x: Vec<f64>,
 }
 
@@ -111,8 +135,11 @@ impl<'s> Tangent<'s> {
     #[must_use]
     pub fn of(structure: &'s Structure, columns: Columns) -> Self {
         Self {
+            variations: &[],
+            by_number: Collocated::new(Columns { count: 0, values: Vec::new() }),
+            mode: None,
             work: [columns.clone(), columns.clone()],
-            nodes: vec![[columns.clone(), columns.clone()]; NODES],
+            collocated: Collocated::new(columns.clone()),
             orders: Vec::new(),
             base: Vec::new(),
             along: Vec::new(),
@@ -131,10 +158,44 @@ impl<'s> Tangent<'s> {
         }
     }
 
-    /// Takes out of the columns what contacts at rest in `mode`, where the run starts, do not allow.
-    pub fn start(&mut self, mode: &Mode) {
+    /// Carries the derivative with numbers of the train too, as `variations` have them.
+    #[must_use]
+    pub fn with(mut self, variations: &'s [Variation]) -> Self {
+        let (count, dim) = (variations.len(), HybridSystem::dim(self.structure));
+        self.by_number = Collocated::new(Columns { count, values: vec![0.0; count * dim] });
+        Self { variations, ..self }
+    }
+
+    /// `∂x/∂α` of each number.
+    #[must_use]
+    pub fn by_number(&self) -> &Columns {
+        &self.by_number.columns
+    }
+
+    /// Takes out of the columns what contacts at rest in the mode of `state`, where the run starts, do not allow.
+    pub fn start(&mut self, state: &State) {
+        let State { at, x, jump } = state;
+        self.restrain(&jump.mode);
+        if !self.variations.is_empty() {
+            let by = By { variations: self.variations, at: *at, x };
+            self.structure.restrain(&jump.mode, Some(by), &mut self.by_number.columns);
+            self.mode = Some(jump.mode.clone());
+        }
+    }
+
+    /// Takes out of the columns of a start what contacts at rest in `mode` do not allow.
+    pub(super) fn restrain(&mut self, mode: &Mode) {
         self.rests = self.structure.held(mode).is_some();
-        self.structure.restrain(mode, &mut self.columns);
+        self.structure.restrain(mode, None, &mut self.columns);
+    }
+
+    /// Takes the columns of numbers over a known switching time at `at`, if the mode has changed since it was looked at.
+    fn switch(&mut self, mode: &Mode, at: Instant, x: &[f64]) {
+        let before = self.mode.replace(mode.clone());
+        if let Some(before) = before.filter(|before| before != mode) {
+            let by = By { variations: self.variations, at, x };
+            self.structure.switch_columns((&before, mode), by, &mut self.by_number.columns);
+        }
     }
 
     /// Forgets the latched speeds of contacts that are open in `mode`: nothing follows from them any more.
@@ -191,14 +252,23 @@ impl<'s> Tangent<'s> {
         }
     }
 
-    /// A part of a step along which `f_x` changes, by collocation in the step's clock.
-    fn collocate(&mut self, mode: &Mode, step: &dyn DenseStep, from: f64, to: f64, depth: u32) {
+    /// The columns of a start along a part of a step, by collocation.
+    fn collocate_start(&mut self, mode: &Mode, step: &dyn DenseStep, part: [f64; 2]) {
+        self.collocated.columns.values.copy_from_slice(&self.columns.values);
+        self.collocate(mode, step, part, false, 0);
+        self.columns.values.copy_from_slice(&self.collocated.columns.values);
+    }
+
+    /// A part of a step along which `f_x` changes, by collocation in the step's clock: the columns of a start, or those of numbers.
+    fn collocate(&mut self, mode: &Mode, step: &dyn DenseStep, [from, to]: [f64; 2], of_numbers: bool, depth: u32) {
         let span = to - from;
         let Collocation { rule, matrix, last } = &*COLLOCATION;
-        let Self { structure: s, columns, nodes, x, modes, work: [sum, _], .. } = self;
+        let Self { structure: s, by_number, collocated, x, modes, variations, volume, .. } = self;
         let Some(known) = modes.get(mode) else { return };
+        let set = if of_numbers { by_number } else { collocated };
+        let Collocated { columns, nodes, sum } = set;
         let clock = s.clock();
-        let mut gradients = Vec::with_capacity(NODES);
+        let mut along = Vec::with_capacity(NODES);
         let (mut divergence, mut fastest) = (0.0, 0.0f64);
         for (node, weight) in rule.nodes.iter().zip(&rule.weights) {
             let theta = from + span * node;
@@ -207,18 +277,32 @@ impl<'s> Tangent<'s> {
             let (gradient, rate) = (s.gradient(mode, at, x), span * step.rate(theta));
             divergence += weight * rate * s.divergence(&gradient);
             fastest = fastest.max(rate * (known.rate + s.rate_by(&gradient)));
-            gradients.push((gradient, rate));
+            along.push((gradient, rate, at));
         }
         let mut converged = fastest <= PIECE;
         if converged {
+            // What numbers add, at the nodes.
+            let (mut forcing, mut rounded): (Vec<Columns>, [f64; 2]) = (Vec::new(), [0.0; 2]);
+            for (node, (_, rate, at)) in rule.nodes.iter().zip(&along).take(if of_numbers { NODES } else { 0 }) {
+                step.state(from + span * node, x);
+                let mut added = columns.clone();
+                let [slopes, values] = s.forcing(mode, known.held.as_ref(), By { variations, at: *at, x }, &mut added);
+                rounded =
+                    std::array::from_fn(|i| rounded[i].max(rate * ROUNDED * slopes[i] + f64::EPSILON * values[i]));
+                added.values.iter_mut().for_each(|c| *c *= rate);
+                forcing.push(added);
+            }
             for [value, _] in &mut *nodes {
                 value.values.copy_from_slice(&columns.values);
             }
             converged = false;
+            let mut before = f64::INFINITY;
             for _ in 0..SWEEPS {
-                for ([value, slope], (gradient, rate)) in nodes.iter_mut().zip(&gradients) {
+                for (i, ([value, slope], (gradient, rate, _))) in nodes.iter_mut().zip(&along).enumerate() {
                     s.apply(gradient, known.held.as_ref(), value, slope);
                     slope.values.iter_mut().for_each(|c| *c *= rate);
+                    let added = forcing.get(i).into_iter().flat_map(|added| &added.values);
+                    slope.values.iter_mut().zip(added).for_each(|(c, a)| *c += a);
                 }
                 let mut moved = 0.0f64;
                 for i in 0..NODES {
@@ -231,17 +315,26 @@ impl<'s> Tangent<'s> {
                     moved = moved.max(difference(value, sum, &size));
                     value.values.copy_from_slice(&sum.values);
                 }
-                if moved <= CONVERGED {
+                // Where terms far larger than a component cancel in it, their rounding ends the iteration.
+                if moved <= CONVERGED || moved <= STALLED && moved >= 0.5 * before {
                     converged = true;
                     break;
                 }
+                before = moved;
             }
             // Is the motion of the columns resolved?
             sum.values.fill(0.0);
             for (weight, [_, slope]) in last.iter().zip(&*nodes) {
                 sum.values.iter_mut().zip(&slope.values).for_each(|(s, f)| *s += weight * f);
             }
-            converged &= is_small(sum, &largest(s.freedoms(), columns), RESOLVED);
+            let mut sizes = largest(s.freedoms(), columns);
+            let ends = largest(s.freedoms(), &nodes[NODES - 1][0]);
+            sizes.iter_mut().zip(ends).for_each(|(size, end)| *size = size.max(end));
+            // Not below what differences of trains have lost, nor below the rounding of the state over the step of the number.
+            let (q, v) = (s.freedoms(), 2 * s.freedoms());
+            sizes[..q].iter_mut().for_each(|size| *size = size.max(rounded[0] / RESOLVED));
+            sizes[q..v].iter_mut().for_each(|size| *size = size.max(rounded[1] / RESOLVED));
+            converged &= is_small(sum, &sizes, RESOLVED);
         }
         if !converged && depth >= DEEPEST {
             self.is_unresolved = true;
@@ -249,13 +342,15 @@ impl<'s> Tangent<'s> {
         }
         if !converged {
             let middle = from + 0.5 * span;
-            self.collocate(mode, step, from, middle, depth + 1);
-            return self.collocate(mode, step, middle, to, depth + 1);
+            self.collocate(mode, step, [from, middle], of_numbers, depth + 1);
+            return self.collocate(mode, step, [middle, to], of_numbers, depth + 1);
         }
         for (weight, [_, slope]) in rule.weights.iter().zip(&*nodes) {
             columns.values.iter_mut().zip(&slope.values).for_each(|(c, f)| *c += weight * f);
         }
-        self.volume += if known.held.is_some() { f64::NAN } else { divergence };
+        if !of_numbers {
+            *volume += if known.held.is_some() { f64::NAN } else { divergence };
+        }
     }
 }
 
@@ -374,7 +469,7 @@ impl Tangent<'_> {
                 s.push_columns(*j, &force, next);
             }
             if let Some(held) = &known.held {
-                s.take_out(held, n, next);
+                s.take_out(held, n, next, &mut |_, _| ());
             }
             next.values.iter_mut().for_each(|x| *x /= (k + 1) as f64);
         }
@@ -397,7 +492,7 @@ impl Tangent<'_> {
             return;
         }
         if depth >= DEEPEST {
-            return self.collocate(mode, step, from, to, 0);
+            return self.collocate_start(mode, step, [from, to]);
         }
         let middle = 0.5 * (from + to);
         self.expand_parts(mode, step, c, [from, middle], depth + 1);
@@ -412,7 +507,7 @@ fn integral(series: &[f64]) -> f64 {
 
 impl Observer for Tangent<'_> {
     fn wants_steps(&self, mode: &Mode) -> bool {
-        !self.structure.is_affine(mode)
+        !self.variations.is_empty() || !self.structure.is_affine(mode)
     }
 
     fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
@@ -431,7 +526,14 @@ impl Observer for Tangent<'_> {
         } else if let Some(coefficients) = Coefficients::new(self.structure, mode, step) {
             self.expand_parts(mode, step, &coefficients, [0.0, until], 0);
         } else {
-            self.collocate(mode, step, 0.0, until, 0);
+            self.collocate_start(mode, step, [0.0, until]);
+        }
+        if !self.variations.is_empty() {
+            let mut x = std::mem::take(&mut self.x);
+            step.state(0.0, &mut x);
+            self.switch(mode, step.start(), &x);
+            self.x = x;
+            self.collocate(mode, step, [0.0, until], true, 0);
         }
         ControlFlow::Continue(())
     }
@@ -444,7 +546,12 @@ impl Observer for Tangent<'_> {
         let &Jumped { at, from, to, fired, x_minus, x_plus, settles } = jumped;
         let s = self.structure;
         let jump = (fired, settles, self.resets_only);
-        let saltation = s.saltate((from, to), jump, at, (x_minus, x_plus), &mut self.columns);
+        let saltation = s.saltate((from, to), jump, at, (x_minus, x_plus), &[], &mut self.columns);
+        if !self.variations.is_empty() {
+            self.switch(&from.mode, at, x_minus);
+            s.saltate((from, to), jump, at, (x_minus, x_plus), self.variations, &mut self.by_number.columns);
+            self.mode = Some(to.mode.clone());
+        }
         self.rests = s.held(&to.mode).is_some();
         self.dies = saltation.ranks > 0;
         self.rested = self.rested.max(saltation.ranks);

@@ -9,6 +9,7 @@ mod error;
 mod job;
 mod samples;
 mod summary;
+mod variation;
 
 use std::path::{Path, PathBuf};
 

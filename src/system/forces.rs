@@ -33,6 +33,13 @@ impl Structure {
 
     /// Contact forces along each `g_j`, N, into `forces`, and accelerations, m/s², into `a` `[n]`.
     pub fn dynamics(&self, mode: &Mode, at: Instant, x: &[f64], forces: &mut [f64], a: &mut [f64]) {
+        forces[..self.contacts.len()].fill(0.0);
+        self.carrying(mode).for_each(|acting| forces[acting.contact] = self.law_force(&acting, at, x));
+        self.accelerate(mode, at, x, forces, a);
+    }
+
+    /// Accelerations, m/s², into `a` `[n]`, under the `forces` of laws, N; those of contacts at rest are added to them.
+    pub(crate) fn accelerate(&self, mode: &Mode, at: Instant, x: &[f64], forces: &mut [f64], a: &mut [f64]) {
         a.copy_from_slice(&self.load);
         self.load_waves.iter().for_each(|w| {
             let o = self.oscillators[w.index];
@@ -43,11 +50,9 @@ impl Structure {
         for (i, a) in a.iter_mut().enumerate() {
             *a = self.rows[i].iter().fold(*a, |a, (j, k, c)| a - k * q[*j as usize] - c * v[*j as usize]);
         }
-        forces[..self.contacts.len()].fill(0.0);
         for acting in self.carrying(mode) {
-            let j = acting.contact;
-            forces[j] = self.law_force(&acting, at, x);
-            self.contacts[j].push.iter().for_each(|(i, p)| a[*i as usize] -= p * forces[j]);
+            let force = forces[acting.contact];
+            self.contacts[acting.contact].push.iter().for_each(|(i, p)| a[*i as usize] -= p * force);
         }
         self.hold_at_rest(mode, |j| self.error(j, at).2, forces, a);
     }

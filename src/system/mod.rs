@@ -18,6 +18,7 @@ mod symmetry;
 mod tangent;
 mod twofold;
 mod unilateral;
+mod variation;
 mod view;
 
 pub(crate) use acting::{Acting, Elasticity, Force};
@@ -32,4 +33,6 @@ pub use statics::{Equilibrium, EquilibriumError, bonded_modes, bonded_stiffness,
 pub(crate) use sticking::Sticking;
 pub(crate) use tangent::Gradient;
 pub use tangent::{Columns, Saltation};
+pub(crate) use variation::By;
+pub use variation::Variation;
 pub use view::damped_restitution;

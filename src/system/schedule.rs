@@ -148,6 +148,18 @@ impl Schedule {
         found
     }
 
+    /// The start of piece `number` that is nearest to `at`.
+    pub fn start_near(&self, clock: &Clock, at: Instant, number: u32) -> Option<Instant> {
+        let mut found: Option<(f64, Instant)> = None;
+        self.around(clock, at, |piece, start| {
+            let off = clock.between(start, at).abs();
+            if piece == number && found.is_none_or(|(least, _)| off < least) {
+                found = Some((off, start));
+            }
+        });
+        found.map(|(_, start)| start)
+    }
+
     /// The end of piece `number`, in force at `at`. It is before `at` if the piece is over.
     pub fn end(&self, clock: &Clock, at: Instant, number: u32) -> Option<Instant> {
         let late = tie(clock, at);

@@ -9,6 +9,7 @@ use super::{
     assemble::{PerContact, Structure, dot, zeros},
     contact_mode::{ContactMode, Watch, contact_mode, guard_of},
     sticking::Sticking,
+    variation::{By, Variation},
 };
 use crate::{
     gear::contact::Law,
@@ -131,7 +132,7 @@ impl Structure {
             c.push.iter().for_each(|(i, p)| out.add(n + *i as usize, -p, &force));
         }
         if let Some(held) = held {
-            self.take_out(held, n, out);
+            self.take_out(held, n, out, &mut |_, _| ());
         }
     }
 
@@ -152,15 +153,24 @@ impl Structure {
         self.contacts[j].push.iter().for_each(|(i, p)| columns.add(self.n + *i as usize, -p, force));
     }
 
-    /// Takes what `held` contacts would do out of the rows from `first` on, by changes along `M⁻¹g`.
-    pub(crate) fn take_out(&self, held: &Sticking, first: usize, columns: &mut Columns) {
+    /// Takes what `held` contacts would do out of the rows from `first` on, by changes along `M⁻¹g`. `moves` adds what their flanks do, for
+    /// each column, to the row that belongs to a contact.
+    pub(crate) fn take_out(
+        &self,
+        held: &Sticking,
+        first: usize,
+        columns: &mut Columns,
+        moves: &mut dyn FnMut(usize, &mut [f64]),
+    ) {
         let (set, m) = (held.contacts(), columns.count);
+        let mut along = vec![0.0; set.len() * m];
+        for (row, j) in along.chunks_exact_mut(m).zip(set) {
+            self.add_along(*j, first, 1.0, columns, row);
+            moves(*j, row);
+        }
         let mut by = zeros(set.len());
         for l in 0..m {
-            for (by, j) in by.iter_mut().zip(set) {
-                let direction = self.contacts[*j].direction.iter();
-                *by = direction.map(|(i, g)| g * columns.values[(first + *i as usize) * m + l]).sum();
-            }
+            by.iter_mut().enumerate().for_each(|(k, by)| *by = along[k * m + l]);
             held.solve(&mut by);
             for (by, j) in by.iter().zip(set) {
                 let push = self.contacts[*j].push.iter();
@@ -174,32 +184,39 @@ impl Structure {
         Sticking::new(self, mode)
     }
 
-    /// Takes out of `columns` what the contacts at rest in `mode` do not allow.
-    pub(crate) fn restrain(&self, mode: &Mode, columns: &mut Columns) {
+    /// Takes out of `columns` what the contacts at rest in `mode` do not allow: their flanks move with the numbers of `by`, if any.
+    pub(crate) fn restrain(&self, mode: &Mode, by: Option<By<'_>>, columns: &mut Columns) {
         if let Some(held) = self.held(mode) {
-            self.take_out(&held, 0, columns);
-            self.take_out(&held, self.n, columns);
+            for (first, velocities) in [(0, false), (self.n, true)] {
+                self.take_out(&held, first, columns, &mut |j, row| {
+                    by.iter().for_each(|by| self.add_moves((j, contact_mode(mode, j).side()), velocities, *by, row));
+                });
+            }
         }
     }
 
-    /// `gᵀξ` of contact `j`, for the rows from `first` on.
-    fn along(&self, j: usize, first: usize, columns: &Columns) -> Vec<f64> {
+    /// Changes of `δ − σ b` of contact `j`, σ its `side`, or of `δ̇` where `velocities` says so.
+    fn along(&self, (j, side): (usize, f64), velocities: bool, by: Option<By<'_>>, columns: &Columns) -> Vec<f64> {
         let mut along = vec![0.0; columns.count];
-        self.add_along(j, first, 1.0, columns, &mut along);
+        self.add_along(j, if velocities { self.n } else { 0 }, 1.0, columns, &mut along);
+        by.iter().for_each(|by| self.add_moves((j, side), velocities, *by, &mut along));
         along
     }
 
     /// Takes `columns` across the jump from `from` to `to`, of the guards `fired`, at `at`; `x_minus` and `x_plus` are the states before
     /// and after, `settles` says that contacts are brought to rest whatever their speed, `resets_only` leaves out that events come earlier or later.
+    /// Columns of numbers name their `variations`; there are none for columns of a start.
     pub(crate) fn saltate(
         &self,
         (from, to): (&Jump, &Jump),
         (fired, settles, resets_only): (&GuardSet, bool, bool),
         at: Instant,
         (x_minus, x_plus): (&[f64], &[f64]),
+        variations: &[Variation],
         columns: &mut Columns,
     ) -> Saltation {
         let n = self.n;
+        let by = (!variations.is_empty()).then_some(By { variations, at, x: x_minus });
         let mut saltation = Saltation::default();
         for id in fired.iter() {
             let (j, watch) = guard_of(id);
@@ -208,12 +225,12 @@ impl Structure {
             match c.spec.law {
                 // The damper's force jumps with the contact: `δv⁺ = δv ∓ c w gᵀδq`, the speed having dropped out.
                 Law::KelvinVoigt(l, _) if watch != Watch::Force && !resets_only => {
-                    let factor = match (was, is) {
-                        (ContactMode::Separated, _) if is.is_closed() => -l.damping,
-                        (_, ContactMode::Separated) if was.is_closed() => l.damping,
+                    let (factor, side) = match (was, is) {
+                        (ContactMode::Separated, _) if is.is_closed() => (-l.damping, is.side()),
+                        (_, ContactMode::Separated) if was.is_closed() => (l.damping, was.side()),
                         _ => continue,
                     };
-                    let along = self.along(j, 0, columns);
+                    let along = self.along((j, side), false, by, columns);
                     c.push.iter().for_each(|(i, p)| columns.add(n + *i as usize, factor * p, &along));
                 }
                 Law::Power(l) if was == ContactMode::Separated => {
@@ -223,11 +240,17 @@ impl Structure {
                     let rate = self.deflection(j, at, x_minus).1;
                     if is.side() * rate <= l.speed_floor {
                         columns.row_mut(latch).fill(0.0);
+                        let floor = |train: &Self| match train.contacts[j].spec.law {
+                            Law::Power(l) => l.speed_floor,
+                            _ => 0.0,
+                        };
+                        let floors = variations.iter().map(|variation| variation.of(floor));
+                        columns.row_mut(latch).iter_mut().zip(floors).for_each(|(row, floor)| *row = floor);
                         continue;
                     }
                     // The approach speed at the start of the contact, which comes earlier by `gᵀδq/δ̇`.
                     let relative = self.relative_acceleration(j, &from.mode, at, x_minus);
-                    let (mut early, mut row) = (self.along(j, 0, columns), self.along(j, n, columns));
+                    let [mut early, mut row] = [false, true].map(|rate| self.along((j, is.side()), rate, by, columns));
                     if resets_only {
                         early.fill(0.0);
                     }
@@ -245,7 +268,17 @@ impl Structure {
             .collect();
         let is_dead = |j: usize| matches!(self.contacts[j].spec.law, Law::Rigid(l) if settles || l.restitution == 0.0);
         if !strikers.is_empty() {
-            self.strike_columns((from, to), (&strikers, settles, resets_only), at, (x_minus, x_plus), columns);
+            let sides = fired.iter().chain(to.struck.iter()).map(guard_of).filter(|(_, watch)| watch.side() != 0.0);
+            let sides: PerContact<(usize, f64)> = sides.map(|(j, watch)| (j, watch.side())).collect();
+            let side = |j: usize| sides.iter().find(|(k, _)| *k == j).map_or(contact_mode(&to.mode, j).side(), |s| s.1);
+            self.strike_columns(
+                (from, to),
+                (&strikers, &side),
+                (settles, resets_only),
+                (x_minus, x_plus),
+                (at, by),
+                columns,
+            );
             saltation.ranks = strikers.iter().filter(|j| !rests(&to.mode, **j) && is_dead(**j)).count();
             let are_apart = |i: &usize| strikers.iter().all(|j| i == j || self.coupling(*i, *j) == 0.0);
             saltation.is_piecewise = !strikers.iter().all(are_apart);
@@ -308,9 +341,10 @@ impl Structure {
     fn strike_columns(
         &self,
         (from, to): (&Jump, &Jump),
-        (strikers, settles, resets_only): (&[usize], bool, bool),
-        at: Instant,
+        (strikers, side): (&[usize], &dyn Fn(usize) -> f64),
+        (settles, resets_only): (bool, bool),
         (x_minus, x_plus): (&[f64], &[f64]),
+        (at, by): (Instant, Option<By<'_>>),
         columns: &mut Columns,
     ) {
         let (n, m) = (self.n, columns.count);
@@ -321,17 +355,12 @@ impl Structure {
         let resting = (0..self.contacts.len()).filter(takes_part);
         let active = Sticking::of(self, strikers.iter().copied().chain(resting));
         // One plus the restitution; a contact at rest, or one that comes to rest, has none.
-        let returns = |j: usize| match self.contacts[j].spec.law {
+        let returns = |train: &Self, j: usize| match train.contacts[j].spec.law {
             Law::Rigid(l) if !settles && strikers.contains(&j) && !rests(&to.mode, j) => 1.0 + l.restitution,
             _ => 1.0,
         };
-        // `W (G W)⁻¹ (I + E) y`, taken from the rows of velocity.
         let reset = |y: &dyn Fn(usize) -> f64, take: &mut dyn FnMut(usize, f64)| {
-            let mut by: PerContact<f64> = active.contacts().iter().map(|j| returns(*j) * y(*j)).collect();
-            active.solve(&mut by);
-            for (by, j) in by.iter().zip(active.contacts()) {
-                self.contacts[*j].push.iter().for_each(|(i, p)| take(*i as usize, p * by));
-            }
+            self.rebound(&active, |j| returns(self, j), y, take);
         };
         let acceleration = |mode: &Mode, x: &[f64]| {
             let (mut forces, mut a) = (zeros(self.contacts.len()), vec![0.0; n]);
@@ -348,7 +377,8 @@ impl Structure {
         let fast: PerContact<(usize, f64)> = speeds.filter(is_fast).collect();
         let mut earlier = vec![0.0; m];
         for (j, rate) in &fast {
-            self.add_along(*j, 0, 1.0 / (rate * fast.len() as f64), columns, &mut earlier);
+            let along = self.along((*j, side(*j)), false, by, columns);
+            earlier.iter_mut().zip(&along).for_each(|(e, a)| *e += a / (rate * fast.len() as f64));
         }
         for (l, earlier) in earlier.iter().enumerate() {
             let mut taken = zeros(n);
@@ -362,7 +392,24 @@ impl Structure {
                 columns.values[(n + i) * m + l] += change[i] * earlier - taken[i];
             }
         }
+        by.iter().for_each(|by| self.strike_by(&active.contacts().iter().copied().collect(), returns, *by, columns));
         // Where contacts have come to rest both gap and rate stay zero.
-        self.restrain(&to.mode, columns);
+        self.restrain(&to.mode, by.map(|by| By { x: x_plus, ..by }), columns);
+    }
+
+    /// `W (G W)⁻¹ (I + E) y` of the contacts in `active`, component by component to `take`: what impacts take from velocities. `returns`
+    /// gives one plus the restitution, `y` the rate, of a contact.
+    pub(crate) fn rebound(
+        &self,
+        active: &Sticking,
+        returns: impl Fn(usize) -> f64,
+        y: impl Fn(usize) -> f64,
+        mut take: impl FnMut(usize, f64),
+    ) {
+        let mut by: PerContact<f64> = active.contacts().iter().map(|j| returns(*j) * y(*j)).collect();
+        active.solve(&mut by);
+        for (by, j) in by.iter().zip(active.contacts()) {
+            self.contacts[*j].push.iter().for_each(|(i, p)| take(*i as usize, p * by));
+        }
     }
 }

@@ -101,13 +101,18 @@ fn the_derivative_is_that_of_the_motion_on_every_example() {
 
 /// Two masses, the first driven and between flanks, coupled by a spring.
 fn two(contacts: &Value, omega: f64, error: f64, q: [f64; 2]) -> Simulation {
+    open(two_scene(contacts, omega, error, q))
+}
+
+/// The same as a scene.
+pub fn two_scene(contacts: &Value, omega: f64, error: f64, q: [f64; 2]) -> Value {
     let mut contacts = contacts.clone();
     for contact in contacts.as_array_mut().unwrap() {
         if error != 0.0 {
             contact["error"] = json!([{ "amplitude_m": error, "frequency_rad_per_s": if omega < 0.5 { 8.0 * omega } else { omega }, "phase_rad": 0.4 }]);
         }
     }
-    let scene = json!({
+    json!({
         "flank": 1,
         "train": {
             "kind": "matrices", "mass_kg": [[1.0, 0.1], [0.1, 1.5]],
@@ -119,11 +124,10 @@ fn two(contacts: &Value, omega: f64, error: f64, q: [f64; 2]) -> Simulation {
         },
         "initial": { "q": q, "v": [0.0, 0.0] },
         "run": { "cycles": 10, "period_s": std::f64::consts::TAU / omega },
-    });
-    open(scene)
+    })
 }
 
-fn contact(law: Value, stiffness: Value, flanks: &str) -> Value {
+pub fn contact(law: Value, stiffness: Value, flanks: &str) -> Value {
     let mut contact = json!({ "direction": [1.0, -0.3], "half_backlash_m": 0.5, "stiffness": stiffness, "flanks": flanks, "law": law });
     if law["kind"] == "rigid" {
         contact.as_object_mut().unwrap().remove("stiffness");
@@ -131,9 +135,8 @@ fn contact(law: Value, stiffness: Value, flanks: &str) -> Value {
     contact
 }
 
-/// Every law, release and kind of stiffness, with flanks that move and that do not; the words say which events the derivative crossed.
-#[test]
-fn the_derivative_crosses_every_kind_of_event() {
+/// Contacts of every law, release and kind of stiffness.
+pub fn laws() -> Vec<(&'static str, Value)> {
     let kelvin = |damping: f64, release: &str| json!({ "kind": "kelvin-voigt", "damping_n_s_per_m": damping, "release": release });
     let power = |exponent: &str, hysteresis: f64| {
         json!({
@@ -144,7 +147,7 @@ fn the_derivative_crosses_every_kind_of_event() {
     let rigid = |restitution: f64| json!({ "kind": "rigid", "restitution": restitution });
     let harmonic = json!({ "kind": "harmonic", "mean": 6.0, "harmonics": [{ "amplitude": 0.3, "frequency_rad_per_s": 2.2, "phase_rad": 0.2 }] });
     let rectangle = json!({ "kind": "rectangular", "high": 8.0, "low": 4.0, "duty": 0.6, "period_s": 2.8559933214452666, "origin_s": 0.1 });
-    let cases: Vec<(&str, Value)> = vec![
+    vec![
         ("damped, by deflection", json!([contact(kelvin(0.7, "deflection"), json!(6.0), "both")])),
         ("damped, by force", json!([contact(kelvin(0.7, "force"), json!(6.0), "both")])),
         ("overdamped, by force", json!([contact(kelvin(9.0, "force"), json!(3.0), "both")])),
@@ -172,7 +175,13 @@ fn the_derivative_crosses_every_kind_of_event() {
         ),
         ("lands and is released", json!([contact(rigid(0.0), Value::Null, "drive")])),
         ("bounces to rest", json!([contact(rigid(0.3), Value::Null, "drive")])),
-    ];
+    ]
+}
+
+/// Every law, release and kind of stiffness, with flanks that move and that do not; the words say which events the derivative crossed.
+#[test]
+fn the_derivative_crosses_every_kind_of_event() {
+    let cases = laws();
     let (mut kinds, mut failed) = (std::collections::BTreeSet::new(), Vec::new());
     for (name, contacts) in &cases {
         for (omega, error, q) in [

@@ -3,6 +3,7 @@
 
 mod differences;
 mod exponents;
+mod numbers;
 mod orbits;
 
 use flank::{Simulation, scene::Scene};

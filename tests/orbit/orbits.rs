@@ -13,7 +13,7 @@ fn found(simulation: &Simulation, search: Search) -> Found {
 }
 
 /// `x″ + 2ζx′ + f(x) = F_m + e Ω² cos Ωt`, flanks at ±1, damping everywhere.
-fn pair(damping: f64, load: f64, error: f64, omega: f64, q: f64, v: f64) -> Simulation {
+pub fn pair(damping: f64, load: f64, error: f64, omega: f64, q: f64, v: f64) -> Simulation {
     open(json!({
         "flank": 1,
         "train": {

@@ -1,0 +1,242 @@
+//! The trains around a scene's train in one of its numbers.
+
+use serde_json::Value;
+
+use super::{Simulation, SimulationError};
+use crate::{
+    gear::{
+        Harmonic, Stiffness,
+        contact::{Law, Release},
+    },
+    scene::Scene,
+    system::{Spec, Structure, Variation},
+};
+
+/// Steps in units of their length, and the weights of a derivative by them. The short ones are tried first: they are exact for what is
+/// linear and of fourth order. Those of one side are for numbers at the end of their range.
+const STENCILS: [&[(f64, f64)]; 4] = [
+    &[(-1.0, -0.5), (1.0, 0.5)],
+    &[
+        (-4.0, 1.0 / 280.0),
+        (-3.0, -4.0 / 105.0),
+        (-2.0, 0.2),
+        (-1.0, -0.8),
+        (1.0, 0.8),
+        (2.0, -0.2),
+        (3.0, 4.0 / 105.0),
+        (4.0, -1.0 / 280.0),
+    ],
+    &[(0.0, -1.0), (1.0, 1.0)],
+    &[(0.0, -49.0 / 20.0), (1.0, 6.0), (2.0, -7.5), (3.0, 20.0 / 3.0), (4.0, -3.75), (5.0, 1.2), (6.0, -1.0 / 6.0)],
+];
+/// The same derivatives by other points, which tell how exact each is.
+const CHECKS: [&[(f64, f64)]; 4] = [
+    &[(-2.0, -0.25), (2.0, 0.25)],
+    &[(-3.0, -1.0 / 60.0), (-2.0, 0.15), (-1.0, -0.75), (1.0, 0.75), (2.0, -0.15), (3.0, 1.0 / 60.0)],
+    &[(0.0, -0.5), (2.0, 0.5)],
+    &[(0.0, -137.0 / 60.0), (1.0, 5.0), (2.0, -5.0), (3.0, 10.0 / 3.0), (4.0, -1.25), (5.0, 0.2)],
+];
+/// Lengths of steps that are tried, relative to the number.
+const STEPS: [f64; 6] = [0.02, 0.005, 1.25e-3, 3e-4, 8e-5, 2e-5];
+/// The same where the number is zero, in its units: no parts of a turn or of a period, after which a train looks the same.
+const STEPS_AT_ZERO: [f64; 6] = [0.37, 7.3e-3, 1.1e-4, 1.3e-6, 1.7e-8, 1.9e-10];
+/// Largest relative error of a derivative.
+const EXACT: f64 = 1e-11;
+/// Roundings of a number of the train, in units of its last place.
+const ROUNDED: f64 = 32.0 * f64::EPSILON;
+
+/// A train with another value of the number.
+struct Neighbour {
+    structure: Structure,
+    /// What is the same in all trains of one shape: kinds and counts.
+    shape: Vec<u64>,
+    numbers: Vec<f64>,
+    /// Numbers that the motion does not depend on linearly: frequency, masses, directions, switching times.
+    bent: Vec<f64>,
+    /// Frequencies, and the period of the run, in units of the clock's.
+    ratios: Vec<(f64, f64)>,
+}
+
+impl Simulation {
+    /// How the train changes with the number at `pointer` of its scene, a JSON pointer: by differences of the assembled train, of an
+    /// order and a step that make their relative error less than 1e-10. They are exact for numbers on which it depends linearly.
+    ///
+    /// # Errors
+    /// [`SimulationError::Missing`] where there is no such number, where it is a whole number, where the train does not depend on it or
+    /// changes its shape there, and where frequencies no longer have a common cycle; [`SimulationError::Scene`] where no train has a
+    /// neighbouring value.
+    pub fn variation(&self, pointer: &str) -> Result<Variation, SimulationError> {
+        if self.resolved().is_null() {
+            return Err(
+                self.missing("it was built in Rust and has no numbers with pointers; make a Variation of trains")
+            );
+        }
+        let Some(value) = self.resolved().pointer(pointer).and_then(Value::as_f64) else {
+            return Err(
+                self.missing(format!("there is no number at {pointer:?}; see the resolved scene for its pointers"))
+            );
+        };
+        let scene = Scene::from_value(self.resolved().clone(), &self.name)?;
+        let at = |value: f64| -> Result<Neighbour, SimulationError> {
+            let built = scene.with(pointer, value.into())?.build()?;
+            let period = built.run.period;
+            let structure = Structure::new(built.spec)?.by(built.run.instructions);
+            let omega = structure.clock().omega();
+            let spec = structure.spec();
+            let mut ratios: Vec<(f64, f64)> = frequencies(spec).into_iter().map(|w| (w, w / omega)).collect();
+            ratios.extend(period.map(|period| std::f64::consts::TAU / period).map(|w| (w, w / omega)));
+            let (mut shape, mut numbers) = (Vec::new(), Vec::new());
+            let mut bent = vec![omega, omega.recip()];
+            bent.extend(spec.mass.clone().try_inverse().iter().flatten());
+            flatten(spec, &mut shape, &mut numbers, &mut bent);
+            shape.push(ratios.len() as u64);
+            numbers.extend(&bent);
+            Ok(Neighbour { shape, numbers, bent, ratios, structure })
+        };
+        let here = at(value)?;
+        let (mut fault, mut depends, mut reshapes) = (None, true, false);
+        for step in if value == 0.0 { STEPS_AT_ZERO } else { STEPS.map(|step| step * value.abs()) } {
+            // Both sides first, then one, up or down.
+            for (form, sign) in [(0, 1.0), (1, 1.0), (2, 1.0), (2, -1.0), (3, 1.0), (3, -1.0)] {
+                let neighbours = |stencil: &[(f64, f64)]| -> Result<Vec<(f64, Neighbour)>, SimulationError> {
+                    let length = sign * step;
+                    stencil.iter().map(|(steps, weight)| Ok((weight / length, at(value + steps * length)?))).collect()
+                };
+                let (found, check) = match (neighbours(STENCILS[form]), neighbours(CHECKS[form])) {
+                    (Ok(found), Ok(check)) => (found, check),
+                    (Err(SimulationError::Scene(error)), _)
+                        if error.faults.iter().any(|f| f.pointer.starts_with("/run/period")) =>
+                    {
+                        return Err(self.parts(pointer, &here));
+                    }
+                    (Err(error), _) | (_, Err(error)) => {
+                        fault.get_or_insert(error);
+                        continue;
+                    }
+                };
+                if found.iter().chain(&check).any(|(_, other)| other.shape != here.shape) {
+                    reshapes = true;
+                    continue;
+                }
+                self.keeps_ratios(pointer, &here, &found[found.len() - 1].1)?;
+                if STENCILS[form].len() == 2 && found.iter().any(|(_, other)| other.bent != here.bent) {
+                    continue;
+                }
+                let slope =
+                    |list: &[(f64, Neighbour)], i: usize| list.iter().map(|(w, n)| w * n.numbers[i]).sum::<f64>();
+                let is_exact = |i: usize| {
+                    let (a, b) = (slope(&found, i), slope(&check, i));
+                    (a - b).abs() <= EXACT * a.abs() + ROUNDED * here.numbers[i].abs() / step
+                };
+                depends =
+                    (0..here.numbers.len()).any(|i| slope(&found, i).abs() > ROUNDED * here.numbers[i].abs() / step);
+                if depends && (0..here.numbers.len()).all(is_exact) {
+                    return Ok(Variation::new(found.into_iter().map(|(w, n)| (w, n.structure)).collect()));
+                }
+            }
+        }
+        Err(match fault {
+            Some(SimulationError::Scene(error))
+                if error.faults.iter().any(|f| f.allowed.starts_with("a whole number")) =>
+            {
+                self.missing(format!("{pointer} is a whole number: the motion has no derivative with it"))
+            }
+            _ if !depends => self.missing(format!("nothing of the train depends on {pointer}")),
+            Some(fault) if !reshapes => fault,
+            _ => self.missing(format!("the train changes its shape at this value of {pointer}: it has no derivative")),
+        })
+    }
+
+    /// Refuses numbers that move one frequency and not the others.
+    fn keeps_ratios(&self, pointer: &str, here: &Neighbour, there: &Neighbour) -> Result<(), SimulationError> {
+        let is_kept = here.ratios.iter().zip(&there.ratios).all(|(a, b)| (a.1 - b.1).abs() <= 1e-12 * a.1.abs());
+        if is_kept { Ok(()) } else { Err(self.parts(pointer, here)) }
+    }
+
+    /// What is said of such a number.
+    fn parts(&self, pointer: &str, here: &Neighbour) -> SimulationError {
+        let mut all: Vec<f64> = here.ratios.iter().map(|(w, _)| *w).collect();
+        all.sort_by(f64::total_cmp);
+        all.dedup_by(|a, b| (*a - *b).abs() <= 1e-12 * b.abs());
+        let all = all.iter().map(|w| format!("{w}")).collect::<Vec<_>>().join(", ");
+        let unit = if self.dimensionless { "" } else { " rad/s" };
+        self.missing(format!(
+            "{pointer} alone changes the frequency of one part of the forcing (of {all}{unit}; a fixed period of the run counts as one) and \
+             not of the others: they have no common cycle then; vary them together"
+        ))
+    }
+}
+
+/// All frequencies of the forcing, rad/s, and the rates at which schedules repeat.
+fn frequencies(spec: &Spec) -> Vec<f64> {
+    let mut all: Vec<f64> = spec.load_harmonics.iter().map(|l| l.omega).collect();
+    for c in &spec.contacts {
+        all.extend(c.error.iter().map(|h| h.omega));
+        match &c.stiffness {
+            Stiffness::Harmonic { harmonics, .. } => all.extend(harmonics.iter().map(|h| h.omega)),
+            Stiffness::Periodic { period, .. } => all.push(std::f64::consts::TAU / period),
+            Stiffness::Constant(_) | Stiffness::Switched { .. } => {}
+        }
+    }
+    all
+}
+
+/// The shape of a train and its numbers in a fixed order: those that the motion depends on linearly, and the others.
+fn flatten(spec: &Spec, shape: &mut Vec<u64>, numbers: &mut Vec<f64>, bent: &mut Vec<f64>) {
+    let waves = |harmonics: &[Harmonic], numbers: &mut Vec<f64>| {
+        for h in harmonics {
+            numbers.extend([h.amplitude * libm::cos(h.phase), h.amplitude * libm::sin(h.phase)]);
+        }
+        harmonics.len() as u64
+    };
+    bent.extend(spec.mass.iter());
+    numbers.extend(spec.damping.iter().chain(spec.stiffness.iter()));
+    numbers.extend(&spec.load);
+    shape.extend([spec.freedoms.len() as u64, spec.load_harmonics.len() as u64, spec.contacts.len() as u64]);
+    for l in &spec.load_harmonics {
+        numbers.extend(l.vector.iter().flat_map(|f| [f * libm::cos(l.phase), f * libm::sin(l.phase)]));
+    }
+    for c in &spec.contacts {
+        bent.extend(&c.direction);
+        numbers.extend([c.error_offset, c.half_backlash]);
+        shape.push(waves(&c.error, numbers));
+        let (kind, count) = match &c.stiffness {
+            Stiffness::Constant(k) => {
+                numbers.push(*k);
+                (0, 0)
+            }
+            Stiffness::Harmonic { mean, harmonics } => {
+                numbers.push(*mean);
+                (1, waves(harmonics, numbers))
+            }
+            Stiffness::Periodic { period, origin, pieces } => {
+                bent.push(origin / period);
+                bent.extend(pieces.iter().map(|p| p.start));
+                numbers.extend(pieces.iter().flat_map(|p| [p.value, p.slope * period]));
+                (2, pieces.len() as u64)
+            }
+            Stiffness::Switched { times, levels } => {
+                bent.extend(times.iter().flatten());
+                numbers.extend(levels);
+                (3, times.len() as u64)
+            }
+        };
+        shape.extend([kind, count]);
+        match c.law {
+            Law::Bilateral(l) | Law::KelvinVoigt(l, Release::Deflection) => numbers.push(l.damping),
+            Law::KelvinVoigt(l, Release::Force) => {
+                numbers.push(l.damping);
+                // Without damping the contact lets go by its deflection.
+                shape.push(u64::from(l.damping > 0.0));
+            }
+            Law::Power(l) => {
+                numbers.extend([l.hysteresis, l.speed_floor]);
+                shape.extend([l.exponent.value().to_bits(), u64::from(l.hysteresis > 0.0)]);
+            }
+            Law::Rigid(l) => {
+                numbers.push(l.restitution);
+                shape.push(u64::from(l.restitution > 0.0));
+            }
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! How the motion of a train changes with one of its numbers.
+//!
+//! Time is the phase of the forcing, scaled to the seconds of the train: a column `ξ = ∂x/∂α` obeys
+//! `ξ̇ = f_x ξ + f_α − f ω_α/ω` with state and phase held in `f_α`. No term grows with time, sections stay at their phase, and switches
+//! that follow the forcing keep theirs.
+
+use super::{
+    acting::{Acting, Elasticity, Force},
+    assemble::{PerContact, Spring, Structure, zeros},
+    contact_mode::piece,
+    sticking::Sticking,
+    tangent::Columns,
+};
+use crate::hybrid::{Instant, Mode};
+
+/// Trains that differ from one in a number, and the weights of the difference that is its derivative: `∂y/∂α = Σ w y(α + h)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Variation {
+    neighbours: Vec<(f64, Structure)>,
+}
+
+impl Variation {
+    /// By trains with other values of the number, each with its weight. They have the shape of the train: the same freedoms, contacts,
+    /// kinds of laws and stiffness, and frequencies in the same ratios.
+    #[must_use]
+    pub fn new(neighbours: Vec<(f64, Structure)>) -> Self {
+        Self { neighbours }
+    }
+
+    /// The derivative of `y` with the number.
+    pub(crate) fn of(&self, y: impl Fn(&Structure) -> f64) -> f64 {
+        self.neighbours.iter().map(|(weight, train)| weight * y(train)).sum()
+    }
+}
+
+/// At which place a derivative with numbers is wanted.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct By<'a> {
+    /// One for each column; none where the columns are those of a start.
+    pub variations: &'a [Variation],
+    pub at: Instant,
+    pub x: &'a [f64],
+}
+
+impl Structure {
+    /// The instant of the same cycle and phase for a train whose clock `self` reads.
+    fn same_phase(&self, of: &Self, at: Instant) -> Instant {
+        match (self.clock.period(), of.clock.period()) {
+            (Some(own), Some(other)) if own != other => {
+                Instant { phase: at.phase * (own.value() / other.value()), ..at }
+            }
+            _ => at,
+        }
+    }
+
+    /// Changes of `δ − σ b` and of `δ̇` of contact `j` with the number, state and phase held; `side` is σ.
+    fn moves(&self, variation: &Variation, j: usize, side: f64, at: Instant, x: &[f64]) -> [f64; 2] {
+        let mut moves = [0.0; 2];
+        for (weight, train) in &variation.neighbours {
+            let (d, rate) = train.deflection(j, train.same_phase(self, at), x);
+            moves[0] += weight * (d - side * train.contacts[j].gap());
+            moves[1] += weight * rate;
+        }
+        moves
+    }
+
+    /// Adds `∂(δ − σ b)` of contact `j` with the numbers to a row of columns; that of `δ̇` where the row is one of `velocities`.
+    pub(crate) fn add_moves(&self, (j, side): (usize, f64), velocities: bool, by: By<'_>, row: &mut [f64]) {
+        for (r, variation) in row.iter_mut().zip(by.variations) {
+            *r += self.moves(variation, j, side, by.at, by.x)[usize::from(velocities)];
+        }
+    }
+
+    /// `f_α − f ω_α/ω` in `mode` for each number, one column each, into `out`; the sizes of what is rounded in the differences, of
+    /// displacements and of velocities: of their rates, and of themselves.
+    pub(crate) fn forcing(&self, mode: &Mode, held: Option<&Sticking>, by: By<'_>, out: &mut Columns) -> [[f64; 2]; 2] {
+        let (n, count, By { at, x, .. }) = (self.n, out.count, by);
+        let (mut slopes, mut values) = ([0.0f64; 2], [0.0f64; 2]);
+        out.values.fill(0.0);
+        let mut forces = zeros(self.contacts.len());
+        self.carrying(mode).for_each(|a| forces[a.contact] = self.law_force(&a, at, x));
+        // The terms of accelerations: what is rounded.
+        let mut terms: Vec<f64> = self.load.iter().map(|f| f.abs()).collect();
+        for (i, row) in self.rows.iter().enumerate() {
+            terms[i] +=
+                row.iter().map(|(j, k, c)| (k * x[*j as usize]).abs() + (c * x[n + *j as usize]).abs()).sum::<f64>();
+        }
+        for acting in self.carrying(mode) {
+            let c = &self.contacts[acting.contact];
+            let by_deflection = self.force_change(&acting, at, x, [1.0, 0.0], &[]).abs() * self.deflection_size(c, x);
+            c.push
+                .iter()
+                .for_each(|(i, p)| terms[*i as usize] += p.abs() * (forces[acting.contact].abs() + by_deflection));
+        }
+        let (mut a, mut changes) = (vec![0.0; n], Columns { count, values: vec![0.0; n * count] });
+        for (l, variation) in by.variations.iter().enumerate() {
+            for (weight, train) in &variation.neighbours {
+                let scale = if self.clock.omega() > 0.0 { self.clock.omega() / train.clock.omega() } else { 1.0 };
+                train.accelerate(mode, train.same_phase(self, at), x, &mut forces.clone(), &mut a);
+                for (i, a) in a.iter().enumerate() {
+                    slopes[0] = slopes[0].max((weight * x[n + i]).abs());
+                    slopes[1] = slopes[1].max(weight.abs() * (a.abs() + terms[i]));
+                    values[0] = values[0].max((weight * x[i]).abs());
+                    out.values[i * count + l] += weight * scale * x[n + i];
+                    out.values[(n + i) * count + l] += weight * scale * a;
+                }
+            }
+            for acting in self.carrying(mode).filter(|a| !a.is_held()) {
+                let moves = self.moves(variation, acting.contact, acting.side, at, x);
+                let force =
+                    self.force_change(&acting, at, x, moves, &[]) + self.force_by(variation, &acting, mode, at, x);
+                let push = self.contacts[acting.contact].push.iter();
+                push.for_each(|(i, p)| changes.values[*i as usize * count + l] -= p * force);
+            }
+        }
+        if let Some(held) = held {
+            self.take_out(held, 0, &mut changes, &mut |_, _| ());
+        }
+        out.values[n * count..].iter_mut().zip(&changes.values).for_each(|(o, c)| *o += c);
+        values[1] = slopes[0];
+        [slopes, values]
+    }
+
+    /// Change of the force of a contact with the number, its deflection from the flank and its rate held.
+    fn force_by(&self, variation: &Variation, acting: &Acting, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
+        let (j, side) = (acting.contact, acting.side);
+        let (d, rate) = self.deflection(j, at, x);
+        let of = |train: &Self| train.acting(mode, j).map_or(Force::Held, |a| a.force);
+        match acting.force {
+            Force::Linear { .. } => {
+                let gap = self.contacts[j].gap();
+                let stiffness = |train: &Self| match of(train) {
+                    Force::Linear { stiffness, .. } => train.stiffness_beside(self, j, stiffness, at),
+                    _ => 0.0,
+                };
+                let damping = |train: &Self| of(train).damping().unwrap_or_default();
+                variation.of(stiffness) * (d - side * gap) + variation.of(damping) * rate
+            }
+            Force::Power { law, stiffness, latch } => {
+                let elastic = libm::pow((side * d - self.contacts[j].gap()).max(0.0), law.exponent.value());
+                let by_stiffness = variation.of(|train| match of(train) {
+                    Force::Power { stiffness, .. } => stiffness,
+                    _ => 0.0,
+                });
+                let by_hysteresis = variation.of(|train| match of(train) {
+                    Force::Power { law, .. } => law.hysteresis,
+                    _ => 0.0,
+                });
+                let hysteresis = latch.map_or(0.0, |latch| by_hysteresis * side * rate / x[latch]);
+                side * elastic * (by_stiffness * self.factor(acting, rate, x) + stiffness * hysteresis)
+            }
+            Force::Held => 0.0,
+        }
+    }
+
+    /// The stiffness at the same phase as `at` of `of`; on a slope that of the piece whose start is nearest to that of its piece, also
+    /// shortly before and after it.
+    fn stiffness_beside(&self, of: &Self, j: usize, stiffness: Elasticity, at: Instant) -> f64 {
+        let here = self.same_phase(of, at);
+        match (stiffness, &self.contacts[j].spring, &of.contacts[j].spring) {
+            (Elasticity::Ramp { value, slope, number }, Spring::Scheduled(own), Spring::Scheduled(other)) => {
+                let start = of.clock.advance(at, -other.elapsed(&of.clock, at, number));
+                let start = own.start_near(&self.clock, self.same_phase(of, start), number);
+                value + slope * start.map_or(0.0, |start| self.clock.between(start, here))
+            }
+            _ => self.stiffness_at(j, stiffness, here).0,
+        }
+    }
+
+    /// How much later, s, a schedule of contact `j` goes over to piece `number` near `at`, with each number.
+    fn switch_moves(&self, variation: &Variation, j: usize, number: u32, at: Instant) -> f64 {
+        variation.of(|train| {
+            let Spring::Scheduled(schedule) = &train.contacts[j].spring else { return 0.0 };
+            let here = train.same_phase(self, at);
+            let scale = if self.clock.omega() > 0.0 { train.clock.omega() / self.clock.omega() } else { 1.0 };
+            let start = schedule.start_near(&train.clock, here, number);
+            start.map_or(0.0, |start| scale * train.clock.between(here, start))
+        })
+    }
+
+    /// Takes columns of numbers over a known switching time, at which schedules go on from the pieces of `from` to those of `to`:
+    /// `δx⁺ = δx + (f⁻ − f⁺) δt`.
+    pub(crate) fn switch_columns(&self, (from, to): (&Mode, &Mode), by: By<'_>, columns: &mut Columns) {
+        let (n, count) = (self.n, columns.count);
+        let mut changes = Columns { count, values: vec![0.0; n * count] };
+        for j in (0..self.contacts.len()).filter(|j| piece(from, *j) != piece(to, *j)) {
+            let force =
+                |mode: &Mode| self.acting(mode, j).filter(|a| a.is_carried).map(|a| self.law_force(&a, by.at, by.x));
+            let (Some(before), Some(after)) = (force(from), force(to)) else { continue };
+            for (l, variation) in by.variations.iter().enumerate() {
+                let change = (before - after) * self.switch_moves(variation, j, piece(to, j), by.at);
+                let push = self.contacts[j].push.iter();
+                push.for_each(|(i, p)| changes.values[*i as usize * count + l] -= p * change);
+            }
+        }
+        if let Some(held) = self.held(to) {
+            self.take_out(&held, 0, &mut changes, &mut |_, _| ());
+        }
+        columns.values[n * count..].iter_mut().zip(&changes.values).for_each(|(c, d)| *c += d);
+    }
+
+    /// Changes of the velocities after impacts with each number, the velocities before them held: `by`'s state is that before.
+    pub(crate) fn strike_by(
+        &self,
+        contacts: &PerContact<usize>,
+        returns: impl Fn(&Self, usize) -> f64,
+        by: By<'_>,
+        columns: &mut Columns,
+    ) {
+        let (n, count) = (self.n, columns.count);
+        for (l, variation) in by.variations.iter().enumerate() {
+            for (weight, train) in &variation.neighbours {
+                let active = Sticking::of(train, contacts.iter().copied());
+                let here = train.same_phase(self, by.at);
+                let rate = |j: usize| train.deflection(j, here, by.x).1;
+                train.rebound(
+                    &active,
+                    |j| returns(train, j),
+                    rate,
+                    |i, change| {
+                        columns.values[(n + i) * count + l] -= weight * change;
+                    },
+                );
+            }
+        }
+    }
+}
