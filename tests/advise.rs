@@ -11,7 +11,7 @@ use std::{collections::BTreeMap, fs, path::Path};
 use assert_cmd::Command;
 use flank::{
     Task,
-    analysis::Settling,
+    orbit::Approach,
     scene::Scene,
     study::{
         Context,
@@ -28,8 +28,8 @@ fn advice(scene: &Scene, rule: Rule) -> Advice {
 
 /// Settled as far as doubles go.
 fn exact() -> Rule {
-    let settling = Settling { tolerance: 1e-12, ..Settling::default() };
-    Rule { settling, irregular_cycles: 20, ..Rule::default() }
+    let approach = Approach { tolerance: 1e-12, ..Approach::default() };
+    Rule { approach, irregular_cycles: 20, ..Rule::default() }
 }
 
 fn scene(train: Value, initial: Value) -> Scene {
@@ -172,7 +172,9 @@ fn a_freedom_that_nothing_touches_can_be_dropped() {
     let advice = advice(&masses(), exact());
     let part = advice.parts.iter().find(|part| part.group.words == "beside").unwrap();
     let dropped = part.dropped.as_ref().unwrap();
-    assert_eq!((part.share, dropped.verdict), (Some(0.0), Verdict::Enough));
+    // Newton's method gives it rounding of rounding.
+    assert!(part.share.unwrap() <= f64::EPSILON.powi(2));
+    assert_eq!(dropped.verdict, Verdict::Enough);
     close(dropped.apart_change(), 0.0, 1e-12);
     close(dropped.peak_change().unwrap(), 0.0, 1e-11);
     assert!(advice.full.motion.apart().value > 0.0);
@@ -204,8 +206,17 @@ const PAIR: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/scenes/kahrama
 #[test]
 fn a_scene_that_has_not_settled_is_called_so() {
     let folder = tempfile::tempdir().unwrap();
-    let pair = concat!(env!("CARGO_MANIFEST_DIR"), "/examples/scenes/spur-pair.json");
-    let done = flank(folder.path(), &["advise", pair]).assert().code(0);
+    // Without damping its free motion, at half the forcing frequency, never dies.
+    let pair = json!({
+        "flank": 1,
+        "train": {
+            "kind": "gear-pair-dimensionless", "damping_ratio": 0, "damping_in_gap": true, "stiffness": 1, "mean_load": 1,
+            "transmission_error": [{ "amplitude": 0.05, "frequency": 2 }]
+        },
+        "initial": { "q": [2.3] }, "run": { "cycles": 10 }
+    });
+    fs::write(folder.path().join("pair.json"), pair.to_string()).unwrap();
+    let done = flank(folder.path(), &["advise", "pair.json"]).assert().code(0);
     let text = String::from_utf8(done.get_output().stdout.clone()).unwrap();
     assert!(text.contains("The scene has not settled in 400 cycles"), "{text}");
     assert!(!text.contains("models no more than it needs"), "{text}");

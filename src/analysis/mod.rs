@@ -24,7 +24,7 @@ pub use events::{ContactEvent, EventLog, EventRow, Kind};
 pub use ledger::{Balance, Ledger};
 pub(crate) use quadrature::Rule;
 pub use report::{ContactReport, Statistics};
-pub use settle::{Sections, Settled, Settling, cycles_later, settle};
+pub use settle::{Sections, cycles_later};
 pub use spectrum::{Spectrum, Window};
 pub use sum::Sum;
 pub use trajectory::{Grid, Sample, Trajectory};

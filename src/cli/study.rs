@@ -180,7 +180,7 @@ fn provenance(contents: &Contents, rule: &Rule) -> Vec<String> {
     for (kind, Entry { scene: [words, hash], .. }) in &contents.entries {
         lines.push(format!("{}: scene {words}; SHA-256 of the scene {hash}", kind.id()));
     }
-    let settling = rule.settling;
+    let settling = rule.approach;
     lines.push(format!(
         "Transients end when the motion is within {:e} (relative) of an orbit of at most {} periods, judged from the section at \
          the start of each forcing period; after {} periods a motion counts as irregular.",

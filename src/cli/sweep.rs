@@ -91,10 +91,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 fn rule(arguments: &Arguments) -> Rule {
     let mut rule = Rule::default();
     if let Some(tolerance) = arguments.tolerance {
-        rule.settling.tolerance = tolerance;
+        rule.approach.tolerance = tolerance;
     }
     if let Some(cycles) = arguments.max_cycles {
-        rule.settling.most_cycles = cycles;
+        rule.approach.most_cycles = cycles;
     }
     if let Some(cycles) = arguments.measure_cycles {
         (rule.measured_cycles, rule.irregular_cycles) = (cycles, cycles);

@@ -96,7 +96,7 @@ pub struct Finite {
 }
 
 /// A tangent whose columns are kept orthonormal.
-struct Frame<'s> {
+pub(super) struct Frame<'s> {
     tangent: Tangent<'s>,
     drift: &'s Drift,
     /// Momenta of the drift, `M ρ`, and `ρᵀMρ`.
@@ -122,12 +122,6 @@ impl<'s> Frame<'s> {
         let left_out: usize = drift.is_free.iter().map(|free| 1 + usize::from(*free)).sum();
         let count = 2 * n - left_out;
         let dim = 2 * n + structure.contacts().iter().filter(|c| c.latch().is_some()).count();
-        let spec = structure.spec();
-        let momenta = drift.directions.iter().map(|direction| {
-            let momentum: Vec<f64> = (0..n).map(|i| (0..n).map(|j| spec.mass[(i, j)] * direction[j]).sum()).collect();
-            let weight = momentum.iter().zip(direction).map(|(m, d)| m * d).sum();
-            (momentum, weight)
-        });
         // Unit columns; those most along a drift are left out, and what is left of it in the others goes with the first factors.
         let mut values = vec![0.0; dim * count];
         let mut kept: Vec<usize> = (0..2 * n).collect();
@@ -139,8 +133,30 @@ impl<'s> Frame<'s> {
             }
         }
         kept.iter().enumerate().for_each(|(column, i)| values[i * count + column] = 1.0);
+        Self::of(simulation, drift, scale, Columns { count, values })
+    }
+
+    /// One column, for the largest exponent.
+    pub(super) fn single(simulation: &'s Simulation, drift: &'s Drift, scale: f64) -> Self {
+        let structure = &simulation.structure;
+        let n = structure.freedoms();
+        let latches = structure.contacts().iter().filter(|c| c.latch().is_some()).count();
+        // Along no symmetry of a train.
+        let values = (0..2 * n).map(|i| (1.0 + (i as f64 + 2.0).sqrt().fract()) * if i < n { 1.0 } else { scale });
+        let values = values.chain(std::iter::repeat_n(0.0, latches)).collect();
+        Self::of(simulation, drift, scale, Columns { count: 1, values })
+    }
+
+    fn of(simulation: &'s Simulation, drift: &'s Drift, scale: f64, columns: Columns) -> Self {
+        let structure = &simulation.structure;
+        let (n, count, spec) = (structure.freedoms(), columns.count, structure.spec());
+        let momenta = drift.directions.iter().map(|direction| {
+            let momentum: Vec<f64> = (0..n).map(|i| (0..n).map(|j| spec.mass[(i, j)] * direction[j]).sum()).collect();
+            let weight = momentum.iter().zip(direction).map(|(m, d)| m * d).sum();
+            (momentum, weight)
+        });
         let mut frame = Self {
-            tangent: Tangent::of(structure, Columns { count, values }),
+            tangent: Tangent::of(structure, columns),
             drift,
             momenta: momenta.collect(),
             n,
@@ -157,7 +173,7 @@ impl<'s> Frame<'s> {
     }
 
     /// Starts at `state`, where contacts may rest.
-    fn start(&mut self, state: &State) {
+    pub(super) fn start(&mut self, state: &State) {
         self.tangent.start(state);
         self.rest(&state.jump.mode);
         self.orthonormalise();
@@ -261,8 +277,13 @@ impl<'s> Frame<'s> {
         }
     }
 
+    /// Whether a part of the motion could not be resolved.
+    pub(super) fn is_unresolved(&self) -> bool {
+        self.tangent.is_unresolved
+    }
+
     /// The logarithms since the last time.
-    fn take(&mut self) -> Vec<f64> {
+    pub(super) fn take(&mut self) -> Vec<f64> {
         self.orthonormalise();
         let count = self.logs.len();
         std::mem::replace(&mut self.logs, vec![0.0; count])
@@ -310,7 +331,7 @@ impl Observer for Frame<'_> {
 }
 
 /// Means of the columns of `rows`, and their standard errors from blocks.
-fn means(rows: &[Vec<f64>], period: f64) -> (Vec<f64>, Vec<f64>) {
+pub(super) fn means(rows: &[Vec<f64>], period: f64) -> (Vec<f64>, Vec<f64>) {
     let count = rows.first().map_or(0, Vec::len);
     let mean = |rows: &[Vec<f64>], l: usize| rows.iter().map(|row| row[l]).sum::<f64>() / (rows.len() as f64 * period);
     let band = |l: usize| {

@@ -3,7 +3,9 @@
 //! A [`Tangent`] watches a run and carries columns of the derivative along arcs and across jumps. A [`SectionMap`] takes a state at phase 0
 //! over whole cycles, with the derivative; Newton's method on it solves for orbits, stable or not.
 
+mod approach;
 mod exponents;
+mod kind;
 mod newton;
 pub mod pictures;
 mod search;
@@ -11,7 +13,9 @@ mod section;
 mod tangent;
 pub mod words;
 
+pub use approach::{Approach, Approached};
 pub use exponents::{Exponents, Finite, Lyapunov, WithoutSaltation};
+pub use kind::{Decision, Kind, Motion};
 pub use newton::{Drift, Missed, Orbit};
 pub use search::{Found, LONGEST, Search, components};
 pub use section::{Image, Section, SectionMap};

@@ -18,6 +18,8 @@ const LONGEST: f64 = 50.0;
 const CLOSED: f64 = 1e-10;
 /// Two states nearer than this, in scales, are the same point of an orbit.
 pub(super) const SAME: f64 = 1e-6;
+/// Distance of a multiplier from the unit circle that rounding may make: that of a pair of ones is the root of a rounding's.
+const MARGINAL: f64 = 1e-8;
 /// A singular value below this share of the largest one belongs to a direction in which nothing is decided.
 const NEUTRAL: f64 = 1e-12;
 
@@ -45,6 +47,9 @@ pub struct Orbit {
     pub neutral: usize,
     /// All others are inside the unit circle.
     pub is_stable: bool,
+    /// One of them is so near to the circle that rounding may decide on which side: a train without damping, or a point at which the
+    /// motion changes.
+    pub is_marginal: bool,
     /// Distance between start and end, in scales.
     pub residual: f64,
     /// `‖(I − J)⁻¹‖` in scales: the state is off by about this times the residual.
@@ -152,7 +157,12 @@ impl SectionMap<'_> {
     }
 
     /// The distance between the ends of an image, in scales, along the unknowns.
-    fn closure(&self, start: &Section, image: &Image, drift: &Drift) -> (DVector<f64>, DMatrix<f64>, Vec<f64>) {
+    pub(super) fn closure(
+        &self,
+        start: &Section,
+        image: &Image,
+        drift: &Drift,
+    ) -> (DVector<f64>, DMatrix<f64>, Vec<f64>) {
         let scales = self.scales(image);
         let basis = self.unknowns(image, drift, &scales);
         let off = DVector::from_fn(scales.len(), |i, _| (image.end.x[i] - start.x[i]) / scales[i]);
@@ -210,12 +220,15 @@ impl SectionMap<'_> {
             let full = basis * step;
             let mut factor = 1.0;
             let mut next = None;
-            for _ in 0..=HALVINGS {
+            for _ in 0..=if patience.is_some() { HALVINGS / 3 } else { HALVINGS } {
                 let x: Vec<f64> = (0..dim).map(|i| section.x[i] + factor * full[i] * scales[i]).collect();
                 let trial = Section { x, contacts: image.end.contacts.clone() };
-                if let Ok(there) = evaluate(&trial) {
-                    if there.0 < *residual {
-                        next = Some((trial, there));
+                // The residual needs no derivative.
+                if let Ok(end) = self.follow(&trial, period) {
+                    let off = DVector::from_fn(dim, |i, _| (end.x[i] - trial.x[i]) / scales[i]);
+                    let there = (basis.transpose() * off).norm();
+                    if there < *residual {
+                        next = Some(trial);
                         break;
                     }
                     // A step along which the residual falls less than its rounding ends the search.
@@ -225,6 +238,7 @@ impl SectionMap<'_> {
                 }
                 factor *= 0.5;
             }
+            let next = next.and_then(|trial| evaluate(&trial).ok().map(|there| (trial, there)));
             match next {
                 Some((trial, there)) => {
                     best = best.min(there.0);
@@ -281,12 +295,13 @@ impl SectionMap<'_> {
         let mut multipliers: Vec<Complex<f64>> = self.reduced_multipliers(&scaled, &basis);
         let neutral = dim - basis.ncols();
         let is_stable = multipliers.iter().all(|m| m.norm() < 1.0);
+        let is_marginal = multipliers.iter().any(|m| (m.norm() - 1.0).abs() <= MARGINAL);
         // Zeros are known from the events, and are not computed.
         multipliers.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
         multipliers.iter_mut().take(image.zeros).for_each(|m| *m = Complex::new(0.0, 0.0));
         multipliers.extend(std::iter::repeat_n(Complex::new(1.0, 0.0), neutral));
         multipliers.sort_by(|a, b| b.norm().total_cmp(&a.norm()).then(b.im.total_cmp(&a.im)));
-        Ok(Orbit { period, section, image, multipliers, neutral, is_stable, residual, condition })
+        Ok(Orbit { period, section, image, multipliers, neutral, is_stable, is_marginal, residual, condition })
     }
 
     /// The eigenvalues in the space of the unknowns.

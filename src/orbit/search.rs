@@ -289,6 +289,8 @@ struct Row {
     x: Vec<f64>,
     multipliers: Vec<[f64; 2]>,
     stable: bool,
+    /// A multiplier is so near to the unit circle that rounding may decide about `stable`.
+    marginal: bool,
     residual: f64,
     condition: f64,
     contacts: Vec<&'static str>,
@@ -314,6 +316,7 @@ impl Orbit {
             x: x.clone(),
             multipliers: self.multipliers.iter().map(|m| [m.re, m.im]).collect(),
             stable: self.is_stable,
+            marginal: self.is_marginal,
             residual: self.residual,
             condition: self.condition,
             contacts: self.section.contacts.iter().map(|contact| contact.name()).collect(),
@@ -331,7 +334,7 @@ impl Orbit {
 }
 
 /// The largest displacement and velocity of some sections, for each component.
-fn sizes(map: &SectionMap<'_>, sections: &[Section]) -> Vec<f64> {
+pub(super) fn sizes(map: &SectionMap<'_>, sections: &[Section]) -> Vec<f64> {
     let simulation = map.simulation();
     let n = simulation.structure.freedoms();
     let dim = sections[0].x.len();
@@ -370,7 +373,7 @@ const BALANCED: f64 = 1e-12;
 
 impl Drift {
     /// Whether a constant load pushes what no damper holds.
-    fn accelerates(&self, simulation: &Simulation) -> bool {
+    pub(super) fn accelerates(&self, simulation: &Simulation) -> bool {
         let load = &simulation.structure.spec().load;
         self.directions.iter().zip(&self.is_free).filter(|(_, is_free)| **is_free).any(|(direction, _)| {
             let terms = direction.iter().zip(load).map(|(d, f)| d * f);
@@ -390,7 +393,7 @@ impl Drift {
 }
 
 /// How far two sections are apart, in scales, without what drifts and without latched speeds.
-fn distance(map: &SectionMap<'_>, a: &Section, b: &Section, scales: &[f64], drift: &Drift) -> f64 {
+pub(super) fn distance(map: &SectionMap<'_>, a: &Section, b: &Section, scales: &[f64], drift: &Drift) -> f64 {
     let n = map.simulation().structure.freedoms();
     let mut off: Vec<f64> = a.x.iter().zip(&b.x).map(|(a, b)| b - a).collect();
     for direction in &drift.directions {

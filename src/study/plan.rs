@@ -345,7 +345,7 @@ impl Plan {
 
 fn floating(context: &Context<'_>) -> super::steady::Rule {
     let mut rule = context.rule;
-    rule.settling.most_cycles = rule.settling.most_cycles.min(FLOATING_CYCLES);
+    rule.approach.most_cycles = rule.approach.most_cycles.min(FLOATING_CYCLES);
     rule
 }
 

@@ -4,9 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use super::StudyError;
 use crate::{
-    analysis::{ContactReport, Contacts, Grid, Sample, Settled, Settling, Spectrum, Trajectory, cycles_later, settle},
+    analysis::{ContactReport, Contacts, Grid, Sample, Spectrum, Trajectory, Window, cycles_later},
     engine::{Engine, Observer, Outcome, State},
     hybrid::{Clock, ContactMode, ContactView},
+    orbit::{Approach, Decision, Motion, SectionMap},
     scene::Scene,
     simulation::Simulation,
     system::Structure,
@@ -18,7 +19,9 @@ use crate::{
 pub struct Rule {
     /// When the motion counts as periodic.
     #[serde(flatten)]
-    pub settling: Settling,
+    pub approach: Approach,
+    /// Whether a motion that approaches no orbit is run on until its kind is decided: some thousand cycles.
+    pub decides: bool,
     /// Cycles measured of a periodic motion, at least; whole periods.
     pub measured_cycles: u64,
     /// Cycles measured of an irregular motion.
@@ -27,7 +30,7 @@ pub struct Rule {
 
 impl Default for Rule {
     fn default() -> Self {
-        Self { settling: Settling::default(), measured_cycles: 4, irregular_cycles: 200 }
+        Self { approach: Approach::default(), decides: true, measured_cycles: 4, irregular_cycles: 200 }
     }
 }
 
@@ -53,8 +56,8 @@ impl Seed {
 pub struct Steady {
     /// Forcing period, s.
     pub period_s: f64,
-    /// Whether and when it became periodic.
-    pub settled: Settled,
+    /// What it is, and when that was known.
+    pub motion: Motion,
     /// Whether it took up the seed's motion; a seed that does not fit is left, and the scene's own start taken.
     pub seeded: bool,
     /// Cycles measured.
@@ -112,10 +115,16 @@ const HARMONICS: usize = 8;
 /// [`StudyError`]; [`StudyError::Interrupted`] once `task` is cancelled.
 pub fn steady(scene: impl Into<Scene>, seed: Option<&Seed>, rule: &Rule, task: Task<'_>) -> Result<Steady, StudyError> {
     let simulation = Simulation::from_scene(scene)?;
-    let start = start(&simulation, seed)?;
-    let mut check = simulation.settings.verify.then(|| simulation.verifier(&start.0));
-    let steady = transient(&simulation, start, rule, &mut check, task).and_then(|(mut engine, settled, seeded)| {
-        let steady = measure(&simulation, &mut engine, settled, seeded, rule, &mut check, task)?;
+    let (start, seeded) = start(&simulation, seed)?;
+    let verifier = |state: &State| simulation.settings.verify.then(|| simulation.verifier(state));
+    let mut check = verifier(&start);
+    let steady = transient(&simulation, start, rule, &mut check, task).and_then(|(mut engine, motion)| {
+        if motion.period.is_some() {
+            // It goes on from the orbit, where the run has not been.
+            check.as_mut().map_or(Ok(()), |check| check.finish(engine.state().at))?;
+            check = verifier(engine.state());
+        }
+        let steady = measure(&simulation, &mut engine, motion, (seeded, rule), &mut check, task)?;
         check.as_mut().map_or(Ok(()), |check| check.finish(engine.state().at))?;
         Ok(steady)
     });
@@ -123,14 +132,21 @@ pub fn steady(scene: impl Into<Scene>, seed: Option<&Seed>, rule: &Rule, task: T
     check.and_then(|check| check.difference()).map_or(steady, |difference| Err(difference.into()))
 }
 
-/// An engine whose transient is over, how it ended, and whether it started from the seed.
+/// The window that spectra of a motion want, taken over whole cycles (and periods).
+pub(super) fn window(motion: &Motion) -> Window {
+    if motion.period.is_some() { Window::Rectangular } else { Window::Hann }
+}
+
+/// An engine whose transient is over, what it has come to (periodic or not is enough), and whether it started from the seed.
 pub(super) fn settled<'c>(
     simulation: &'c Simulation,
     seed: Option<&Seed>,
     rule: &Rule,
     task: Task<'_>,
-) -> Result<(Engine<'c>, Settled, bool), StudyError> {
-    transient(simulation, start(simulation, seed)?, rule, &mut (), task)
+) -> Result<(Engine<'c>, Motion, bool), StudyError> {
+    let (start, seeded) = start(simulation, seed)?;
+    let (engine, motion) = transient(simulation, start, &Rule { decides: false, ..*rule }, &mut (), task)?;
+    Ok((engine, motion, seeded))
 }
 
 /// Where a run starts, and whether that is the seed.
@@ -143,16 +159,25 @@ fn start(simulation: &Simulation, seed: Option<&Seed>) -> Result<(State, bool), 
 
 fn transient<'c>(
     simulation: &'c Simulation,
-    (start, seeded): (State, bool),
+    start: State,
     rule: &Rule,
     observer: &mut dyn Observer,
     task: Task<'_>,
-) -> Result<(Engine<'c>, Settled, bool), StudyError> {
+) -> Result<(Engine<'c>, Motion), StudyError> {
+    let map = SectionMap::new(simulation)?;
     let mut engine = simulation.engine(start)?;
-    let freedoms = simulation.structure.freedoms();
-    let settled = settle(&mut engine, simulation.clock(), freedoms, &rule.settling, observer, task)?;
-    let settled = settled.ok_or_else(|| broken(&engine, task))?;
-    Ok((engine, settled, seeded))
+    let approached = rule.approach.run(&map, &mut engine, observer, task)?;
+    let approached = approached.ok_or_else(|| broken(&engine, task))?;
+    let (motion, decided) = if rule.decides {
+        let decided = Decision { map: &map, engine: &mut engine }.run(&approached, observer, task)?;
+        decided.ok_or_else(|| broken(&engine, task))?
+    } else {
+        (Motion::of(&approached), None)
+    };
+    if let Some(orbit) = approached.orbit.or(decided) {
+        engine = simulation.engine(map.state(&orbit.section)?)?;
+    }
+    Ok((engine, motion))
 }
 
 pub(super) fn resumed(simulation: &Simulation, seed: &Seed) -> Option<State> {
@@ -183,16 +208,15 @@ pub(super) fn go_on(
 fn measure(
     simulation: &Simulation,
     engine: &mut Engine<'_>,
-    settled: Settled,
-    seeded: bool,
-    rule: &Rule,
+    motion: Motion,
+    (seeded, rule): (bool, &Rule),
     check: &mut dyn Observer,
     task: Task<'_>,
 ) -> Result<Steady, StudyError> {
     let structure = &simulation.structure;
     let count = structure.contact_count();
-    let cycles = match settled.period {
-        Some(period) => rule.measured_cycles.max(1).next_multiple_of(u64::from(period)),
+    let cycles = match motion.period {
+        Some(period) => rule.measured_cycles.max(1).next_multiple_of(period),
         None => rule.irregular_cycles.max(1),
     };
     let from = engine.state().at;
@@ -211,8 +235,9 @@ fn measure(
     });
     go_on(engine, simulation.clock(), cycles, &mut ((&mut contacts, &mut samples), check), task)?;
     let after = engine.counters();
+    let window = window(&motion);
     let contacts = forces.iter().zip(sections).enumerate().map(|(j, (force, section))| {
-        let spectrum = Spectrum::new(force, f64::from(PER_CYCLE), settled.window());
+        let spectrum = Spectrum::new(force, f64::from(PER_CYCLE), window);
         let report = contacts.report(j);
         let [low, high] = [report.force_min, report.force_max].map(Option::unwrap_or_default);
         ContactSteady {
@@ -224,7 +249,7 @@ fn measure(
     });
     let steady = Steady {
         period_s: simulation.period()?,
-        settled,
+        motion,
         seeded,
         measured_cycles: cycles,
         events: after.events - before.events,

@@ -166,8 +166,23 @@ const COLUMNS: [Column; 14] = [
 /// Columns of the table. A dimensionless train has no units.
 fn columns(contacts: &[String], dimensionless: bool) -> Vec<String> {
     let with = |unit: &'static str| if dimensionless { "" } else { unit };
-    let orbit = ["seeded", "orbit", "period_cycles", "transient_cycles", "orbit_distance", "measured_cycles"];
-    let mut columns: Vec<String> = orbit.map(String::from).to_vec();
+    let motion = [
+        "seeded",
+        "kind",
+        "period_cycles",
+        "word",
+        "multiplier",
+        "transient_cycles",
+        "orbit_distance",
+        "measured_cycles",
+    ];
+    let mut columns: Vec<String> = motion.map(String::from).to_vec();
+    columns.extend([
+        format!("exponent{}", with("_per_s")),
+        format!("exponent_band{}", with("_per_s")),
+        "rotation".to_owned(),
+    ]);
+    columns.push("reason".to_owned());
     columns.extend([format!("cycle{}", with("_s")), "events".to_owned(), "grazes".to_owned()]);
     for contact in contacts {
         columns.extend(COLUMNS.map(|(name, unit, _)| format!("{contact} {name}{}", with(unit))));
@@ -177,14 +192,21 @@ fn columns(contacts: &[String], dimensionless: bool) -> Vec<String> {
 
 /// A row of the table.
 fn cells(contacts: &[String], steady: &Steady) -> Vec<String> {
-    let settled = &steady.settled;
+    let motion = &steady.motion;
+    let optional = |value: Option<f64>| value.map_or_else(String::new, number);
     let mut cells = vec![
         steady.seeded.to_string(),
-        settled.word().to_owned(),
-        settled.period.map_or_else(String::new, |period| period.to_string()),
-        settled.cycles.to_string(),
-        number(settled.distance),
+        motion.kind.word().to_owned(),
+        motion.period.map_or_else(String::new, |period| period.to_string()),
+        motion.word.clone().unwrap_or_default(),
+        optional(motion.multiplier),
+        motion.cycles.to_string(),
+        number(motion.distance),
         steady.measured_cycles.to_string(),
+        optional(motion.exponent.map(|[exponent, _]| exponent)),
+        optional(motion.exponent.map(|[_, band]| band)),
+        optional(motion.rotation),
+        motion.reason.clone().unwrap_or_default(),
         number(steady.period_s),
         steady.events.to_string(),
         steady.grazes.to_string(),

@@ -36,15 +36,18 @@ impl Columns {
 
     /// Component `i` of all of them.
     #[must_use]
+    #[inline(always)]
     pub fn row(&self, i: usize) -> &[f64] {
         &self.values[i * self.count..(i + 1) * self.count]
     }
 
+    #[inline(always)]
     fn row_mut(&mut self, i: usize) -> &mut [f64] {
         &mut self.values[i * self.count..(i + 1) * self.count]
     }
 
     /// Adds `factor` times `row` to component `i`.
+    #[inline(always)]
     fn add(&mut self, i: usize, factor: f64, row: &[f64]) {
         self.row_mut(i).iter_mut().zip(row).for_each(|(c, r)| *c += factor * r);
     }
@@ -106,6 +109,7 @@ impl Structure {
     }
 
     /// `f_x ξ` into `out`, for the columns `ξ`.
+    #[inline(always)]
     pub(crate) fn apply(&self, gradient: &Gradient, held: Option<&Sticking>, columns: &Columns, out: &mut Columns) {
         let (n, m) = (self.n, columns.count);
         out.values[2 * n * m..].fill(0.0);
@@ -142,6 +146,7 @@ impl Structure {
     }
 
     /// Adds `factor gᵀξ` of contact `j` for the rows of `columns` from `first` on, to `sum`.
+    #[inline(always)]
     pub(crate) fn add_along(&self, j: usize, first: usize, factor: f64, columns: &Columns, sum: &mut [f64]) {
         for (i, g) in &self.contacts[j].direction {
             sum.iter_mut().zip(columns.row(first + *i as usize)).for_each(|(s, c)| *s += factor * g * c);
@@ -149,6 +154,7 @@ impl Structure {
     }
 
     /// Takes `force` of contact `j` out of the rows of velocity.
+    #[inline(always)]
     pub(crate) fn push_columns(&self, j: usize, force: &[f64], columns: &mut Columns) {
         self.contacts[j].push.iter().for_each(|(i, p)| columns.add(self.n + *i as usize, -p, force));
     }

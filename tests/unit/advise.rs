@@ -148,9 +148,9 @@ fn freedoms_are_grouped_by_name() {
 
 #[test]
 fn scatter_is_taken_into_account() {
-    let motion = |apart: [f64; 2], period: Option<u32>| Motion {
+    let motion = |apart: [f64; 2], period: Option<u64>| Motion {
         freedoms: 1,
-        settled: crate::analysis::Settled { period, ..Default::default() },
+        settled: crate::orbit::Motion { period, ..crate::orbit::Motion::of(&crate::orbit::Approached::default()) },
         followed: true,
         cycles: 1,
         meshes: vec![Mesh {

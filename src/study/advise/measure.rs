@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::model::{Model, family};
 use crate::{
-    analysis::{ContactReport, Contacts, Grid, Sample, Settled, Trajectory},
+    analysis::{ContactReport, Contacts, Grid, Sample, Trajectory},
     engine::Engine,
     hybrid::ContactView,
     study::{
@@ -72,7 +72,7 @@ pub struct Motion {
     /// Number of freedoms.
     pub freedoms: usize,
     /// How it was found to be.
-    pub settled: Settled,
+    pub settled: crate::orbit::Motion,
     /// Whether it took up the motion of the full model.
     pub followed: bool,
     /// Cycles measured.
@@ -151,7 +151,7 @@ pub(super) fn measure(
     let simulation = &model.simulation;
     let (mut engine, found, followed) = settled(simulation, seed, &context.rule, context.task)?;
     let (stretches, cycles) = match found.period {
-        Some(period) => (1, context.rule.measured_cycles.max(1).next_multiple_of(u64::from(period))),
+        Some(period) => (1, context.rule.measured_cycles.max(1).next_multiple_of(period)),
         None => (STRETCHES, context.rule.irregular_cycles.max(1).div_ceil(STRETCHES)),
     };
     let before = engine.counters();

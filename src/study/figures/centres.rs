@@ -8,7 +8,7 @@ use crate::{
     plot::{Axis, Band, Figure, Guide, Panel, Series, Style},
     scene::Scene,
     simulation::Simulation,
-    study::StudyError,
+    study::{StudyError, steady},
     train::frame::to_fixed,
 };
 
@@ -38,7 +38,7 @@ pub fn trajectories(
         // The carrier turns once while Z_r teeth of the ring pass.
         let turn = number(&scene, "/train/teeth/ring")? as u64;
         let (recording, settled) = context.recorded(&simulation, PER_CYCLE, |_| turn)?;
-        let window = settled.window();
+        let window = steady::window(&settled);
         let mut found = Vec::new();
         for (body, x, y) in bodies {
             let points = recording.t.iter().zip(recording.x[x].iter().zip(&recording.x[y]));
@@ -113,7 +113,7 @@ pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(F
     let row = simulation.freedom(freedom)?;
     let (recording, settled) = context.recorded(&simulation, PER_CYCLE, |_| CYCLES)?;
     let mesh_frequency = 1.0 / simulation.period()?;
-    let window = settled.window();
+    let window = steady::window(&settled);
     let spectrum = Spectrum::new(&recording.x[row], f64::from(PER_CYCLE) * mesh_frequency, window);
     let bins = lines(&spectrum, HIGHEST * mesh_frequency);
     let in_region = |f: f64| (REGION[0]..=REGION[1]).contains(&(f / mesh_frequency));

@@ -106,7 +106,7 @@ pub fn apart(
             rest.push(amplitude);
         }
     }
-    let irregular = curves.iter().flatten().filter(|row| row.settled.period.is_none()).count();
+    let irregular = curves.iter().flatten().filter(|row| row.motion.period.is_none()).count();
     figure.panels.append(&mut rest);
     let never = match closed.len() {
         0 => String::new(),

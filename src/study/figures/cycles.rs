@@ -10,6 +10,7 @@ use crate::{
     study::{
         StudyError,
         record::{Recording, Spell},
+        steady,
     },
 };
 
@@ -29,7 +30,7 @@ pub fn cycles(context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Fi
         };
         let simulation = Simulation::from_scene(&scene)?;
         // Whole periods of the motion are measured, three mesh periods are shown.
-        let cycles = |period: Option<u32>| period.map_or(IRREGULAR, |period| SHOWN.next_multiple_of(period.into()));
+        let cycles = |period: Option<u64>| period.map_or(IRREGULAR, |period| SHOWN.next_multiple_of(period));
         let (recording, settled) = context.recorded(&simulation, PER_CYCLE, cycles)?;
         let contacts = representatives(&simulation);
         let shaded = contacts.last().cloned().unwrap_or_default();
@@ -37,7 +38,7 @@ pub fn cycles(context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Fi
         let at_speed =
             speed_pointer(&scene).and_then(|pointer| Some(format!("{} rev/min", number(&scene, pointer).ok()?)));
         let title = at_load.into_iter().chain(at_speed).collect::<Vec<_>>().join(", ");
-        let found = found(load, &recording, &contacts, settled.window());
+        let found = found(load, &recording, &contacts, steady::window(&settled));
         let shown = Shown { recording: &recording.first(SHOWN), shaded, units: Units::of(&simulation) };
         let upper = shown.forces(&title, &contacts);
         let lower = shown.speed_of_planet(&simulation, &scene).unwrap_or_else(|| shown.deflection());

@@ -25,13 +25,7 @@ use super::{
     record::{Recording, record},
     steady::{Rule, Seed, Steady, settled, steady},
 };
-use crate::{
-    analysis::{Settled, Spectrum},
-    hybrid::ContactView,
-    scene::Scene,
-    simulation::Simulation,
-    task::Task,
-};
+use crate::{analysis::Spectrum, hybrid::ContactView, orbit::Motion, scene::Scene, simulation::Simulation, task::Task};
 
 /// What every figure needs besides its scene.
 #[derive(Clone, Copy)]
@@ -45,7 +39,8 @@ pub struct Context<'a> {
 impl Context<'_> {
     /// Steady motion of `scene`.
     pub(super) fn steady(&self, scene: &Scene, seed: Option<&Seed>) -> Result<Steady, StudyError> {
-        let steady = steady(scene, seed, &self.rule, self.task);
+        // Periodic or not is enough for a figure.
+        let steady = steady(scene, seed, &Rule { decides: false, ..self.rule }, self.task);
         self.task.advance();
         steady
     }
@@ -55,8 +50,8 @@ impl Context<'_> {
         &self,
         simulation: &Simulation,
         per_cycle: u32,
-        cycles: impl Fn(Option<u32>) -> u64,
-    ) -> Result<(Recording, Settled), StudyError> {
+        cycles: impl Fn(Option<u64>) -> u64,
+    ) -> Result<(Recording, Motion), StudyError> {
         let (mut engine, settled, _) = settled(simulation, None, &self.rule, self.task)?;
         let recording = record(simulation, &mut engine, cycles(settled.period), per_cycle)?;
         self.task.advance();

@@ -8,7 +8,7 @@ use crate::{
     plot::{Axis, Figure, Guide, Panel, Series, Style},
     scene::Scene,
     simulation::Simulation,
-    study::StudyError,
+    study::{StudyError, steady},
 };
 
 /// Forces of one mesh of each family over a few mesh periods, and their spectra up to `highest`, Hz; the facts of each
@@ -21,10 +21,10 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
     const PER_CYCLE: u32 = 512;
 
     let simulation = Simulation::from_scene(scene)?;
-    let cycles = |period: Option<u32>| period.map_or(CYCLES, |period| CYCLES.next_multiple_of(period.into()));
+    let cycles = |period: Option<u64>| period.map_or(CYCLES, |period| CYCLES.next_multiple_of(period));
     let (recording, settled) = context.recorded(&simulation, PER_CYCLE, cycles)?;
     let (cycles, period) = (cycles(settled.period), simulation.period()?);
-    let window = settled.window();
+    let window = steady::window(&settled);
     let units = Units::of(&simulation);
     let mut figure = Figure { id: "forces".to_owned(), columns: 2, ..Figure::default() };
     let mut facts = Vec::new();
@@ -114,9 +114,9 @@ pub fn waterfall(
 
     let rows = context.each(speeds, |&rpm| {
         let simulation = Simulation::from_scene(&scene.with(pointer, json!(rpm))?)?;
-        let cycles = |period: Option<u32>| period.map_or(2 * CYCLES, |period| CYCLES.next_multiple_of(period.into()));
+        let cycles = |period: Option<u64>| period.map_or(2 * CYCLES, |period| CYCLES.next_multiple_of(period));
         let (recording, settled) = context.recorded(&simulation, PER_CYCLE, cycles)?;
-        let window = settled.window();
+        let window = steady::window(&settled);
         let rate = f64::from(PER_CYCLE) / simulation.period()?;
         let spectrum = |(j, family): (usize, String)| (family, Spectrum::new(&recording.force[j], rate, window));
         let spectra = representatives(&simulation).into_iter().map(spectrum).collect();

@@ -1,0 +1,257 @@
+//! The motion that a run approaches: its orbit is solved for, and the run only chooses which one.
+
+use std::collections::VecDeque;
+
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+use super::{
+    Drift, Orbit, SectionMap,
+    search::{distance, sizes},
+    section::Section,
+    words::Speller,
+};
+use crate::{
+    engine::{Engine, Observer, Outcome},
+    simulation::SimulationError,
+    task::Task,
+};
+
+/// When a motion counts as found.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Approach {
+    /// Largest distance between the ends of an orbit, in scales, > 0.
+    pub tolerance: f64,
+    /// Longest period looked for, cycles, ≥ 1.
+    pub longest_period: u32,
+    /// Cycles run at most.
+    pub most_cycles: u64,
+}
+
+impl Default for Approach {
+    fn default() -> Self {
+        Self { tolerance: 1e-9, longest_period: 8, most_cycles: 400 }
+    }
+}
+
+/// What a run has come to.
+#[derive(Debug, Default)]
+pub struct Approached {
+    /// The stable orbit that it approaches, if one was found.
+    pub orbit: Option<Orbit>,
+    /// Cycles run.
+    pub cycles: u64,
+    /// The residual of the orbit, in scales; without one the distance of the last two sections.
+    pub distance: f64,
+    /// Without an orbit: how much nearer the sections are to the last one in the second half of the run than in its middle.
+    pub closing: f64,
+    /// What kept the last solution from counting.
+    pub reason: Option<String>,
+}
+
+/// Distance of two sections, in scales, from which Newton's method is tried.
+const NEAR: f64 = 0.03;
+/// The same within which a run is beside an unstable orbit.
+const BESIDE: f64 = 1e-3;
+/// Periods that are tried at one time.
+const TRIED: usize = 1;
+/// Newton steps in which the residual must fall by half.
+const PATIENCE: usize = 3;
+/// Periods over which a run must come nearer to an orbit.
+const FOLLOWED: u64 = 3;
+/// Share of the contraction by the derivative that a run must show.
+const CONTRACTS: f64 = 0.5;
+/// First cycle at which an orbit is looked for, and the growth of the intervals between later ones.
+const FIRST: u64 = 3;
+const GROWTH: f64 = 1.5;
+/// Doublings of a sum over powers of the derivative: decays as slow as 2⁻⁴⁰ a period are summed.
+const DOUBLINGS: u32 = 46;
+
+/// The measure by which an orbit attracts its neighbours: `‖y‖² = Σ_i |Jⁱ y|²`, which falls by `|y|²` in a period.
+struct Attraction {
+    orbit: Vec<f64>,
+    scales: Vec<f64>,
+    basis: DMatrix<f64>,
+    sum: DMatrix<f64>,
+}
+
+impl Attraction {
+    fn new(map: &SectionMap<'_>, orbit: &Orbit, drift: &Drift) -> Self {
+        let (_, basis, scales) = map.closure(&orbit.section, &orbit.image, drift);
+        let dim = scales.len();
+        let scaled = DMatrix::from_fn(dim, dim, |i, j| orbit.image.jacobian[(i, j)] * scales[j] / scales[i]);
+        let mut power = basis.transpose() * scaled * &basis;
+        let mut sum = DMatrix::identity(power.nrows(), power.ncols());
+        for _ in 0..DOUBLINGS {
+            sum += power.transpose() * &sum * &power;
+            power = &power * &power;
+            if power.amax() <= f64::MIN_POSITIVE.sqrt() {
+                break;
+            }
+        }
+        Self { orbit: orbit.section.x.clone(), scales, basis, sum }
+    }
+
+    /// The measure of a state's distance from the orbit, and what it falls by in a period.
+    fn of(&self, x: &[f64]) -> [f64; 2] {
+        let off = DVector::from_fn(self.scales.len(), |i, _| (x[i] - self.orbit[i]) / self.scales[i]);
+        let off = self.basis.transpose() * off;
+        [off.dot(&(&self.sum * &off)), off.norm_squared()]
+    }
+}
+
+impl Approach {
+    /// Runs `engine` from start of cycle to start of cycle until a stable orbit is found that it approaches, or until the cycles allowed
+    /// are spent. At times Newton's method is tried from the section that the run has come to. A stable orbit counts if the run follows
+    /// it: three periods with its word, in which the distance, in the measure of the orbit's derivative, falls at least half as fast as
+    /// the derivative says. `None` if the run is broken off: by `task`, by the observer or by the limit on events.
+    ///
+    /// # Errors
+    /// [`SimulationError`] if the run fails.
+    pub fn run(
+        &self,
+        map: &SectionMap<'_>,
+        engine: &mut Engine<'_>,
+        observer: &mut dyn Observer,
+        task: Task<'_>,
+    ) -> Result<Option<Approached>, SimulationError> {
+        let (drift, clock) = (map.drift(), map.simulation().clock());
+        let start = engine.state().at;
+        if clock.between(clock.at(start.cycle, 0.0), start) > 0.0 {
+            // A start within a cycle first completes it.
+            let at = clock.at(start.cycle + 1, 0.0);
+            if engine.run(at, observer)? != Outcome::ReachedEnd {
+                return Ok(None);
+            }
+        }
+        let mut sections: VecDeque<Section> = VecDeque::from([map.section(engine.state())]);
+        let kept = (self.longest_period.max(1) as usize + 1).max(self.most_cycles.min(4096) as usize / 2 + 1);
+        let (mut cycles, mut next, mut reason) = (0, FIRST.min(self.most_cycles), None);
+        let mut unstable: Vec<Section> = Vec::new();
+        while cycles < self.most_cycles {
+            let at = clock.at(engine.state().at.cycle + 1, 0.0);
+            if engine.run(at, observer)? != Outcome::ReachedEnd || task.is_cancelled() {
+                return Ok(None);
+            }
+            cycles += 1;
+            if sections.len() == kept {
+                sections.pop_front();
+            }
+            sections.push_back(map.section(engine.state()));
+            if cycles < next {
+                continue;
+            }
+            next = (cycles + 1).max((cycles as f64 * GROWTH) as u64).min(self.most_cycles);
+            if let Some(orbit) = self.candidate(map, sections.make_contiguous(), &drift, (&mut unstable, &mut reason)) {
+                let before = sections.len();
+                let followed = self.follow(map, engine, &orbit, &drift, (&mut sections, observer, task))?;
+                let Some(approaches) = followed else { return Ok(None) };
+                cycles += (sections.len() - before) as u64;
+                if approaches {
+                    let distance = orbit.residual;
+                    return Ok(Some(Approached { orbit: Some(orbit), cycles, distance, closing: 1.0, reason: None }));
+                }
+                reason = Some(
+                    "the motion does not come nearer to the orbit that was found as its multipliers say".to_owned(),
+                );
+                sections.drain(..sections.len().saturating_sub(kept));
+            }
+        }
+        let sections = sections.make_contiguous();
+        let scales = sizes(map, sections);
+        let last = &sections[sections.len() - 1];
+        let apart = |i: usize| distance(map, last, &sections[i], &scales, &drift);
+        let nearest = |range: std::ops::Range<usize>| range.map(apart).fold(f64::INFINITY, f64::min);
+        let (count, window) = (sections.len(), self.longest_period as usize);
+        let distance = if count > 1 { apart(count - 2) } else { f64::INFINITY };
+        let closing = if count > 2 * window + 1 {
+            let middle = count / 2;
+            nearest(count - 1 - window..count - 1) / nearest(middle..middle + window)
+        } else {
+            1.0
+        };
+        Ok(Some(Approached { orbit: None, cycles, distance, closing, reason }))
+    }
+
+    /// A stable orbit near the last of `sections`, by Newton's method from it.
+    fn candidate(
+        &self,
+        map: &SectionMap<'_>,
+        sections: &[Section],
+        drift: &Drift,
+        (unstable, reason): (&mut Vec<Section>, &mut Option<String>),
+    ) -> Option<Orbit> {
+        let scales = sizes(map, sections);
+        let last = sections.len() - 1;
+        // A run beside an unstable orbit has to leave it first.
+        if unstable.iter().any(|known| distance(map, known, &sections[last], &scales, drift) <= BESIDE) {
+            return None;
+        }
+        let mut returns: Vec<(f64, usize)> = (1..=last.min(self.longest_period as usize))
+            .map(|k| (distance(map, &sections[last - k], &sections[last], &scales, drift), k))
+            .filter(|(apart, _)| *apart <= NEAR)
+            .collect();
+        // A long period has to be worth its cycles.
+        returns.sort_by(|a, b| (a.0 * a.1 as f64).total_cmp(&(b.0 * b.1 as f64)));
+        returns.truncate(TRIED);
+        for (_, period) in returns {
+            match map.solve_from(&sections[last], period as u64, drift, Some(PATIENCE)) {
+                Ok(orbit) if !orbit.is_stable => {
+                    *reason = Some("the orbit near the end of the run is not stable".into());
+                    unstable.push(orbit.section);
+                }
+                Ok(orbit) if orbit.is_marginal => {
+                    *reason = Some("the orbit near the end of the run has a multiplier on the unit circle".into());
+                    unstable.push(orbit.section);
+                }
+                Ok(orbit) if orbit.residual > self.tolerance => {
+                    *reason = Some(format!("the orbit near the end of the run closes to {:e} only", orbit.residual));
+                }
+                Ok(orbit) => return Some(orbit),
+                Err(missed) => *reason = Some(missed.reason),
+            }
+        }
+        None
+    }
+
+    /// Runs on for some periods, whose sections are added: whether the run comes nearer to `orbit` as it must.
+    fn follow(
+        &self,
+        map: &SectionMap<'_>,
+        engine: &mut Engine<'_>,
+        orbit: &Orbit,
+        drift: &Drift,
+        (sections, observer, task): (&mut VecDeque<Section>, &mut dyn Observer, Task<'_>),
+    ) -> Result<Option<bool>, SimulationError> {
+        let (attraction, clock) = (Attraction::new(map, orbit, drift), map.simulation().clock());
+        let structure = &map.simulation().structure;
+        let word = letters(&orbit.image.word);
+        let mut before = attraction.of(&engine.state().x);
+        for _ in 0..FOLLOWED {
+            let mut speller = Speller::new(structure, &engine.state().x);
+            for _ in 0..orbit.period {
+                let at = clock.at(engine.state().at.cycle + 1, 0.0);
+                if engine.run(at, &mut (&mut *observer, &mut speller))? != Outcome::ReachedEnd || task.is_cancelled() {
+                    return Ok(None);
+                }
+                sections.push_back(map.section(engine.state()));
+            }
+            let now = attraction.of(&engine.state().x);
+            let is_there = now[1].sqrt() <= self.tolerance;
+            let comes = now[0] <= before[0] - CONTRACTS * before[1];
+            if letters(&speller.tokens()) != word || !(is_there || comes) {
+                return Ok(Some(false));
+            }
+            before = now;
+        }
+        Ok(Some(true))
+    }
+}
+
+/// The tokens of a word in alphabetic order: events of one instant may be told apart by rounding.
+fn letters(word: &[String]) -> Vec<&str> {
+    let mut letters: Vec<&str> =
+        word.iter().flat_map(|token| token.split(['[', ']', ' '])).filter(|t| !t.is_empty()).collect();
+    letters.sort_unstable();
+    letters
+}

@@ -1,0 +1,281 @@
+//! The tangent of a run: columns that travel with the state.
+
+mod collocation;
+mod series;
+
+use std::{collections::BTreeMap, ops::ControlFlow};
+
+use collocation::Collocated;
+use series::Coefficients;
+
+use crate::{
+    engine::{Jumped, Observer, State},
+    hybrid::{HybridSystem, Instant, Mode},
+    integrate::DenseStep,
+    system::{By, Columns, ContactMode, Gradient, Sticking, Structure, Variation, contact_mode},
+};
+
+/// Terms of an exponential: over a span on which rates reach [`SPAN`] the rest is below rounding.
+const TERMS: usize = 60;
+/// Rates times span above which a span is halved: the largest terms of its series are then some hundred times the sum.
+const SPAN: f64 = 8.0;
+/// Halvings of a step.
+const DEEPEST: u32 = 12;
+
+/// What is known of a mode.
+struct Known {
+    /// `f_x`, where it is constant.
+    gradient: Option<Gradient>,
+    held: Option<Sticking>,
+    /// A size of its rates without contacts that vary, rad/s.
+    rate: f64,
+}
+
+/// The derivative of the state with respect to a start, and to numbers of the train, along a run that it watches.
+pub struct Tangent<'s> {
+    structure: &'s Structure,
+    /// `∂x/∂(start)`, `[dim][count]`.
+    pub columns: Columns,
+    /// The numbers.
+    variations: &'s [Variation],
+    /// `∂x/∂α`, one column for each number.
+    by_number: Collocated,
+    /// The mode that the columns of numbers have come to.
+    mode: Option<Mode>,
+    /// `∫ div f dt + Σ ln |det|` of jumps so far; NaN where contacts rest or latch, which have no volume.
+    pub volume: f64,
+    /// Several dependent impacts fell on one instant: the map has corners there.
+    pub is_piecewise: bool,
+    /// A part of the motion could not be resolved: the columns must not be used.
+    pub is_unresolved: bool,
+    /// The latched speeds that were written anew.
+    pub latched: Vec<bool>,
+    /// Contacts rest.
+    pub(super) rests: bool,
+    /// The last jump took a rank.
+    pub(super) dies: bool,
+    /// The most ranks that contacts at rest have taken at one time.
+    pub rested: usize,
+    resets_only: bool,
+    modes: BTreeMap<Mode, Known>,
+    work: [Columns; 2],
+    orders: Vec<Columns>,
+    base: Vec<Columns>,
+    along: Vec<[Vec<f64>; 2]>,
+    collocated: Collocated,
+    x: Vec<f64>,
+}
+
+impl<'s> Tangent<'s> {
+    /// The tangent of all components of the state: `columns` is the unit matrix.
+    #[must_use]
+    pub fn new(structure: &'s Structure) -> Self {
+        Self::of(structure, Columns::unit(HybridSystem::dim(structure)))
+    }
+
+    /// The tangent of some `columns`.
+    #[must_use]
+    pub fn of(structure: &'s Structure, columns: Columns) -> Self {
+        Self {
+            variations: &[],
+            by_number: Collocated::new(Columns { count: 0, values: Vec::new() }),
+            mode: None,
+            work: [columns.clone(), columns.clone()],
+            collocated: Collocated::new(columns.clone()),
+            orders: Vec::new(),
+            base: Vec::new(),
+            along: Vec::new(),
+            x: vec![0.0; HybridSystem::dim(structure)],
+            latched: vec![false; HybridSystem::dim(structure) - 2 * structure.freedoms()],
+            columns,
+            structure,
+            volume: 0.0,
+            is_piecewise: false,
+            is_unresolved: false,
+            rests: false,
+            dies: false,
+            rested: 0,
+            resets_only: false,
+            modes: BTreeMap::new(),
+        }
+    }
+
+    /// Carries the derivative with numbers of the train too, as `variations` have them.
+    #[must_use]
+    pub fn with(mut self, variations: &'s [Variation]) -> Self {
+        let (count, dim) = (variations.len(), HybridSystem::dim(self.structure));
+        self.by_number = Collocated::new(Columns { count, values: vec![0.0; count * dim] });
+        Self { variations, ..self }
+    }
+
+    /// `∂x/∂α` of each number.
+    #[must_use]
+    pub fn by_number(&self) -> &Columns {
+        &self.by_number.columns
+    }
+
+    /// Takes out of the columns what contacts at rest in the mode of `state`, where the run starts, do not allow.
+    pub fn start(&mut self, state: &State) {
+        let State { at, x, jump } = state;
+        self.restrain(&jump.mode);
+        if !self.variations.is_empty() {
+            let by = By { variations: self.variations, at: *at, x };
+            self.structure.restrain(&jump.mode, Some(by), &mut self.by_number.columns);
+            self.mode = Some(jump.mode.clone());
+        }
+    }
+
+    /// Takes out of the columns of a start what contacts at rest in `mode` do not allow.
+    pub(super) fn restrain(&mut self, mode: &Mode) {
+        self.rests = self.structure.held(mode).is_some();
+        self.structure.restrain(mode, None, &mut self.columns);
+    }
+
+    /// Takes the columns of numbers over a known switching time at `at`, if the mode has changed since it was looked at.
+    fn switch(&mut self, mode: &Mode, at: Instant, x: &[f64]) {
+        let before = self.mode.replace(mode.clone());
+        if let Some(before) = before.filter(|before| before != mode) {
+            let by = By { variations: self.variations, at, x };
+            self.structure.switch_columns((&before, mode), by, &mut self.by_number.columns);
+        }
+    }
+
+    /// Forgets the latched speeds of contacts that are open in `mode`: nothing follows from them any more.
+    pub(super) fn forget(&mut self, mode: &Mode) {
+        let count = self.columns.count;
+        for (j, c) in self.structure.contacts().iter().enumerate() {
+            if let Some(latch) = c.latch().filter(|_| contact_mode(mode, j) == ContactMode::Separated) {
+                self.columns.values[latch * count..(latch + 1) * count].fill(0.0);
+            }
+        }
+    }
+
+    /// Leaves out that neighbours meet an event earlier or later: what differentiating each reset alone gives.
+    pub fn without_saltation(&mut self) {
+        self.resets_only = true;
+    }
+
+    /// A size of the rates of `mode`, rad/s.
+    pub(super) fn rate(&self, mode: &Mode) -> f64 {
+        self.modes.get(mode).map_or(0.0, |known| known.rate)
+    }
+
+    fn known(&mut self, mode: &Mode) {
+        if !self.modes.contains_key(mode) {
+            let s = self.structure;
+            let gradient = s.is_affine(mode).then(|| s.gradient(mode, s.clock().instant(0.0), &self.x));
+            let held = s.held(mode);
+            self.rested = self.rested.max(held.as_ref().map_or(0, |held| 2 * held.independent()));
+            let known = Known { gradient, held, rate: s.rate_of(mode) };
+            self.modes.insert(mode.clone(), known);
+        }
+    }
+
+    /// A span of a mode whose `f_x` is constant: `exp(f_x h) ξ` by its series.
+    fn exponential(&mut self, mode: &Mode, time: f64) {
+        let Self { structure: s, columns, work: [term, next], modes, volume, .. } = self;
+        let Some(Known { gradient: Some(gradient), held, rate }) = modes.get(mode) else { return };
+        *volume += if held.is_some() { f64::NAN } else { s.divergence(gradient) * time };
+        let parts = (rate * time / SPAN).ceil().max(1.0);
+        let h = time / parts;
+        for _ in 0..parts as u64 {
+            term.values.copy_from_slice(&columns.values);
+            let size = largest(s.freedoms(), columns);
+            for k in 1..=TERMS {
+                s.apply(gradient, held.as_ref(), term, next);
+                let share = h / k as f64;
+                next.values.iter_mut().for_each(|c| *c *= share);
+                columns.values.iter_mut().zip(&next.values).for_each(|(c, t)| *c += t);
+                std::mem::swap(term, next);
+                if k as f64 > rate * h && is_small(term, &size, f64::EPSILON / 16.0) {
+                    break;
+                }
+            }
+        }
+    }
+}
+
+/// A component this much smaller than the largest of its kind counts as large as that.
+const FLOOR: f64 = 1e-6;
+
+/// The largest entries of the components: of `n` displacements, `n` velocities and the rest, each kind in its own units.
+fn largest(n: usize, columns: &Columns) -> Vec<f64> {
+    let rows = columns.values.chunks_exact(columns.count);
+    let mut sizes: Vec<f64> = rows.map(|row| row.iter().fold(0.0, |m: f64, c| m.max(c.abs()))).collect();
+    let (q, rest) = sizes.split_at_mut(n);
+    let (v, latches) = rest.split_at_mut(n);
+    for kind in [q, v, latches] {
+        let floor = FLOOR * kind.iter().fold(0.0, |m: f64, size| m.max(*size));
+        kind.iter_mut().for_each(|size| *size = size.max(floor));
+    }
+    sizes
+}
+
+/// Whether every component is at most `share` of its size.
+fn is_small(columns: &Columns, sizes: &[f64], share: f64) -> bool {
+    columns.values.chunks_exact(columns.count).zip(sizes).all(|(row, size)| row.iter().all(|c| c.abs() <= share * size))
+}
+
+/// The largest difference of two, relative to the sizes of the components.
+fn difference(a: &Columns, b: &Columns, sizes: &[f64]) -> f64 {
+    let rows = a.values.chunks_exact(a.count).zip(b.values.chunks_exact(b.count)).zip(sizes);
+    rows.filter(|(_, size)| **size > 0.0)
+        .flat_map(|((a, b), size)| a.iter().zip(b).map(move |(a, b)| (a - b).abs() / size))
+        .fold(0.0, f64::max)
+}
+
+impl Observer for Tangent<'_> {
+    fn wants_steps(&self, mode: &Mode) -> bool {
+        !self.variations.is_empty() || !self.structure.is_affine(mode)
+    }
+
+    fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
+        self.known(mode);
+        self.exponential(mode, time);
+        ControlFlow::Continue(())
+    }
+
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        self.known(mode);
+        if until <= 0.0 {
+            return ControlFlow::Continue(());
+        }
+        if self.structure.is_affine(mode) {
+            self.exponential(mode, step.time(until));
+        } else if let Some(coefficients) = Coefficients::new(self.structure, mode, step) {
+            self.expand_parts(mode, step, &coefficients, [0.0, until], 0);
+        } else {
+            self.collocate_start(mode, step, [0.0, until]);
+        }
+        if !self.variations.is_empty() {
+            let mut x = std::mem::take(&mut self.x);
+            step.state(0.0, &mut x);
+            self.switch(mode, step.start(), &x);
+            self.x = x;
+            self.collocate(mode, step, [0.0, until], true, 0);
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn wants_jumps(&self) -> bool {
+        true
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        let &Jumped { at, from, to, fired, x_minus, x_plus, settles } = jumped;
+        let s = self.structure;
+        let jump = (fired, settles, self.resets_only);
+        let saltation = s.saltate((from, to), jump, at, (x_minus, x_plus), &[], &mut self.columns);
+        if !self.variations.is_empty() {
+            self.switch(&from.mode, at, x_minus);
+            s.saltate((from, to), jump, at, (x_minus, x_plus), self.variations, &mut self.by_number.columns);
+            self.mode = Some(to.mode.clone());
+        }
+        self.rests = s.held(&to.mode).is_some();
+        self.dies = saltation.ranks > 0;
+        self.rested = self.rested.max(saltation.ranks);
+        self.is_piecewise |= saltation.is_piecewise;
+        self.volume += saltation.volume;
+        saltation.latched.iter().for_each(|latch| self.latched[latch - 2 * s.freedoms()] = true);
+    }
+}
