@@ -11,7 +11,9 @@ use crate::{simulation::SimulationError, system::Variation};
 /// Newton steps at most.
 const STEPS: usize = 40;
 /// Halvings of a step that makes the residual larger.
-const HALVINGS: u32 = 6;
+const HALVINGS: i32 = 6;
+/// Share to which a residual must fall for another step with the same derivative.
+const CHORD: f64 = 0.3;
 /// Longest step, in scales.
 const LONGEST: f64 = 50.0;
 /// Residual, in scales, below which an orbit counts as found.
@@ -191,6 +193,7 @@ impl SectionMap<'_> {
             let (off, basis, scales) = self.closure(section, &image, drift);
             Ok((off.norm(), off, basis, scales, image))
         };
+        let halvings = if patience.is_some() { HALVINGS / 3 } else { HALVINGS };
         let mut section = start.clone();
         let mut now = evaluate(&section).map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
         let (mut best, first) = (now.0, now.0);
@@ -217,28 +220,36 @@ impl SectionMap<'_> {
             if length > LONGEST {
                 return Err(missed(best, "a step of Newton's method leaves the range of the motion"));
             }
-            let full = basis * step;
-            let mut factor = 1.0;
-            let mut next = None;
-            for _ in 0..=if patience.is_some() { HALVINGS / 3 } else { HALVINGS } {
-                let x: Vec<f64> = (0..dim).map(|i| section.x[i] + factor * full[i] * scales[i]).collect();
-                let trial = Section { x, contacts: image.end.contacts.clone() };
-                // The residual needs no derivative.
-                if let Ok(end) = self.follow(&trial, period) {
-                    let off = DVector::from_fn(dim, |i, _| (end.x[i] - trial.x[i]) / scales[i]);
-                    let there = (basis.transpose() * off).norm();
-                    if there < *residual {
-                        next = Some(trial);
-                        break;
-                    }
-                    // A step along which the residual falls less than its rounding ends the search.
-                    if *residual <= CLOSED {
-                        break;
-                    }
+            // The residual needs no derivative: with the same one further steps are taken as long as each is worth it.
+            let contacts = &image.end.contacts;
+            let off_at = |section: &Section| -> Option<DVector<f64>> {
+                let end = self.follow(section, period).ok()?;
+                let off = DVector::from_fn(dim, |i, _| (end.x[i] - section.x[i]) / scales[i]);
+                Some(basis.transpose() * off).filter(|off| off.norm().is_finite())
+            };
+            let moved = |from: &Section, step: &DVector<f64>, factor: f64| {
+                let full = basis * step;
+                let x = (0..dim).map(|i| from.x[i] + factor * full[i] * scales[i]).collect();
+                Section { x, contacts: contacts.clone() }
+            };
+            // A step along which a small residual falls less than its rounding ends the search.
+            let halvings = if *residual <= CLOSED { 0 } else { halvings };
+            let first = (0..=halvings).find_map(|halved| {
+                let trial = moved(&section, &step, 0.5f64.powi(halved));
+                let there = off_at(&trial)?;
+                (there.norm() < *residual).then_some((trial, there, halved))
+            });
+            let next = first.and_then(|(mut trial, mut there, halved)| {
+                let mut fell = if halved == 0 { there.norm() / residual } else { 1.0 };
+                while fell <= CHORD && there.norm() > f64::EPSILON {
+                    let Ok(step) = svd.solve(&-&there, NEUTRAL * svd.singular_values.max()) else { break };
+                    let further = moved(&trial, &step, 1.0);
+                    let Some(off) = off_at(&further).filter(|off| off.norm() < there.norm()) else { break };
+                    fell = off.norm() / there.norm();
+                    (trial, there) = (further, off);
                 }
-                factor *= 0.5;
-            }
-            let next = next.and_then(|trial| evaluate(&trial).ok().map(|there| (trial, there)));
+                evaluate(&trial).ok().map(|there| (trial, there))
+            });
             match next {
                 Some((trial, there)) => {
                     best = best.min(there.0);

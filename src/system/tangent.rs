@@ -14,6 +14,7 @@ use super::{
 use crate::{
     gear::contact::Law,
     hybrid::{GuardSet, Instant, Jump, Mode},
+    vectors::{Path, fused},
 };
 
 /// Changes of a state side by side: one row of `count` numbers for each component of the state.
@@ -36,22 +37,24 @@ impl Columns {
 
     /// Component `i` of all of them.
     #[must_use]
-    #[inline(always)]
     pub fn row(&self, i: usize) -> &[f64] {
         &self.values[i * self.count..(i + 1) * self.count]
     }
 
-    #[inline(always)]
     fn row_mut(&mut self, i: usize) -> &mut [f64] {
         &mut self.values[i * self.count..(i + 1) * self.count]
     }
 
     /// Adds `factor` times `row` to component `i`.
-    #[inline(always)]
     fn add(&mut self, i: usize, factor: f64, row: &[f64]) {
         self.row_mut(i).iter_mut().zip(row).for_each(|(c, r)| *c += factor * r);
     }
 }
+
+/// Columns that are moved side by side: two vectors of four.
+pub(crate) const LANES: usize = 8;
+/// A component of so many columns.
+pub(crate) type Lanes = [f64; LANES];
 
 /// How the force of a contact along its direction changes with deflection, rate and latched speed.
 #[derive(Clone, Copy, Debug)]
@@ -109,7 +112,6 @@ impl Structure {
     }
 
     /// `f_x ξ` into `out`, for the columns `ξ`.
-    #[inline(always)]
     pub(crate) fn apply(&self, gradient: &Gradient, held: Option<&Sticking>, columns: &Columns, out: &mut Columns) {
         let (n, m) = (self.n, columns.count);
         out.values[2 * n * m..].fill(0.0);
@@ -146,17 +148,46 @@ impl Structure {
     }
 
     /// Adds `factor gᵀξ` of contact `j` for the rows of `columns` from `first` on, to `sum`.
-    #[inline(always)]
     pub(crate) fn add_along(&self, j: usize, first: usize, factor: f64, columns: &Columns, sum: &mut [f64]) {
         for (i, g) in &self.contacts[j].direction {
             sum.iter_mut().zip(columns.row(first + *i as usize)).for_each(|(s, c)| *s += factor * g * c);
         }
     }
 
+    /// `f_x ξ` without contacts, for some columns side by side: a row for each component.
+    #[inline(always)]
+    pub(crate) fn apply_lanes<P: Path>(&self, columns: &[Lanes], out: &mut [Lanes]) {
+        let n = self.n;
+        out[..n].copy_from_slice(&columns[n..2 * n]);
+        for (row, out) in self.rows.iter().zip(&mut out[n..2 * n]) {
+            let mut sum = [0.0; LANES];
+            for (j, k, c) in row {
+                let (q, v) = (&columns[*j as usize], &columns[n + *j as usize]);
+                sum = std::array::from_fn(|l| fused::<P>(-k, q[l], fused::<P>(-c, v[l], sum[l])));
+            }
+            *out = sum;
+        }
+        out[2 * n..].fill([0.0; LANES]);
+    }
+
+    /// `gᵀξ` of contact `j` for the rows of `columns`, those of displacements or of velocities.
+    #[inline(always)]
+    pub(crate) fn along_lanes<P: Path>(&self, j: usize, columns: &[Lanes]) -> Lanes {
+        let mut sum = [0.0; LANES];
+        for (i, g) in &self.contacts[j].direction {
+            let x = &columns[*i as usize];
+            sum = std::array::from_fn(|l| fused::<P>(*g, x[l], sum[l]));
+        }
+        sum
+    }
+
     /// Takes `force` of contact `j` out of the rows of velocity.
     #[inline(always)]
-    pub(crate) fn push_columns(&self, j: usize, force: &[f64], columns: &mut Columns) {
-        self.contacts[j].push.iter().for_each(|(i, p)| columns.add(self.n + *i as usize, -p, force));
+    pub(crate) fn push_lanes<P: Path>(&self, j: usize, force: &Lanes, velocities: &mut [Lanes]) {
+        for (i, p) in &self.contacts[j].push {
+            let x = &mut velocities[*i as usize];
+            *x = std::array::from_fn(|l| fused::<P>(-p, force[l], x[l]));
+        }
     }
 
     /// Takes what `held` contacts would do out of the rows from `first` on, by changes along `M⁻¹g`. `moves` adds what their flanks do, for

@@ -6,7 +6,7 @@ mod series;
 use std::{collections::BTreeMap, ops::ControlFlow};
 
 use collocation::Collocated;
-use series::Coefficients;
+use series::{Coefficients, Orders};
 
 use crate::{
     engine::{Jumped, Observer, State},
@@ -59,9 +59,7 @@ pub struct Tangent<'s> {
     resets_only: bool,
     modes: BTreeMap<Mode, Known>,
     work: [Columns; 2],
-    orders: Vec<Columns>,
-    base: Vec<Columns>,
-    along: Vec<[Vec<f64>; 2]>,
+    orders: Orders,
     collocated: Collocated,
     x: Vec<f64>,
 }
@@ -82,9 +80,7 @@ impl<'s> Tangent<'s> {
             mode: None,
             work: [columns.clone(), columns.clone()],
             collocated: Collocated::new(columns.clone()),
-            orders: Vec::new(),
-            base: Vec::new(),
-            along: Vec::new(),
+            orders: Orders::default(),
             x: vec![0.0; HybridSystem::dim(structure)],
             latched: vec![false; HybridSystem::dim(structure) - 2 * structure.freedoms()],
             columns,

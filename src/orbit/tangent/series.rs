@@ -1,10 +1,10 @@
 //! Columns along a step by their own series, from the series of the step.
 
-use super::{DEEPEST, Tangent, is_small, largest};
+use super::{DEEPEST, Tangent, largest};
 use crate::{
     hybrid::{Mode, Shown},
     integrate::DenseStep,
-    system::{Columns, Gradient, Sticking, Structure},
+    system::{Columns, Gradient, LANES, Lanes, Sticking, Structure},
     vectors::{Path, Work, fused},
 };
 
@@ -59,124 +59,136 @@ impl Coefficients {
 /// A series goes on while its terms, as many in a row as a root clock may leave out, are above this share of a rounding.
 const NEGLIGIBLE: f64 = 1.0 / 16.0;
 
-/// The recurrence of the columns' series.
+/// The recurrence of the columns' series, some columns side by side.
 struct Recurrence<'a> {
     structure: &'a Structure,
     held: Option<&'a Sticking>,
     coefficients: &'a Coefficients,
     /// Sizes of the components.
     sizes: &'a [f64],
-    /// The terms; the first one is there.
-    orders: &'a mut [Columns],
+    columns: &'a mut Columns,
+    work: &'a mut Orders,
+}
+
+/// Room for it: each one has a row for each component or contact, order by order.
+#[derive(Default)]
+pub(super) struct Orders {
+    /// The terms.
+    terms: Vec<Lanes>,
     /// `f_x` without contacts, applied to them.
-    base: &'a mut [Columns],
-    /// `gᵀδq` and `gᵀδq̇` of each contact, order by order.
-    along: &'a mut [[Vec<f64>; 2]],
-    force: &'a mut [f64],
+    base: Vec<Lanes>,
+    /// `gᵀδq` and `gᵀδq̇` of contacts.
+    along: [Vec<Lanes>; 2],
+    /// The sums, of all columns.
+    sums: Vec<f64>,
 }
 
 impl Work for Recurrence<'_> {
-    /// The highest order formed; `None` where the series is not short enough.
-    type Output = Option<usize>;
+    /// Whether the series are short enough. The columns have moved then.
+    type Output = bool;
 
     #[inline(always)]
-    fn on<P: Path>(self) -> Option<usize> {
-        let Self { structure: s, held, coefficients: c, sizes, orders, base, along, force } = self;
-        let (n, m, none) = (s.freedoms(), orders[0].count, Gradient::default());
-        let gap = 3 + c.clock.iter().take_while(|a| **a == 0.0).count();
-        let mut small = 0;
-        for k in 0..ORDER {
-            let (low, high) = orders.split_at_mut(k + 1);
-            let next = &mut high[0];
-            s.apply(&none, None, &low[k], &mut base[k]);
-            convolve::<P>(&c.clock[..c.clock.len().min(k + 1)], &base[..=k], &mut next.values);
-            for ((j, latch, [by_deflection, by_rate, by_latch]), along) in c.changes.iter().zip(&mut *along) {
-                force.fill(0.0);
-                for ((first, by), along) in [(0, by_deflection), (n, by_rate)].into_iter().zip(along) {
-                    along[k * m..(k + 1) * m].fill(0.0);
-                    s.add_along(*j, first, 1.0, &low[k], &mut along[k * m..(k + 1) * m]);
-                    for (i, a) in by.iter().enumerate().take(k + 1).filter(|(_, a)| **a != 0.0) {
-                        add::<P>(*a, &along[(k - i) * m..(k - i + 1) * m], force);
-                    }
-                }
-                if let (Some(latch), Some(a)) = (latch, by_latch.get(k)) {
-                    add::<P>(*a, low[0].row(*latch), force);
-                }
-                s.push_columns(*j, force, next);
+    fn on<P: Path>(self) -> bool {
+        let Self { structure, held, coefficients, sizes, columns, work } = self;
+        let (dim, m, contacts) = (sizes.len(), columns.count, coefficients.changes.len());
+        work.terms.resize((ORDER + 1) * dim, [0.0; LANES]);
+        work.base.resize(ORDER * dim, [0.0; LANES]);
+        work.along.iter_mut().for_each(|along| along.resize(ORDER * contacts, [0.0; LANES]));
+        work.sums.resize(dim * m, 0.0);
+        for first in (0..m).step_by(LANES) {
+            let width = LANES.min(m - first);
+            for (term, row) in work.terms.iter_mut().zip(columns.values.chunks_exact(m)) {
+                *term = [0.0; LANES];
+                term[..width].copy_from_slice(&row[first..first + width]);
             }
-            if let Some(held) = held {
-                s.take_out(held, n, next, &mut |_, _| ());
-            }
-            let share = 1.0 / (k + 1) as f64;
-            next.values.iter_mut().for_each(|x| *x *= share);
-            small = if is_small(next, sizes, NEGLIGIBLE * f64::EPSILON) { small + 1 } else { 0 };
-            if small > gap {
-                return Some(k + 1);
+            let Some(highest) = expand::<P>(structure, held, coefficients, sizes, work) else { return false };
+            for (i, row) in work.sums.chunks_exact_mut(m).enumerate() {
+                let mut sum = [0.0; LANES];
+                for k in (0..=highest).rev() {
+                    sum = std::array::from_fn(|l| sum[l] + work.terms[k * dim + i][l]);
+                }
+                row[first..first + width].copy_from_slice(&sum[..width]);
             }
         }
-        orders[ORDER - 1..=ORDER].iter().all(|last| is_small(last, sizes, 4.0 * f64::EPSILON)).then_some(ORDER)
+        columns.values.copy_from_slice(&work.sums);
+        true
     }
 }
 
-/// Adds `a x` to `sum`.
+/// The terms up to the order that is returned; `None` where they are not short enough.
 #[inline(always)]
-fn add<P: Path>(a: f64, x: &[f64], sum: &mut [f64]) {
-    sum.iter_mut().zip(x).for_each(|(s, x)| *s = fused::<P>(a, *x, *s));
-}
-
-/// Numbers that stay in registers while all orders are added.
-const BLOCK: usize = 32;
-
-/// `Σ a_i x_{k−i}` with k the last of `x`, into `sum`.
-#[inline(always)]
-fn convolve<P: Path>(a: &[f64], x: &[Columns], sum: &mut [f64]) {
-    let last = x.len() - 1;
-    for (block, sum) in sum.chunks_mut(BLOCK).enumerate() {
-        let from = block * BLOCK;
-        let mut total = [0.0; BLOCK];
-        for (i, a) in a.iter().enumerate().filter(|(_, a)| **a != 0.0) {
-            let x = &x[last - i].values[from..from + sum.len()];
-            if let Ok(x) = <&[f64; BLOCK]>::try_from(x) {
-                total.iter_mut().zip(x).for_each(|(t, x)| *t = fused::<P>(*a, *x, *t));
-            } else {
-                total.iter_mut().zip(x).for_each(|(t, x)| *t = fused::<P>(*a, *x, *t));
+fn expand<P: Path>(
+    s: &Structure,
+    held: Option<&Sticking>,
+    c: &Coefficients,
+    sizes: &[f64],
+    work: &mut Orders,
+) -> Option<usize> {
+    let (n, dim, contacts) = (s.freedoms(), sizes.len(), c.changes.len());
+    let gap = 3 + c.clock.iter().take_while(|a| **a == 0.0).count();
+    let is_small = |terms: &[Lanes], share: f64| {
+        let largest = |lanes: &Lanes| lanes.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        terms.iter().zip(sizes).all(|(lanes, size)| largest(lanes) <= share * size)
+    };
+    let mut small = 0;
+    for k in 0..ORDER {
+        let (low, high) = work.terms.split_at_mut((k + 1) * dim);
+        let (start, low, next) = (&low[..dim], &low[k * dim..], &mut high[..dim]);
+        s.apply_lanes::<P>(low, &mut work.base[k * dim..(k + 1) * dim]);
+        for (i, term) in next.iter_mut().enumerate() {
+            let mut sum = [0.0; LANES];
+            for (a, clock) in c.clock.iter().enumerate().take(k + 1) {
+                let base = &work.base[(k - a) * dim + i];
+                sum = std::array::from_fn(|l| fused::<P>(*clock, base[l], sum[l]));
             }
+            *term = sum;
         }
-        let length = sum.len();
-        sum.copy_from_slice(&total[..length]);
+        for (place, (j, latch, [by_deflection, by_rate, by_latch])) in c.changes.iter().enumerate() {
+            let mut force = [0.0; LANES];
+            for (half, by) in [by_deflection, by_rate].into_iter().enumerate() {
+                let along = &mut work.along[half];
+                along[k * contacts + place] = s.along_lanes::<P>(*j, &low[half * n..]);
+                for (a, by) in by.iter().enumerate().take(k + 1) {
+                    let x = &along[(k - a) * contacts + place];
+                    force = std::array::from_fn(|l| fused::<P>(*by, x[l], force[l]));
+                }
+            }
+            if let (Some(latch), Some(by)) = (latch, by_latch.get(k)) {
+                let x = &start[*latch];
+                force = std::array::from_fn(|l| fused::<P>(*by, x[l], force[l]));
+            }
+            s.push_lanes::<P>(*j, &force, &mut next[n..]);
+        }
+        if let Some(held) = held {
+            let mut columns = Columns { count: LANES, values: next.as_flattened().to_vec() };
+            s.take_out(held, n, &mut columns, &mut |_, _| ());
+            next.as_flattened_mut().copy_from_slice(&columns.values);
+        }
+        let share = 1.0 / (k + 1) as f64;
+        next.as_flattened_mut().iter_mut().for_each(|x| *x *= share);
+        small = if is_small(next, NEGLIGIBLE * f64::EPSILON) { small + 1 } else { 0 };
+        if small > gap {
+            return Some(k + 1);
+        }
     }
+    let last = &work.terms[(ORDER - 1) * dim..(ORDER + 1) * dim];
+    last.chunks_exact(dim).all(|terms| is_small(terms, 4.0 * f64::EPSILON)).then_some(ORDER)
 }
 
 impl Tangent<'_> {
     /// The columns along a part of a step, by their own series; `false` where they are not short enough.
     fn expand(&mut self, mode: &Mode, c: &Coefficients) -> bool {
-        let Self { structure: s, columns, modes, orders, base, along, .. } = self;
+        let Self { structure: s, columns, modes, orders, .. } = self;
         let Some(known) = modes.get(mode) else { return true };
-        let m = columns.count;
-        along.resize_with(c.changes.len(), Default::default);
-        along.iter_mut().flatten().for_each(|rows| rows.resize(ORDER * m, 0.0));
-        orders.resize_with(ORDER + 1, || columns.clone());
-        base.resize_with(ORDER, || columns.clone());
-        orders[0].values.copy_from_slice(&columns.values);
         let sizes = largest(s.freedoms(), columns);
-        let mut force = vec![0.0; m];
-        let recurrence = Recurrence {
-            structure: s,
-            held: known.held.as_ref(),
-            coefficients: c,
-            sizes: &sizes,
-            orders,
-            base,
-            along,
-            force: &mut force,
-        };
-        let Some(highest) = s.instructions().run(recurrence) else { return false };
-        for order in orders[1..=highest].iter().rev() {
-            columns.values.iter_mut().zip(&order.values).for_each(|(c, o)| *c += o);
+        let held = known.held.as_ref();
+        let recurrence = Recurrence { structure: s, held, coefficients: c, sizes: &sizes, columns, work: orders };
+        if !s.instructions().run(recurrence) {
+            return false;
         }
         let by_rate = c.changes.iter().map(|(j, _, by)| s.divergence_by(*j) * integral(&by[1]));
         let divergence = s.divergence(&Gradient::default()) * integral(&c.clock) + by_rate.sum::<f64>();
-        self.volume += if known.held.is_some() { f64::NAN } else { divergence };
+        self.volume += if held.is_some() { f64::NAN } else { divergence };
         true
     }
 
