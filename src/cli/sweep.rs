@@ -21,7 +21,7 @@ pub struct Arguments {
     /// Where a point starts: as the scene says, or from the end of its neighbour along the last axis
     #[arg(long, value_enum, default_value = "fresh")]
     seed: Seeding,
-    /// Folder of sweep.csv, sweep.jsonl and sweep.json
+    /// Folder of sweep.csv, sweep.svg, sweep.jsonl and sweep.json
     #[arg(long, value_name = "DIR", default_value = "sweep")]
     out: PathBuf,
     /// Go on with a sweep that was broken off
@@ -33,13 +33,13 @@ pub struct Arguments {
     /// Threads; as many as there are cores if left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Relative distance from a periodic orbit at which the transient is over [default: 1e-9]
+    /// Relative distance between the ends of an orbit that counts [default: 1e-9]
     #[arg(long, value_name = "REL", value_parser = tolerance)]
     tolerance: Option<f64>,
-    /// Cycles after which a motion counts as irregular [default: 400]
+    /// Cycles after which no orbit is looked for any more [default: 400]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     max_cycles: Option<u64>,
-    /// Cycles measured [default: 4 of a periodic motion, 200 of an irregular one; always whole periods]
+    /// Cycles measured [default: 4 of a periodic motion, 200 of any other; always whole periods]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     measure_cycles: Option<u64>,
     /// Print nothing

@@ -58,7 +58,7 @@ const TRIED: usize = 1;
 /// Newton steps in which the residual must fall by half.
 const PATIENCE: usize = 3;
 /// Periods over which a run must come nearer to an orbit.
-const FOLLOWED: u64 = 3;
+const FOLLOWED: u64 = 2;
 /// Share of the contraction by the derivative that a run must show.
 const CONTRACTS: f64 = 0.5;
 /// First cycle at which an orbit is looked for, and the growth of the intervals between later ones.
@@ -103,7 +103,7 @@ impl Attraction {
 impl Approach {
     /// Runs `engine` from start of cycle to start of cycle until a stable orbit is found that it approaches, or until the cycles allowed
     /// are spent. At times Newton's method is tried from the section that the run has come to. A stable orbit counts if the run follows
-    /// it: three periods with its word, in which the distance, in the measure of the orbit's derivative, falls at least half as fast as
+    /// it: two periods with its word, in which the distance, in the measure of the orbit's derivative, falls at least half as fast as
     /// the derivative says. `None` if the run is broken off: by `task`, by the observer or by the limit on events.
     ///
     /// # Errors

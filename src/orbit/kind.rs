@@ -5,11 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Complex, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Approach, Approached, Drift, Orbit, SectionMap,
-    exponents::{Frame, means},
-    section::Section,
-};
+use super::{Approach, Approached, Drift, Orbit, SectionMap, exponents::means, frame::Frame, section::Section};
 use crate::{
     engine::{Engine, Observer, Outcome},
     simulation::SimulationError,

@@ -5,6 +5,7 @@
 
 mod approach;
 mod exponents;
+mod frame;
 mod kind;
 mod newton;
 pub mod pictures;

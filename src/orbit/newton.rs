@@ -240,13 +240,24 @@ impl SectionMap<'_> {
                 (there.norm() < *residual).then_some((trial, there, halved))
             });
             let next = first.and_then(|(mut trial, mut there, halved)| {
+                // Broyden's update keeps the inverse up to date along the steps taken.
+                let Ok(mut inverse) = svd.clone().pseudo_inverse(NEUTRAL * svd.singular_values.max()) else {
+                    return None;
+                };
+                let (mut step, mut before) = (&step * 0.5f64.powi(halved), off.clone());
                 let mut fell = if halved == 0 { there.norm() / residual } else { 1.0 };
                 while fell <= CHORD && there.norm() > f64::EPSILON {
-                    let Ok(step) = svd.solve(&-&there, NEUTRAL * svd.singular_values.max()) else { break };
+                    let change = &inverse * (&there - &before);
+                    let along = step.dot(&change);
+                    if along.abs() > f64::EPSILON * step.norm_squared() {
+                        let row = step.transpose() * &inverse / along;
+                        inverse += (&step - &change) * row;
+                    }
+                    step = -(&inverse * &there);
                     let further = moved(&trial, &step, 1.0);
                     let Some(off) = off_at(&further).filter(|off| off.norm() < there.norm()) else { break };
                     fell = off.norm() / there.norm();
-                    (trial, there) = (further, off);
+                    (trial, before) = (further, std::mem::replace(&mut there, off));
                 }
                 evaluate(&trial).ok().map(|there| (trial, there))
             });

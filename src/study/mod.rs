@@ -19,6 +19,8 @@ mod published;
 mod record;
 pub mod steady;
 mod steady_sweep;
+#[cfg(feature = "plot")]
+mod sweep_figure;
 #[cfg(test)]
 #[path = "../../tests/unit/study.rs"]
 mod tests;

@@ -130,7 +130,32 @@ impl SteadySweep {
             }
         }
         let columns = columns(&contacts, self.dimensionless);
-        journal.finish(&self.plan, &columns, |steady| cells(&contacts, steady))
+        let picture = self.picture(&mut journal)?;
+        journal.finish(&self.plan, &columns, |steady| cells(&contacts, steady), picture.as_deref())
+    }
+
+    /// The picture of a sweep over one number that has rows.
+    #[cfg(feature = "plot")]
+    fn picture(&self, journal: &mut Journal<Steady, Seed>) -> Result<Option<String>, SweepError> {
+        let [axis] = self.plan.grid().axes() else { return Ok(None) };
+        let mut rows = Vec::new();
+        for row in 0..self.plan.rows() {
+            let Cell { values, direction, .. } = self.plan.cell(row);
+            if let Some(Entry { outcome: Outcome::Done { result, .. }, .. }) = journal.entry(row)? {
+                rows.push((values[0], direction, result));
+            }
+        }
+        let name = std::path::Path::new(self.scene.name())
+            .file_stem()
+            .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+        let figure = super::sweep_figure::figure(&name, &axis.pointer, &rows, self.dimensionless);
+        Ok(figure.map(|figure| figure.svg(crate::plot::Theme::Light)))
+    }
+
+    #[cfg(not(feature = "plot"))]
+    #[allow(clippy::unnecessary_wraps)] // as with pictures
+    fn picture(&self, _: &mut Journal<Steady, Seed>) -> Result<Option<String>, SweepError> {
+        Ok(None)
     }
 }
 

@@ -16,9 +16,10 @@ use crate::output::{self, OutputError, csv_line, failed, label, number, part};
 pub(super) const SEAL: &str = "sweep.json";
 const TABLE: &str = "sweep.csv";
 const ROWS: &str = "sweep.jsonl";
+const PICTURE: &str = "sweep.svg";
 
 /// The final files, the seal first: it goes before what it vouches for.
-pub(super) const RESULTS: [&str; 3] = [SEAL, TABLE, ROWS];
+pub(super) const RESULTS: [&str; 4] = [SEAL, TABLE, ROWS, PICTURE];
 
 /// How many rows a sweep has, and how many of them failed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -49,6 +50,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
     ///
     /// - `sweep.csv`: values, direction, `columns` filled by `cells`, error;
     /// - `sweep.jsonl`: the same with the whole of each row;
+    /// - `sweep.svg`: `picture`, if there is one;
     /// - `sweep.json`: what the sweep was, and how many rows failed. It is written last: where it is, the others are whole.
     ///
     /// # Errors
@@ -61,6 +63,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         plan: &Plan,
         columns: &[impl AsRef<str>],
         cells: impl Fn(&R) -> Vec<String>,
+        picture: Option<&str>,
     ) -> Result<Tally, SweepError> {
         let folder = self.folder.clone();
         let mut table = Part::create(&folder, TABLE)?;
@@ -95,7 +98,12 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         header.insert("rows".to_owned(), tally.rows.into());
         header.insert("failed".to_owned(), tally.failed.into());
         seal.write(&format!("{:#}\n", Value::from(header)))?;
-        for part in [table, rows, seal] {
+        let picture = picture.map(|picture| -> Result<_, OutputError> {
+            let mut part = Part::create(&folder, PICTURE)?;
+            part.write(picture)?;
+            Ok(part)
+        });
+        for part in [table, rows].into_iter().chain(picture.transpose()?).chain([seal]) {
             part.publish()?;
         }
         // Nothing depends on the journal any more. The lock is held until it is gone.

@@ -17,7 +17,7 @@ use crate::output::{self, OutputError, Request, failed};
 
 pub(super) const NAME: &str = "sweep.journal";
 /// Every file of a sweep.
-const FILES: [&str; 4] = [NAME, RESULTS[0], RESULTS[1], RESULTS[2]];
+const FILES: [&str; 5] = [NAME, RESULTS[0], RESULTS[1], RESULTS[2], RESULTS[3]];
 
 /// How a sweep begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -55,7 +55,8 @@ fn a_stable_orbit_of_a_pair_has_its_multipliers() {
     assert!((m.re + 0.045_446_901_492_586_36).abs() <= 1e-14 && (m.im - 0.670_908_969_880_905_7).abs() <= 1e-14, "{m}");
     // The volume shrinks by the damping alone.
     let determinant = (-0.12 * simulation.period().unwrap()).exp();
-    assert!((orbit.image.jacobian.determinant() - determinant).abs() <= 1e-15);
+    // Each entry, at most 1.4, is right to some roundings.
+    assert!((orbit.image.jacobian.determinant() - determinant).abs() <= 4e-15);
 }
 
 /// A wall without damping: `|μ|² = ε²` at every frequency; the pair of multipliers is from Newton's method in closed form.

@@ -63,9 +63,11 @@ fn sweep_with(
     let task = Task::new(&interrupted, &|_| ());
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     match pool.install(|| run(plan, &mut journal, point, task)).unwrap() {
-        Ending::Complete => {
-            Some(journal.finish(plan, &["seeded", "x"], |(x, seeded)| vec![seeded.to_string(), x.to_string()]).unwrap())
-        }
+        Ending::Complete => Some(
+            journal
+                .finish(plan, &["seeded", "x"], |(x, seeded)| vec![seeded.to_string(), x.to_string()], None)
+                .unwrap(),
+        ),
         Ending::Interrupted => None,
     }
 }
@@ -160,7 +162,9 @@ fn sweeps_side_by_side_share_the_threads_of_their_caller() {
                 bistable(cell, seed)
             };
             assert_eq!(run(&plan, &mut journal, point, Task::default()).unwrap(), Ending::Complete);
-            journal.finish(&plan, &["seeded", "x"], |(x, seeded)| vec![seeded.to_string(), x.to_string()]).unwrap();
+            journal
+                .finish(&plan, &["seeded", "x"], |(x, seeded)| vec![seeded.to_string(), x.to_string()], None)
+                .unwrap();
             bytes(folder.path())
         };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

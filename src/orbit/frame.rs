@@ -1,0 +1,251 @@
+//! Columns of the tangent that are kept orthonormal, and the logarithms of what is taken out of them.
+
+use std::ops::ControlFlow;
+
+use super::{Drift, Tangent};
+use crate::{
+    engine::{Jumped, Observer, State},
+    hybrid::Mode,
+    integrate::DenseStep,
+    simulation::Simulation,
+    system::Columns,
+};
+
+/// A column this much smaller than the largest, after contacts have come to rest, is rounding: the derivative has lost a rank.
+const LOST: f64 = 1e-11;
+/// Rates times time after which columns are made orthonormal at the latest: they have then turned to each other by a factor of 1e3.
+const TURNED: f64 = 7.0;
+/// A tangent whose columns are kept orthonormal.
+pub(super) struct Frame<'s> {
+    pub(super) tangent: Tangent<'s>,
+    drift: &'s Drift,
+    /// Momenta of the drift, `M ρ`, and `ρᵀMρ`.
+    momenta: Vec<(Vec<f64>, f64)>,
+    n: usize,
+    /// Scale of velocities.
+    scale: f64,
+    /// `Σ ln R_ii` since they were taken.
+    logs: Vec<f64>,
+    /// Columns whose rank has been lost since they were looked at.
+    pub(super) lost: Vec<bool>,
+    /// Columns that are zero now, as contacts rest.
+    zero: Vec<bool>,
+    turned: f64,
+    /// The mode, while contacts rest in it.
+    resting: Option<Mode>,
+}
+
+impl<'s> Frame<'s> {
+    pub(super) fn new(simulation: &'s Simulation, drift: &'s Drift, scale: f64) -> Self {
+        let structure = &simulation.structure;
+        let n = structure.freedoms();
+        let left_out: usize = drift.is_free.iter().map(|free| 1 + usize::from(*free)).sum();
+        let count = 2 * n - left_out;
+        let dim = 2 * n + structure.contacts().iter().filter(|c| c.latch().is_some()).count();
+        // Unit columns; those most along a drift are left out, and what is left of it in the others goes with the first factors.
+        let mut values = vec![0.0; dim * count];
+        let mut kept: Vec<usize> = (0..2 * n).collect();
+        for (direction, is_free) in drift.directions.iter().zip(&drift.is_free) {
+            let along =
+                (0..n).filter(|i| kept.contains(i)).max_by(|a, b| direction[*a].abs().total_cmp(&direction[*b].abs()));
+            if let Some(i) = along {
+                kept.retain(|k| *k != i && !(*is_free && *k == n + i));
+            }
+        }
+        kept.iter().enumerate().for_each(|(column, i)| values[i * count + column] = 1.0);
+        Self::of(simulation, drift, scale, Columns { count, values })
+    }
+
+    /// One column, for the largest exponent.
+    pub(super) fn single(simulation: &'s Simulation, drift: &'s Drift, scale: f64) -> Self {
+        let structure = &simulation.structure;
+        let n = structure.freedoms();
+        let latches = structure.contacts().iter().filter(|c| c.latch().is_some()).count();
+        // Along no symmetry of a train.
+        let values = (0..2 * n).map(|i| (1.0 + (i as f64 + 2.0).sqrt().fract()) * if i < n { 1.0 } else { scale });
+        let values = values.chain(std::iter::repeat_n(0.0, latches)).collect();
+        Self::of(simulation, drift, scale, Columns { count: 1, values })
+    }
+
+    fn of(simulation: &'s Simulation, drift: &'s Drift, scale: f64, columns: Columns) -> Self {
+        let structure = &simulation.structure;
+        let (n, count, spec) = (structure.freedoms(), columns.count, structure.spec());
+        let momenta = drift.directions.iter().map(|direction| {
+            let momentum: Vec<f64> = (0..n).map(|i| (0..n).map(|j| spec.mass[(i, j)] * direction[j]).sum()).collect();
+            let weight = momentum.iter().zip(direction).map(|(m, d)| m * d).sum();
+            (momentum, weight)
+        });
+        let mut frame = Self {
+            tangent: Tangent::of(structure, columns),
+            drift,
+            momenta: momenta.collect(),
+            n,
+            scale,
+            logs: vec![0.0; count],
+            lost: vec![false; count],
+            zero: vec![false; count],
+            turned: 0.0,
+            resting: None,
+        };
+        frame.orthonormalise();
+        frame.logs.fill(0.0);
+        frame
+    }
+
+    /// Starts at `state`, where contacts may rest.
+    pub(super) fn start(&mut self, state: &State) {
+        self.tangent.start(state);
+        self.rest(&state.jump.mode);
+        self.orthonormalise();
+        self.logs.fill(0.0);
+    }
+
+    /// Keeps in mind what contacts at rest in `mode` allow.
+    fn rest(&mut self, mode: &Mode) {
+        self.resting = self.tangent.rests.then(|| mode.clone());
+    }
+
+    /// Takes the averages to begin here: nothing that rested or latched before has a part in them.
+    pub(super) fn begin(&mut self) {
+        self.lost.clone_from(&self.zero);
+        let first = 2 * self.n * self.tangent.columns.count;
+        self.tangent.columns.values[first..].fill(0.0);
+    }
+
+    /// Takes the factors out of the columns. Those without a length of their own, as contacts at rest have taken their rank, become zero.
+    fn orthonormalise(&mut self) {
+        // Rounding along what contacts at rest do not allow does not decay as the columns do.
+        if let Some(mode) = &self.resting {
+            self.tangent.restrain(mode);
+        }
+        let Self { tangent, drift, momenta, n, scale, logs, lost, zero, .. } = self;
+        let (n, m) = (*n, tangent.columns.count);
+        let values = &mut tangent.columns.values;
+        for ((momentum, weight), (direction, is_free)) in
+            momenta.iter().zip(drift.directions.iter().zip(&drift.is_free))
+        {
+            for first in if *is_free { vec![0, n] } else { vec![0] } {
+                for l in 0..m {
+                    let share: f64 = (0..n).map(|i| momentum[i] * values[(first + i) * m + l]).sum::<f64>() / *weight;
+                    (0..n).for_each(|i| values[(first + i) * m + l] -= share * direction[i]);
+                }
+            }
+        }
+        // Latched speeds have no length: they follow from displacements and velocities, and go with them. One vector after the other,
+        // velocities in units of the scale.
+        let rows = values.len() / m;
+        let unit = |i: usize| if i < n || i >= 2 * n { 1.0 } else { *scale };
+        let mut vectors: Vec<Vec<f64>> =
+            (0..m).map(|l| (0..rows).map(|i| values[i * m + l] / unit(i)).collect()).collect();
+        let norm = |vector: &[f64]| vector[..2 * n].iter().map(|c| c * c).sum::<f64>().sqrt();
+        let mut largest = 0.0f64;
+        for l in 0..m {
+            if zero[l] {
+                continue;
+            }
+            let (done, rest) = vectors.split_at_mut(l);
+            let vector = &mut rest[0];
+            largest = largest.max(norm(vector));
+            let mut log = 0.0;
+            for _ in 0..2 {
+                for (other, _) in done.iter().zip(&*zero).filter(|(_, zero)| !**zero) {
+                    let dot: f64 = other[..2 * n].iter().zip(&vector[..2 * n]).map(|(a, b)| a * b).sum();
+                    vector.iter_mut().zip(other).for_each(|(v, o)| *v -= dot * o);
+                }
+                let size = norm(vector);
+                if (tangent.rests || tangent.dies) && size <= LOST * largest || size == 0.0 {
+                    (lost[l], zero[l]) = (true, true);
+                    vector.fill(0.0);
+                    break;
+                }
+                log += libm::log(size);
+                vector.iter_mut().for_each(|v| *v /= size);
+            }
+            logs[l] += log;
+        }
+        for (l, vector) in vectors.iter().enumerate() {
+            vector.iter().enumerate().for_each(|(i, v)| values[i * m + l] = v * unit(i));
+        }
+        self.turned = 0.0;
+    }
+
+    /// Contacts let go: columns that were zero have a direction again, any one, at right angles to the others.
+    fn seed(&mut self) {
+        let (n, m) = (self.n, self.tangent.columns.count);
+        for l in (0..m).filter(|l| self.zero[*l]).collect::<Vec<_>>() {
+            let weight = |i: usize| if i < n { 1.0 } else { self.scale };
+            // Of all units the one that the others have least of.
+            let covered = |i: usize| {
+                let row = self.tangent.columns.row(i);
+                row.iter().map(|c| (c / weight(i)).powi(2)).sum::<f64>()
+            };
+            let best = (0..2 * n).min_by(|a, b| covered(*a).total_cmp(&covered(*b)));
+            let Some(best) = best else { return };
+            let scale = weight(best);
+            self.tangent.columns.values[best * m + l] = scale;
+            self.zero[l] = false;
+            let logs = self.logs.clone();
+            self.orthonormalise();
+            self.logs = logs;
+        }
+    }
+
+    fn turn(&mut self, mode: &Mode, time: f64) {
+        self.turned += self.tangent.rate(mode) * time;
+        if self.turned > TURNED {
+            self.orthonormalise();
+        }
+    }
+
+    /// Whether a part of the motion could not be resolved.
+    pub(super) fn is_unresolved(&self) -> bool {
+        self.tangent.is_unresolved
+    }
+
+    /// The logarithms since the last time.
+    pub(super) fn take(&mut self) -> Vec<f64> {
+        self.orthonormalise();
+        let count = self.logs.len();
+        std::mem::replace(&mut self.logs, vec![0.0; count])
+    }
+}
+
+impl Observer for Frame<'_> {
+    fn wants_steps(&self, mode: &Mode) -> bool {
+        self.tangent.wants_steps(mode)
+    }
+
+    fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
+        self.tangent.leap(mode, time)?;
+        self.turn(mode, time);
+        ControlFlow::Continue(())
+    }
+
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        self.tangent.step(mode, step, until)?;
+        self.turn(mode, step.time(until));
+        ControlFlow::Continue(())
+    }
+
+    fn wants_jumps(&self) -> bool {
+        true
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        // What the columns have turned by so far is not to be mixed with what an impact does. Soft contacts change them little.
+        let is_impact = !jumped.to.struck.is_empty() || jumped.settles || self.tangent.rests;
+        if is_impact {
+            self.orthonormalise();
+        }
+        self.tangent.jump(jumped);
+        self.tangent.forget(&jumped.to.mode);
+        self.rest(&jumped.to.mode);
+        if is_impact || self.tangent.rests {
+            self.orthonormalise();
+        }
+        self.tangent.dies = false;
+        if !self.tangent.rests && self.zero.contains(&true) {
+            self.seed();
+        }
+    }
+}
