@@ -6,7 +6,11 @@
 
 use serde::Serialize;
 
-use super::{Drift, SectionMap, frame::Frame};
+use super::{
+    Drift, SectionMap,
+    frame::Frame,
+    words::{Sequence, Speller, Statistics},
+};
 use crate::{
     engine::Outcome,
     simulation::{Simulation, SimulationError},
@@ -21,6 +25,8 @@ const MOST: u64 = 1_000_000;
 const BAND: f64 = 1e-3;
 /// Blocks that a band is estimated from.
 const BLOCKS: usize = 40;
+/// Cycles whose words are read.
+const SPELLED: u64 = 100_000;
 /// Correlation of neighbouring blocks above which a band is doubled.
 const CORRELATED: f64 = 0.2;
 
@@ -55,6 +61,8 @@ pub struct Exponents {
     pub unit: &'static str,
     /// Directions of drift left out, each with exponent 0.
     pub drift: usize,
+    /// What the words of the averaged cycles tell, of at most the first hundred thousand.
+    pub words: Statistics,
     /// Why it stopped before the band was small enough, if so.
     pub reason: Option<String>,
     /// What only the derivative of each reset gives, without the change of event times.
@@ -141,19 +149,28 @@ impl Lyapunov {
             bare.tangent.without_saltation();
             bare
         });
+        let mut speller = Speller::new(&simulation.structure, &start.x);
+        let mut sequence = Sequence::default();
         let mut engine = simulation.engine(start.clone())?;
         let (mut rows, mut bare_rows, mut course) = (Vec::new(), Vec::new(), Vec::new());
         let (mut volume, mut reason, mut next_look, mut next_point) = (0.0, None, least, 2 * BLOCKS as u64);
         let clock = simulation.clock();
         let first = engine.state().at.cycle;
         for cycle in 1..=dropped + most {
-            let outcome = engine.run(clock.at(first + cycle as i64, 0.0), &mut (&mut frame, &mut bare))?;
+            let outcome = engine.run(
+                clock.at(first + cycle as i64, 0.0),
+                &mut ((&mut frame, &mut bare), (cycle <= dropped + SPELLED).then_some(&mut speller)),
+            )?;
             let (logs, bare_logs) = (frame.take(), bare.as_mut().map(Frame::take));
             if cycle == dropped {
                 frame.begin();
                 bare.iter_mut().for_each(Frame::begin);
             }
+            let word = speller.take();
             if cycle > dropped {
+                if cycle <= dropped + SPELLED {
+                    sequence.add(&word);
+                }
                 rows.push(logs);
                 bare_rows.extend(bare_logs);
                 volume += frame.tangent.volume;
@@ -225,6 +242,7 @@ impl Lyapunov {
             dropped,
             unit: if simulation.dimensionless { "1/time" } else { "1/s" },
             drift: drift.is_free.iter().map(|free| 1 + usize::from(*free)).sum(),
+            words: sequence.statistics(),
             reason,
             without_saltation: bare,
             finite,

@@ -286,6 +286,8 @@ pub fn components(simulation: &Simulation) -> Vec<String> {
 struct Row {
     period_cycles: u64,
     word: String,
+    /// Contacts gained and impacts, over periods of the forcing: p/q.
+    impacts_per_period: String,
     x: Vec<f64>,
     multipliers: Vec<[f64; 2]>,
     stable: bool,
@@ -307,12 +309,20 @@ impl Orbit {
         text(&normal(&self.image.word))
     }
 
+    /// Contacts gained and impacts in the period.
+    #[must_use]
+    pub fn impacts(&self) -> usize {
+        let tokens = self.image.word.iter().flat_map(|token| token.split(['[', ']', ' ']));
+        tokens.filter(|token| token.starts_with(['c', 'i', 'z'])).count()
+    }
+
     fn report(&self, simulation: &Simulation) -> Value {
         let n = simulation.structure.freedoms();
         let x = &self.section.x;
         let row = Row {
             period_cycles: self.period,
             word: self.word(),
+            impacts_per_period: format!("{}/{}", self.impacts(), self.period),
             x: x.clone(),
             multipliers: self.multipliers.iter().map(|m| [m.re, m.im]).collect(),
             stable: self.is_stable,

@@ -4,7 +4,9 @@
 //! lost as the force is zero, `a` gained again inside the zone, `x` left the zone, `i` impact, `z` comes to rest, `l` released from rest.
 //! Tokens of one instant stand sorted in brackets.
 
-use std::ops::ControlFlow;
+use std::{collections::BTreeMap, ops::ControlFlow};
+
+use serde::Serialize;
 
 use crate::{
     engine::{Jumped, Observer},
@@ -48,6 +50,93 @@ pub fn text(tokens: &[String]) -> String {
     tokens.join(" ")
 }
 
+/// The sequence of the words of cycles, and what it tells.
+#[derive(Clone, Debug, Default)]
+pub struct Sequence {
+    /// The words that occurred, and how often.
+    words: Vec<(String, u64)>,
+    /// Their numbers, cycle by cycle.
+    order: Vec<u32>,
+}
+
+/// Statistics of the words of cycles.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Statistics {
+    /// Cycles read.
+    pub cycles: u64,
+    /// Contacts gained and impacts in a cycle, on average.
+    pub contacts_per_cycle: f64,
+    /// Different words of a cycle.
+    pub different: usize,
+    /// The most frequent ones, with their shares.
+    pub most_frequent: Vec<(String, f64)>,
+    /// Entropy of the sequence, nats per cycle: how much a word is still unknown when those of `memory` cycles before it are known. At most
+    /// the sum of the positive exponents times the period (Ruelle 1978).
+    pub entropy: f64,
+    /// Words known before.
+    pub memory: usize,
+}
+
+/// Words named in a file.
+const NAMED: usize = 12;
+
+impl Sequence {
+    /// Adds the word of a cycle. Contacts lost by force and gained again inside the zone of a flank are left out: they are one contact.
+    pub fn add(&mut self, tokens: &[String]) {
+        let is_told = |token: &&&str| !token.starts_with(['a', 'x']);
+        let told = |token: &String| {
+            let letters: Vec<&str> = token.split(['[', ']', ' ']).filter(|t| !t.is_empty()).collect();
+            let told: Vec<&str> = letters.iter().filter(is_told).copied().collect();
+            if told.len() > 1 { format!("[{}]", told.join(" ")) } else { told.concat() }
+        };
+        let word = tokens.iter().map(told).filter(|token| !token.is_empty()).collect::<Vec<_>>().join(" ");
+        let place = self.words.iter().position(|(known, _)| *known == word).unwrap_or_else(|| {
+            self.words.push((word, 0));
+            self.words.len() - 1
+        });
+        self.words[place].1 += 1;
+        self.order.push(place as u32);
+    }
+
+    /// Entropy of the blocks of `length` words, nats, with the correction of Miller and Madow for its bias; and how many differ.
+    fn block_entropy(&self, length: usize) -> (f64, usize) {
+        let mut counts: BTreeMap<&[u32], u64> = BTreeMap::new();
+        self.order.windows(length).for_each(|block| *counts.entry(block).or_default() += 1);
+        let total: u64 = counts.values().sum();
+        let entropy: f64 = counts.values().map(|n| *n as f64 / total as f64).map(|p| -p * libm::log(p)).sum();
+        (entropy + (counts.len() as f64 - 1.0) / (2.0 * total as f64), counts.len())
+    }
+
+    /// What the sequence tells. Blocks are as long as a tenth of the cycles allows for their number.
+    #[must_use]
+    pub fn statistics(&self) -> Statistics {
+        let (mut memory, mut entropy, mut before) = (0, 0.0, 0.0);
+        for length in 1..self.order.len() {
+            let (block, different) = self.block_entropy(length);
+            if length > 1 && (different * 10 > self.order.len() || length > LONGEST_BLOCK) {
+                break;
+            }
+            (memory, entropy, before) = (length - 1, block - before, block);
+        }
+        let cycles = self.order.len() as u64;
+        let mut frequent = self.words.clone();
+        frequent.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
+        let contacts = |word: &str| word.split(['[', ']', ' ']).filter(|t| t.starts_with(['c', 'i', 'z'])).count();
+        let all: u64 = self.words.iter().map(|(word, count)| contacts(word) as u64 * count).sum();
+        Statistics {
+            cycles,
+            contacts_per_cycle: all as f64 / cycles.max(1) as f64,
+            different: self.words.len(),
+            most_frequent: frequent.into_iter().take(NAMED).map(|(w, n)| (w, n as f64 / cycles as f64)).collect(),
+            entropy: entropy.max(0.0),
+            memory,
+        }
+    }
+}
+
+/// Words of a block at most.
+const LONGEST_BLOCK: usize = 12;
+
 /// Spells the motion that it watches.
 #[derive(Debug)]
 pub(super) struct Speller<'s> {
@@ -68,6 +157,12 @@ impl<'s> Speller<'s> {
     /// Takes the sizes of a state into account.
     pub fn meet(&mut self, x: &[f64]) {
         self.sizes.iter_mut().zip(x).for_each(|(size, x)| *size = size.max(x.abs()));
+    }
+
+    /// The tokens since they were taken last.
+    pub fn take(&mut self) -> Vec<String> {
+        self.close();
+        std::mem::take(&mut self.tokens)
     }
 
     /// The tokens up to now.
