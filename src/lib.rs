@@ -67,6 +67,7 @@ pub mod simulation;
 pub mod study;
 pub mod sweep;
 pub mod system;
+pub mod tangent;
 mod task;
 pub mod train;
 mod vectors;

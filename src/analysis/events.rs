@@ -105,6 +105,8 @@ pub struct EventRow {
     pub slope: f64,
     /// Uncertainty of the time, s.
     pub uncertainty: f64,
+    /// What errors of the run before, amplified by its motion, add to it, s: an estimate. `None` where nobody computes it.
+    pub inherited_uncertainty: Option<f64>,
     /// The uncertainty is an estimate, no proven bound.
     pub estimated: bool,
     /// The contacts to which something happened, in rising order.
@@ -155,6 +157,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFl
             residual: record.conditioning.residual,
             slope: record.conditioning.slope,
             uncertainty: record.conditioning.time,
+            inherited_uncertainty: None,
             estimated: record.conditioning.estimated,
             contacts,
         }

@@ -56,6 +56,8 @@ pub struct Run {
     pub instructions: Instructions,
     /// Approach speed below which a chatter sequence may be summed, m/s; `None` leaves it to the engine.
     pub chatter_speed: Option<f64>,
+    /// Whether events tell what the run before has amplified, see [`Inherited`](crate::tangent::Inherited).
+    pub inherited_uncertainty: bool,
     /// Whether the run is checked arc by arc, see [`verify`](crate::verify).
     pub verify: bool,
     /// Trajectory samples per cycle; 0 writes no trajectory.
@@ -85,6 +87,7 @@ impl Run {
             tolerance: 1.0e-13,
             instructions: Instructions::best(),
             chatter_speed: None,
+            inherited_uncertainty: false,
             verify: false,
             samples_per_cycle: 0,
             frame: Frame::Rotating,
@@ -165,6 +168,7 @@ pub(super) fn read(node: &Node, spec: &Spec) -> Run {
         tolerance: integrator.at("tolerance").number(),
         instructions: instructions(&integrator.at("instructions")),
         chatter_speed: node.at_unit("chatter_speed", "m_per_s").written().map(|speed| speed.number()),
+        inherited_uncertainty: node.at("inherited_uncertainty").flag(),
         verify: node.at("verify").flag(),
         samples_per_cycle: output.at("samples_per_cycle").whole(),
         frame: if output.at("frame").text() == "fixed" { Frame::Fixed } else { Frame::Rotating },

@@ -1,4 +1,5 @@
 use std::{
+    cell::Cell,
     fs::File,
     io::{BufWriter, LineWriter, Write},
     ops::{ControlFlow, Deref},
@@ -16,6 +17,7 @@ use crate::{
     hybrid::{Clock, Instant, Mode},
     integrate::{Choice, DenseStep},
     output::Request,
+    tangent::Inherited,
     task::{Progress, Task},
 };
 
@@ -107,6 +109,8 @@ impl<'a> Job<'a> {
         let (run, structure) = (&simulation.settings, &simulation.structure);
         let start = simulation.start()?;
         let mut check = self.verify.then(|| simulation.verifier(&start));
+        let amplified = Cell::new(None);
+        let mut inherited = run.inherited_uncertainty.then(|| Inherited::new(structure, &start, &amplified));
         let (mut engine, why) = simulation.limited(start, self.max_events)?;
 
         let sampled = self.trajectory && folder.is_some();
@@ -123,7 +127,10 @@ impl<'a> Job<'a> {
 
         let [from, measured, end] = simulation.instants();
         let measures = Contacts::new(structure, Some(measured)).keep(0);
-        let mut log = EventLog::new(structure, measures, |row| rows.take(row));
+        let mut log = EventLog::new(structure, measures, |mut row: EventRow| {
+            row.inherited_uncertainty = amplified.get();
+            rows.take(row)
+        });
         let mut ledger = Ledger::new(structure);
         let contacts = 0..structure.contacts().len();
         let mut transmission = TransmissionError::new(structure, contacts, HARMONICS, Some(measured));
@@ -136,7 +143,7 @@ impl<'a> Job<'a> {
         let clock = structure.clock();
         let mut watch = Watchman { task, clock, from, span: clock.between(from, end), steps: 0 };
         let measures = ((&mut log, &mut check), (&mut ledger, &mut transmission));
-        let result = engine.run(end, &mut ((measures, (&mut trajectory, &mut watch)), &mut observer));
+        let result = engine.run(end, &mut (((&mut inherited, measures), (&mut trajectory, &mut watch)), &mut observer));
         let state = engine.state();
         if let Ok(Outcome::ReachedEnd) = result {
             // A break here is a file that cannot be written: it is reported with the file.

@@ -11,6 +11,7 @@ mod endings;
 mod ensemble;
 mod first_root;
 mod frequencies;
+mod inherited;
 mod instructions;
 mod isolation;
 mod leaps;

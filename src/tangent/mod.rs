@@ -1,9 +1,12 @@
-//! The tangent of a run: columns that travel with the state.
+//! The derivative of the motion: columns that travel with the state of a run, and what of its errors a run has amplified.
 
 mod collocation;
+mod inherited;
 mod series;
 
 use std::{collections::BTreeMap, ops::ControlFlow};
+
+pub use inherited::Inherited;
 
 use collocation::Collocated;
 use series::{Coefficients, Orders};
@@ -51,9 +54,9 @@ pub struct Tangent<'s> {
     /// The latched speeds that were written anew.
     pub latched: Vec<bool>,
     /// Contacts rest.
-    pub(super) rests: bool,
+    pub(crate) rests: bool,
     /// The last jump took a rank.
-    pub(super) dies: bool,
+    pub(crate) dies: bool,
     /// The most ranks that contacts at rest have taken at one time.
     pub rested: usize,
     resets_only: bool,
@@ -122,7 +125,7 @@ impl<'s> Tangent<'s> {
     }
 
     /// Takes out of the columns of a start what contacts at rest in `mode` do not allow.
-    pub(super) fn restrain(&mut self, mode: &Mode) {
+    pub(crate) fn restrain(&mut self, mode: &Mode) {
         self.rests = self.structure.held(mode).is_some();
         self.structure.restrain(mode, None, &mut self.columns);
     }
@@ -137,7 +140,7 @@ impl<'s> Tangent<'s> {
     }
 
     /// Forgets the latched speeds of contacts that are open in `mode`: nothing follows from them any more.
-    pub(super) fn forget(&mut self, mode: &Mode) {
+    pub(crate) fn forget(&mut self, mode: &Mode) {
         let count = self.columns.count;
         for (j, c) in self.structure.contacts().iter().enumerate() {
             if let Some(latch) = c.latch().filter(|_| contact_mode(mode, j) == ContactMode::Separated) {
@@ -152,7 +155,7 @@ impl<'s> Tangent<'s> {
     }
 
     /// A size of the rates of `mode`, rad/s.
-    pub(super) fn rate(&self, mode: &Mode) -> f64 {
+    pub(crate) fn rate(&self, mode: &Mode) -> f64 {
         self.modes.get(mode).map_or(0.0, |known| known.rate)
     }
 

@@ -73,14 +73,14 @@ impl Collocated {
 
 impl Tangent<'_> {
     /// The columns of a start along a part of a step, by collocation.
-    pub(super) fn collocate_start(&mut self, mode: &Mode, step: &dyn DenseStep, part: [f64; 2]) {
+    pub(crate) fn collocate_start(&mut self, mode: &Mode, step: &dyn DenseStep, part: [f64; 2]) {
         self.collocated.columns.values.copy_from_slice(&self.columns.values);
         self.collocate(mode, step, part, false, 0);
         self.columns.values.copy_from_slice(&self.collocated.columns.values);
     }
 
     /// A part of a step along which `f_x` changes, by collocation in the step's clock: the columns of a start, or those of numbers.
-    pub(super) fn collocate(
+    pub(crate) fn collocate(
         &mut self,
         mode: &Mode,
         step: &dyn DenseStep,

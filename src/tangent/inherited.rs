@@ -1,0 +1,143 @@
+//! How uncertain events are by what the run so far has amplified.
+
+use std::{cell::Cell, ops::ControlFlow};
+
+use nalgebra::DMatrix;
+
+use super::Tangent;
+use crate::{
+    engine::{Jumped, Observer, State},
+    event::EventRecord,
+    hybrid::{HybridSystem, Mode, VectorField},
+    integrate::DenseStep,
+    system::{Columns, Structure},
+};
+
+/// Roundings of the state that a step adds, in units of its last place.
+const ROUNDED: f64 = 2.0 * f64::EPSILON;
+/// Share of the state's size by which a guard is differenced along a column.
+const DIFFERENCE: f64 = 1e-6;
+
+/// The errors of a run so far, as columns: their spread is `S Sᵀ`. Each step adds the rounding of the state, each event the shift of the
+/// state by the uncertainty of its own time; the tangent of the run amplifies them. They count as independent, so that their squares add:
+/// an estimate, no bound.
+pub struct Inherited<'s> {
+    structure: &'s Structure,
+    tangent: Tangent<'s>,
+    /// Steps since errors were added last.
+    steps: f64,
+    /// What the last instant shifts, in units of its time.
+    shift: Vec<f64>,
+    /// Uncertainty of the time of the instant that is open, s.
+    time: Option<f64>,
+    /// The same of the instant that was closed last, for whoever writes its record.
+    told: &'s Cell<Option<f64>>,
+}
+
+impl<'s> Inherited<'s> {
+    /// From a start that is exact; `told` hears of the uncertainty of each instant.
+    #[must_use]
+    pub fn new(structure: &'s Structure, start: &State, told: &'s Cell<Option<f64>>) -> Self {
+        let dim = HybridSystem::dim(structure);
+        let mut tangent = Tangent::of(structure, Columns { count: dim, values: vec![0.0; dim * dim] });
+        tangent.start(start);
+        Self { structure, tangent, steps: 0.0, shift: vec![0.0; dim], time: None, told }
+    }
+
+    /// `√(Σ (h_x s_l)²)/|ḣ|` of a guard, for the columns s_l: how far its zero may have moved.
+    fn moved(&self, jumped: &Jumped<'_>, id: crate::hybrid::GuardId) -> f64 {
+        let (s, mode, x, dim) = (self.structure, &jumped.from.mode, jumped.x_minus, jumped.x_minus.len());
+        let along = |direction: &dyn Fn(usize) -> f64, dt: f64| {
+            // A change of some millionth of the state.
+            let share = (0..dim).filter(|i| direction(*i) != 0.0).map(|i| x[i].abs() / direction(i).abs());
+            let length = DIFFERENCE * share.fold(0.0, f64::max);
+            if length == 0.0 {
+                return 0.0;
+            }
+            let guard = |sign: f64| {
+                let moved: Vec<f64> = (0..dim).map(|i| x[i] + sign * length * direction(i)).collect();
+                s.guard(mode, id, s.clock().advance(jumped.at, sign * length * dt), &moved)
+            };
+            (guard(1.0) - guard(-1.0)) / (2.0 * length)
+        };
+        let mut field = vec![0.0; dim];
+        s.eval(mode, jumped.at, 0.0, x, &mut field);
+        let rate = along(&|i| field[i], 1.0);
+        let columns = &self.tangent.columns;
+        let squares: f64 = (0..columns.count).map(|l| along(&|i| columns.row(i)[l], 0.0).powi(2)).sum();
+        squares.sqrt() / rate.abs()
+    }
+
+    /// Adds errors of the components, independent of each other and of those before.
+    fn add(&mut self, mode: &Mode, errors: impl Fn(usize) -> f64, shift: f64) {
+        let columns = &mut self.tangent.columns;
+        let dim = columns.count;
+        // [S, errors, shift] has the spread of the triangular factor of its transpose.
+        let all = DMatrix::from_fn(2 * dim + 1, dim, |l, i| match l {
+            l if l < dim => columns.row(i)[l],
+            l if l < 2 * dim => {
+                if l - dim == i {
+                    errors(i)
+                } else {
+                    0.0
+                }
+            }
+            _ => self.shift[i] * shift,
+        });
+        let triangle = all.qr().r();
+        for i in 0..dim {
+            for l in 0..dim {
+                columns.values[i * dim + l] = triangle[(l, i)];
+            }
+        }
+        self.tangent.restrain(mode);
+        self.shift.fill(0.0);
+        self.steps = 0.0;
+    }
+}
+
+impl Observer for Inherited<'_> {
+    fn wants_steps(&self, mode: &Mode) -> bool {
+        self.tangent.wants_steps(mode)
+    }
+
+    fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
+        self.steps += 1.0;
+        self.tangent.leap(mode, time)
+    }
+
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        self.steps += 1.0;
+        self.tangent.step(mode, step, until)
+    }
+
+    fn wants_jumps(&self) -> bool {
+        true
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        let moved = jumped.fired.iter().map(|id| self.moved(jumped, id));
+        let moved = moved.filter(|moved| moved.is_finite()).fold(0.0, f64::max);
+        self.time = Some(self.time.map_or(moved, |time| time.max(moved))).filter(|_| !self.tangent.is_unresolved);
+        self.tangent.jump(jumped);
+        let n = self.structure.freedoms();
+        for i in 0..n {
+            self.shift[i] += jumped.x_plus[n + i] - jumped.x_minus[n + i];
+        }
+    }
+
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        self.told.set(self.time.take());
+        let n = self.structure.freedoms();
+        let largest = |range: std::ops::Range<usize>| record.x_plus[range].iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        let (q, v, steps) = (largest(0..n), largest(n..2 * n), (self.steps + 1.0).sqrt());
+        let size = |i: usize| match i {
+            i if i < n => q,
+            i if i < 2 * n => v,
+            i => record.x_plus[i].abs(),
+        };
+        let shift = if record.conditioning.time.is_finite() { record.conditioning.time } else { 0.0 };
+        self.add(&record.to, |i| ROUNDED * steps * size(i), shift);
+        ControlFlow::Continue(())
+    }
+}
