@@ -18,7 +18,7 @@ use crate::{
 
 /// How motions are judged.
 ///
-/// A motion has settled on an orbit by the rule of [`Settling`](crate::analysis::Settling), with its distances measured from
+/// A motion has settled on an orbit by the rule of [`Sections`], with its distances measured from
 /// section to section; runs end there. In the long run a method has the engine's motion if
 ///
 /// - the engine's motion is periodic: the method's has the same period, and its sections are within `apart` of the engine's
