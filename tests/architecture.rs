@@ -170,7 +170,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("integrate", 1700),
     ("kernel", 4950),
     ("linalg", 150),
-    ("orbit", 2550),
+    ("orbit", 2450),
     ("output", 450),
     ("plot", 1900),
     ("poly", 900),
@@ -179,7 +179,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("study", 6450),
     ("sweep", 1000),
     ("system", 3850),
-    ("tangent", 750),
+    ("tangent", 850),
     ("train", 1550),
     ("verify", 800),
 ];
