@@ -138,7 +138,8 @@ impl<'s> Frame<'s> {
         let mut vectors: Vec<Vec<f64>> =
             (0..m).map(|l| (0..rows).map(|i| values[i * m + l] / unit(i)).collect()).collect();
         let norm = |vector: &[f64]| vector[..2 * n].iter().map(|c| c * c).sum::<f64>().sqrt();
-        let mut largest = 0.0f64;
+        // Columns have been of length one before what contacts at rest have taken from them.
+        let mut largest = if tangent.rests || tangent.dies { 1.0f64 } else { 0.0 };
         for l in 0..m {
             if zero[l] {
                 continue;

@@ -5,7 +5,13 @@ use std::f64::consts::TAU;
 use nalgebra::{Complex, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::{Approach, Approached, Drift, Orbit, SectionMap, exponents::means, frame::Frame, section::Section};
+use super::{
+    Approach, Approached, Drift, Orbit, SectionMap,
+    exponents::means,
+    frame::Frame,
+    search::{distance, sizes},
+    section::Section,
+};
 use crate::{
     engine::{Engine, Observer, Outcome},
     simulation::SimulationError,
@@ -78,6 +84,18 @@ const BANDS: f64 = 3.0;
 const ESCAPED: f64 = 1e6;
 /// Share that is left of a distance at the end of the second half of a run that still decays.
 const CLOSING: f64 = 0.5;
+/// Bands above zero from which an exponent needs no other proof.
+const CLEARLY: f64 = 10.0;
+/// Exponent times period that rounding makes of zero.
+const ROUNDED: f64 = 1e-9;
+/// Logarithm of a growth of rounding up to which an orbit is known at all.
+const DETERMINED: f64 = 32.0;
+/// Distance of two sections, in scales, below which a run stands on an orbit.
+const STANDS: f64 = 1e-9;
+/// Push away from an unstable orbit, in sizes of the state.
+const PUSHED: f64 = 1e-6;
+/// Distance after which a section has come back.
+const CLOSES: f64 = 1e-6;
 /// Periods up to which an orbit is looked for once neighbours are known to come together.
 const LONG: u32 = 64;
 
@@ -165,12 +183,34 @@ impl Decision<'_, '_, '_> {
         let (simulation, drift) = (map.simulation(), map.drift());
         let (clock, period) = (simulation.clock(), simulation.period()?);
         let mut motion = Motion::of(approached);
+        if drift.accelerates(simulation) {
+            let reason = "the train as a whole has no drag, and a constant load pushes it: it accelerates for ever";
+            let left =
+                Motion { kind: Kind::Transient, reason: Some(reason.to_owned()), period: None, word: None, ..motion };
+            return Ok(Some((left, None)));
+        }
         if approached.orbit.is_some() {
             return Ok(Some((motion, None)));
         }
-        if drift.accelerates(simulation) {
-            let reason = "the train as a whole has no drag, and a constant load pushes it: it accelerates for ever";
-            return Ok(Some((Motion { kind: Kind::Transient, reason: Some(reason.to_owned()), ..motion }, None)));
+        if approached.distance <= STANDS && !simulation.settings.verify {
+            // A run can stay on an unstable orbit for ever, where a symmetry keeps it there: the smallest difference shows where it goes.
+            let mut section = map.section(engine.state());
+            let size = |range: std::ops::Range<usize>| section.x[range].iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+            let n = simulation.structure.freedoms();
+            let sizes = [size(0..n), size(n..2 * n)];
+            for (i, x) in section.x[..2 * n].iter_mut().enumerate() {
+                *x += PUSHED * sizes[usize::from(i >= n)] * ((i as f64 + 2.0).sqrt().fract() - 0.5);
+            }
+            if let Ok(state) = map.state(&section) {
+                *engine = simulation.engine(state)?;
+                let again = Approach { most_cycles: approached.cycles.max(1), ..Approach::default() };
+                let Some(found) = again.run(map, engine, observer, task)? else { return Ok(None) };
+                let cycles = approached.cycles + found.cycles;
+                motion = Motion { cycles, ..Motion::of(&found) };
+                if found.orbit.is_some() {
+                    return Ok(Some((motion, found.orbit)));
+                }
+            }
         }
         let scale = if simulation.dimensionless { 1.0 } else { clock.omega() };
         let mut frame = Frame::single(simulation, &drift, scale);
@@ -201,31 +241,53 @@ impl Decision<'_, '_, '_> {
                 motion.reason = Some("the derivative along a step of its motion cannot be resolved".to_owned());
                 break;
             }
-            let (exponents, bands) = means(&rows, period);
-            let (exponent, band) = (exponents[0], bands[0]);
-            let digits = observables.iter().map(|values| digits(values)).fold(f64::INFINITY, f64::min);
+            // The second half alone: what is left of a transient is in the first.
+            let half = rows.len() / 2;
+            let (exponents, bands) = means(&rows[half..], period);
+            let (mut exponent, band) = (exponents[0], bands[0]);
+            let growth = exponent.max(0.0) * period;
+            if frame.lost[0] {
+                // Rest has taken the column: neighbours become one.
+                exponent = f64::NEG_INFINITY;
+            }
+            let digits = observables.iter().map(|values| digits(&values[half..])).fold(f64::INFINITY, f64::min);
             figures = (digits, exponent, band);
             motion.exponent = Some([exponent, band]).filter(|e| e.iter().all(|e| e.is_finite()));
-            if digits >= REGULAR && exponent.abs() <= BANDS * band {
+            let is_zero = exponent.abs() <= (BANDS * band).max(ROUNDED / period);
+            let is_regular = digits >= REGULAR && is_zero;
+            let is_last = doubled == DOUBLED;
+            let is_chaotic = exponent > BANDS * band && !is_zero && digits <= IRREGULAR
+                || is_last && exponent > CLEARLY * band && digits < REGULAR + 2.0;
+            // A section that comes back, however late, and an exponent that is not clearly above zero: is there an orbit after all?
+            let closes = closes(map, &states, &drift);
+            if closes.is_some_and(|cycles| growth * cycles as f64 > DETERMINED) {
+                // Rest makes it come back, at some time; rounding on the way decides when.
+                (motion.kind, motion.exponent) = (Kind::Undecided, None);
+                motion.reason = Some("it comes to rest again and again, and amplifies rounding too much in between to have a period in doubles".to_owned());
+                return Ok(Some((motion, None)));
+            }
+            if closes.is_some() || exponent <= CLEARLY * band {
+                let longest_period = closes.unwrap_or(1).max(LONG as usize) as u32;
+                let long =
+                    Approach { longest_period, most_cycles: u64::from(4 * longest_period), ..Approach::default() };
+                // By a run of its own, so that the averages have no gap.
+                let mut other = simulation.engine(engine.state().clone())?;
+                let Some(found) = long.run(map, &mut other, &mut (), task)? else { return Ok(None) };
+                if found.orbit.is_some() {
+                    motion.cycles += found.cycles;
+                    let (exponent, cycles) = (motion.exponent, motion.cycles);
+                    return Ok(Some((Motion { exponent, cycles, ..Motion::of(&found) }, found.orbit)));
+                }
+                if found.reason.is_some() {
+                    motion.reason = found.reason;
+                }
+            }
+            if is_regular {
                 motion.rotation = rotation(map, &states, &drift);
                 return Ok(Some((Motion { kind: Kind::QuasiPeriodic, reason: None, ..motion }, None)));
             }
-            if digits <= IRREGULAR && exponent > BANDS * band {
+            if is_chaotic {
                 return Ok(Some((Motion { kind: Kind::Chaotic, reason: None, ..motion }, None)));
-            }
-            if exponent < -BANDS * band || !exponent.is_finite() {
-                // Neighbours come together: there is an orbit, of a long period or attracting slowly.
-                let long = Approach { longest_period: LONG, most_cycles: u64::from(4 * LONG), ..Approach::default() };
-                let Some(found) = long.run(map, engine, observer, task)? else { return Ok(None) };
-                motion.cycles += found.cycles;
-                if found.orbit.is_some() {
-                    let exponent = motion.exponent;
-                    let cycles = motion.cycles;
-                    let motion = Motion { exponent, cycles, ..Motion::of(&found) };
-                    return Ok(Some((motion, found.orbit)));
-                }
-                motion.reason = found.reason;
-                frame.start(engine.state());
             }
         }
         if motion.kind == Kind::Undecided {
@@ -238,6 +300,13 @@ impl Decision<'_, '_, '_> {
         }
         Ok(Some((motion, None)))
     }
+}
+
+/// After how many cycles the last section of a run came back, of at most a quarter of them.
+fn closes(map: &SectionMap<'_>, states: &[Section], drift: &Drift) -> Option<usize> {
+    let (last, before) = states.split_last()?;
+    let scales = sizes(map, &states[states.len() / 2..]);
+    (1..=states.len() / 4).find(|k| distance(map, &before[before.len() - k], last, &scales, drift) <= CLOSES)
 }
 
 impl SectionMap<'_> {

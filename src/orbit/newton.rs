@@ -208,6 +208,9 @@ impl SectionMap<'_> {
             let dim = scales.len();
             let scaled = DMatrix::from_fn(dim, dim, |i, j| image.jacobian[(i, j)] * scales[j] / scales[i]);
             let reduced = basis.transpose() * (scaled - DMatrix::identity(dim, dim)) * basis;
+            if reduced.iter().any(|entry| !entry.is_finite()) {
+                return Err(missed(best, "the derivative leaves the range of numbers"));
+            }
             let svd = reduced.svd(true, true);
             let Ok(step) = svd.solve(&-off, NEUTRAL * svd.singular_values.max()) else {
                 return Err(missed(best, "the derivative cannot be inverted"));

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use serde::Serialize;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use super::{
     Drift, Missed, Orbit, SectionMap,
@@ -262,7 +262,7 @@ impl Found {
             "scene": { "name": simulation.name, "sha256": simulation.hash() },
             "components": components(simulation),
             "drift": self.drift.directions.iter().zip(&self.drift.is_free).map(|(direction, is_free)| json!({
-                "direction": names.iter().zip(direction).map(|(name, d)| (name.clone(), json!(d))).collect::<serde_json::Map<_, _>>(),
+                "direction": names.iter().zip(direction).map(|(name, d)| (name.clone(), json!(d))).collect::<Map<_, _>>(),
                 "multipliers": 1 + usize::from(*is_free),
             })).collect::<Vec<_>>(),
             "orbits": self.orbits.iter().map(|orbit| orbit.report(simulation)).collect::<Vec<_>>(),
@@ -298,8 +298,6 @@ struct Row {
     contacts: Vec<&'static str>,
     piecewise: bool,
     initial: Value,
-    /// A run that starts there is on the orbit: no contact that latches a speed is closed at phase 0.
-    initial_is_complete: bool,
 }
 
 impl Orbit {
@@ -316,8 +314,32 @@ impl Orbit {
         tokens.filter(|token| token.starts_with(['c', 'i', 'z'])).count()
     }
 
+    /// A block of a scene that starts there.
+    fn initial(&self, simulation: &Simulation) -> Value {
+        let structure = &simulation.structure;
+        let (n, x) = (structure.freedoms(), &self.section.x);
+        let mut initial = json!({ "q": x[..n], "v": x[n..2 * n] });
+        let mut latched = Map::new();
+        let mut detached = Vec::new();
+        for (c, state) in structure.contacts().iter().zip(&self.section.contacts) {
+            if let Some(latch) = c.latch().filter(|_| *state != ContactMode::Separated) {
+                latched.insert(c.spec.name.clone(), json!(x[latch]));
+            }
+            if matches!(state, ContactMode::DriveDetached | ContactMode::BackDetached) {
+                detached.push(c.spec.name.clone());
+            }
+        }
+        let key = if simulation.dimensionless { "latched" } else { "latched_m_per_s" };
+        if !latched.is_empty() {
+            initial[key] = latched.into();
+        }
+        if !detached.is_empty() {
+            initial["detached"] = json!(detached);
+        }
+        initial
+    }
+
     fn report(&self, simulation: &Simulation) -> Value {
-        let n = simulation.structure.freedoms();
         let x = &self.section.x;
         let row = Row {
             period_cycles: self.period,
@@ -331,13 +353,7 @@ impl Orbit {
             condition: self.condition,
             contacts: self.section.contacts.iter().map(|contact| contact.name()).collect(),
             piecewise: self.image.is_piecewise,
-            initial: json!({ "q": x[..n], "v": x[n..2 * n] }),
-            initial_is_complete: !simulation
-                .structure
-                .contacts()
-                .iter()
-                .zip(&self.section.contacts)
-                .any(|(c, state)| c.latch().is_some() && *state != ContactMode::Separated),
+            initial: self.initial(simulation),
         };
         json!(row)
     }

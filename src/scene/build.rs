@@ -53,13 +53,14 @@ fn read(root: &Node) -> Option<Built> {
             .at("frame")
             .warn("this train's frame does not turn: fixed and rotating are the same");
     }
-    let (q0, v0) = initial::read(&root.at("initial"), &spec);
+    let (q0, v0, memory) = initial::read(&root.at("initial"), &spec);
     Some(Built {
         dimensionless: root.units == Units::None,
         carrier_speed,
         spec,
         q0,
         v0,
+        memory,
         run,
         meshes: vec![],
         warnings: vec![],

@@ -1,18 +1,63 @@
 //! The state a run starts from.
 
 use super::node::Node;
-use crate::system::{Flanks, Spec, equilibrium};
+use crate::{
+    gear::contact::Law,
+    system::{Flanks, Spec, equilibrium},
+};
 
-/// Coordinates and velocities, `[n]` each.
-pub(super) fn read(node: &Node, spec: &Spec) -> (Vec<f64>, Vec<f64>) {
+/// What coordinates and velocities do not say of a start.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Memory {
+    /// Latched approach speeds, m/s, by number of contact.
+    pub latched: Vec<(usize, f64)>,
+    /// Contacts inside the zone of a flank that carry no force.
+    pub detached: Vec<usize>,
+}
+
+/// Coordinates and velocities, `[n]` each, and what they do not say.
+pub(super) fn read(node: &Node, spec: &Spec) -> (Vec<f64>, Vec<f64>, Memory) {
     let n = spec.freedoms.len();
+    let mut memory = Memory::default();
     let (q, v) = match node.text() {
         "rest" => (vec![0.0; n], vec![0.0; n]),
         "static" => (at_equilibrium(node, spec), vec![0.0; n]),
-        _ => (vector(&node.at("q"), spec), vector(&node.at("v"), spec)),
+        _ => {
+            memory = read_memory(node, spec);
+            (vector(&node.at("q"), spec), vector(&node.at("v"), spec))
+        }
     };
     outside_walls(node, spec, &q);
-    (q, v)
+    (q, v, memory)
+}
+
+fn read_memory(node: &Node, spec: &Spec) -> Memory {
+    let contact = |name: &str, entry: &Node| {
+        let found = spec.contacts.iter().position(|c| c.name == name);
+        if found.is_none() {
+            let names = spec.contacts.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
+            entry.fault(
+                format!("a contact the train does not have: {name}"),
+                names,
+                "name one of the train's contacts",
+            );
+        }
+        found
+    };
+    let mut memory = Memory::default();
+    if let Some(latched) = node.at_unit("latched", "m_per_s").written() {
+        for (name, entry) in latched.entries() {
+            let Some(j) = contact(name, &entry) else { continue };
+            if !matches!(spec.contacts[j].law, Law::Power(law) if law.hysteresis > 0.0) {
+                entry.refuse("a contact whose law has hysteresis", "leave the contact out");
+            }
+            memory.latched.push((j, entry.number()));
+        }
+    }
+    if let Some(detached) = node.at("detached").written() {
+        memory.detached.extend(detached.items().iter().filter_map(|item| contact(item.text(), item)));
+    }
+    memory
 }
 
 fn vector(node: &Node, spec: &Spec) -> Vec<f64> {

@@ -59,6 +59,7 @@ use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
 
 pub use fault::{Fault, SceneError, Warning};
+pub use initial::Memory;
 pub use run::{Duration, Frame, Run};
 
 use crate::{gear::MeshGeometry, system::Spec};
@@ -87,6 +88,8 @@ pub struct Built {
     pub q0: Vec<f64>,
     /// Velocities at the start, `[n]`.
     pub v0: Vec<f64>,
+    /// What these do not say of the start.
+    pub memory: Memory,
     /// The run.
     pub run: Run,
     /// Whether the train is in dimensionless form; else SI units (or those of its matrices).

@@ -24,8 +24,8 @@ use crate::{
     gear::MeshGeometry,
     hybrid::{Clock, Instant, Wide},
     integrate::{Integrator, build},
-    scene::{Built, Run, Scene, Warning, hash},
-    system::{Spec, Structure, bonded_modes},
+    scene::{Built, Memory, Run, Scene, Warning, hash},
+    system::{Contact, ContactMode, Spec, Structure, bonded_modes, contact_mode},
     verify::Verifier,
 };
 
@@ -42,6 +42,8 @@ pub struct Simulation {
     pub q0: Vec<f64>,
     /// Velocities at the start, `[n]`.
     pub v0: Vec<f64>,
+    /// What these do not say of the start.
+    pub memory: Memory,
     /// Whether the start is the static equilibrium, so that a changed train starts in its own.
     pub is_static: bool,
     /// Whether the train is in dimensionless form.
@@ -97,6 +99,7 @@ impl Simulation {
             settings: built.run,
             q0: built.q0,
             v0: built.v0,
+            memory: built.memory,
             is_static: false,
             dimensionless: built.dimensionless,
             carrier_speed: built.carrier_speed,
@@ -124,7 +127,20 @@ impl Simulation {
             return Err(SimulationError::missing(name, missing));
         }
         let (meshes, warnings) = (Vec::new(), Vec::new());
-        Self::from_built(name, Built { spec, q0, v0, run, dimensionless: false, carrier_speed: None, meshes, warnings })
+        Self::from_built(
+            name,
+            Built {
+                spec,
+                q0,
+                v0,
+                memory: Memory::default(),
+                run,
+                dimensionless: false,
+                carrier_speed: None,
+                meshes,
+                warnings,
+            },
+        )
     }
 
     /// Starts at these coordinates, m, and velocities, m/s, `[n]` each; its scene then says so.
@@ -133,7 +149,7 @@ impl Simulation {
         if !self.scene.is_null() {
             self.scene["initial"] = json!({ "q": q0, "v": v0 });
         }
-        Self { q0, v0, is_static: false, ..self }
+        Self { q0, v0, memory: Memory::default(), is_static: false, ..self }
     }
 
     /// Runs to the end and keeps a row of every event, about a kilobyte each.
@@ -197,7 +213,24 @@ impl Simulation {
     /// # Errors
     /// [`SimulationError::Start`].
     pub fn start(&self) -> Result<State, SimulationError> {
-        self.start_at(&self.q0, &self.v0)
+        let start = self.start_at(&self.q0, &self.v0)?;
+        if self.memory == Memory::default() {
+            return Ok(start);
+        }
+        let (structure, mut x) = (&self.structure, start.x);
+        for (j, speed) in &self.memory.latched {
+            // A simpler model of a train may have no such contact, or another law there.
+            let latch = structure.contacts().get(*j).and_then(Contact::latch);
+            latch.iter().for_each(|latch| x[*latch] = *speed);
+        }
+        let state = |j: usize| match contact_mode(&start.jump.mode, j) {
+            ContactMode::Drive if self.memory.detached.contains(&j) => ContactMode::DriveDetached,
+            ContactMode::Back if self.memory.detached.contains(&j) => ContactMode::BackDetached,
+            other => other,
+        };
+        let states: Vec<ContactMode> = (0..structure.contacts().len()).map(state).collect();
+        let resumed = structure.resume(start.at, &x, &states)?;
+        Ok(State { at: start.at, x: resumed.x, jump: resumed.jump })
     }
 
     /// The state at the start of another motion: coordinates `q`, m, and velocities `v`, m/s, `[n]` each.
