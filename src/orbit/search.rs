@@ -329,9 +329,8 @@ impl Orbit {
                 detached.push(c.spec.name.clone());
             }
         }
-        let key = if simulation.dimensionless { "latched" } else { "latched_m_per_s" };
         if !latched.is_empty() {
-            initial[key] = latched.into();
+            initial["latched"] = latched.into();
         }
         if !detached.is_empty() {
             initial["detached"] = json!(detached);

@@ -45,7 +45,7 @@ fn read_memory(node: &Node, spec: &Spec) -> Memory {
         found
     };
     let mut memory = Memory::default();
-    if let Some(latched) = node.at_unit("latched", "m_per_s").written() {
+    if let Some(latched) = node.at("latched").written() {
         for (name, entry) in latched.entries() {
             let Some(j) = contact(name, &entry) else { continue };
             if !matches!(spec.contacts[j].law, Law::Power(law) if law.hysteresis > 0.0) {
