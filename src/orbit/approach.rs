@@ -2,13 +2,13 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use super::{
     Drift, Orbit, SectionMap,
-    search::{distance, sizes},
     section::Section,
+    unknowns::{Unknowns, distance},
     words::Speller,
 };
 use crate::{
@@ -43,7 +43,7 @@ pub struct Approached {
     pub cycles: u64,
     /// The residual of the orbit, in scales; without one the distance of the last two sections.
     pub distance: f64,
-    /// Without an orbit: how much nearer the sections are to the last one in the second half of the run than in its middle.
+    /// Without an orbit: the share to which the distances of returns have fallen in each of the last quarters of the run, the larger one.
     pub closing: f64,
     /// What kept the last solution from counting.
     pub reason: Option<String>,
@@ -53,8 +53,6 @@ pub struct Approached {
 const NEAR: f64 = 0.03;
 /// The same within which a run is beside an unstable orbit.
 const BESIDE: f64 = 1e-3;
-/// Periods that are tried at one time.
-const TRIED: usize = 1;
 /// Newton steps in which the residual must fall by half.
 const PATIENCE: usize = 3;
 /// Periods over which a run must come nearer to an orbit.
@@ -70,17 +68,14 @@ const DOUBLINGS: u32 = 46;
 /// The measure by which an orbit attracts its neighbours: `‖y‖² = Σ_i |Jⁱ y|²`, which falls by `|y|²` in a period.
 struct Attraction {
     orbit: Vec<f64>,
-    scales: Vec<f64>,
-    basis: DMatrix<f64>,
+    unknowns: Unknowns,
     sum: DMatrix<f64>,
 }
 
 impl Attraction {
     fn new(map: &SectionMap<'_>, orbit: &Orbit, drift: &Drift) -> Self {
-        let (_, basis, scales) = map.closure(&orbit.section, &orbit.image, drift);
-        let dim = scales.len();
-        let scaled = DMatrix::from_fn(dim, dim, |i, j| orbit.image.jacobian[(i, j)] * scales[j] / scales[i]);
-        let mut power = basis.transpose() * scaled * &basis;
+        let unknowns = Unknowns::new(map, &orbit.image, drift);
+        let mut power = unknowns.reduced(&orbit.image.jacobian);
         let mut sum = DMatrix::identity(power.nrows(), power.ncols());
         for _ in 0..DOUBLINGS {
             sum += power.transpose() * &sum * &power;
@@ -89,15 +84,37 @@ impl Attraction {
                 break;
             }
         }
-        Self { orbit: orbit.section.x.clone(), scales, basis, sum }
+        Self { orbit: orbit.section.x.clone(), unknowns, sum }
     }
 
     /// The measure of a state's distance from the orbit, and what it falls by in a period.
     fn of(&self, x: &[f64]) -> [f64; 2] {
-        let off = DVector::from_fn(self.scales.len(), |i, _| (x[i] - self.orbit[i]) / self.scales[i]);
-        let off = self.basis.transpose() * off;
+        let off = self.unknowns.between(&self.orbit, x);
         [off.dot(&(&self.sum * &off)), off.norm_squared()]
     }
+}
+
+/// The share to which the distances of returns, after at most `longest` cycles, have fallen in each of the last quarters of some sections:
+/// the larger one of the two; 1 where they are too few.
+pub(super) fn closing(map: &SectionMap<'_>, sections: &[Section], longest: usize, drift: &Drift) -> f64 {
+    let quarter = sections.len() / 4;
+    if quarter <= longest {
+        return 1.0;
+    }
+    let scales = map.scales_of(sections);
+    let returned = |m: usize| {
+        let apart = |k: usize| distance(map, &sections[m - k], &sections[m], &scales, drift);
+        (1..=longest).map(apart).fold(f64::INFINITY, f64::min)
+    };
+    let median = |from: usize| {
+        // A hundred of them tell as much as all.
+        let step = quarter.div_ceil(100);
+        let mut all: Vec<f64> = (from..from + quarter).step_by(step).map(returned).collect();
+        all.sort_by(f64::total_cmp);
+        all[all.len() / 2].max(f64::EPSILON)
+    };
+    let [a, b, c] = [1, 2, 3].map(|k| median(k * quarter));
+    (b / a).max(c / b)
 }
 
 impl Approach {
@@ -158,18 +175,11 @@ impl Approach {
             }
         }
         let sections = sections.make_contiguous();
-        let scales = sizes(map, sections);
-        let last = &sections[sections.len() - 1];
-        let apart = |i: usize| distance(map, last, &sections[i], &scales, &drift);
-        let nearest = |range: std::ops::Range<usize>| range.map(apart).fold(f64::INFINITY, f64::min);
-        let (count, window) = (sections.len(), self.longest_period as usize);
-        let distance = if count > 1 { apart(count - 2) } else { f64::INFINITY };
-        let closing = if count > 2 * window + 1 {
-            let middle = count / 2;
-            nearest(count - 1 - window..count - 1) / nearest(middle..middle + window)
-        } else {
-            1.0
-        };
+        let scales = map.scales_of(sections);
+        let (last, before) = (sections.len() - 1, sections.len().checked_sub(2));
+        let distance =
+            before.map_or(f64::INFINITY, |before| distance(map, &sections[last], &sections[before], &scales, &drift));
+        let closing = closing(map, sections, self.longest_period as usize, &drift);
         Ok(Some(Approached { orbit: None, cycles, distance, closing, reason }))
     }
 
@@ -181,35 +191,31 @@ impl Approach {
         drift: &Drift,
         (unstable, reason): (&mut Vec<Section>, &mut Option<String>),
     ) -> Option<Orbit> {
-        let scales = sizes(map, sections);
+        let scales = map.scales_of(sections);
         let last = sections.len() - 1;
         // A run beside an unstable orbit has to leave it first.
         if unstable.iter().any(|known| distance(map, known, &sections[last], &scales, drift) <= BESIDE) {
             return None;
         }
-        let mut returns: Vec<(f64, usize)> = (1..=last.min(self.longest_period as usize))
+        // A long period has to be worth its cycles.
+        let (_, period) = (1..=last.min(self.longest_period as usize))
             .map(|k| (distance(map, &sections[last - k], &sections[last], &scales, drift), k))
             .filter(|(apart, _)| *apart <= NEAR)
-            .collect();
-        // A long period has to be worth its cycles.
-        returns.sort_by(|a, b| (a.0 * a.1 as f64).total_cmp(&(b.0 * b.1 as f64)));
-        returns.truncate(TRIED);
-        for (_, period) in returns {
-            match map.solve_from(&sections[last], period as u64, drift, Some(PATIENCE)) {
-                Ok(orbit) if !orbit.is_stable => {
-                    *reason = Some("the orbit near the end of the run is not stable".into());
-                    unstable.push(orbit.section);
-                }
-                Ok(orbit) if orbit.is_marginal => {
-                    *reason = Some("the orbit near the end of the run has a multiplier on the unit circle".into());
-                    unstable.push(orbit.section);
-                }
-                Ok(orbit) if orbit.residual > self.tolerance => {
-                    *reason = Some(format!("the orbit near the end of the run closes to {:e} only", orbit.residual));
-                }
-                Ok(orbit) => return Some(orbit),
-                Err(missed) => *reason = Some(missed.reason),
+            .min_by(|a, b| (a.0 * a.1 as f64).total_cmp(&(b.0 * b.1 as f64)))?;
+        match map.solve_from(&sections[last], period as u64, drift, Some(PATIENCE)) {
+            Ok(orbit) if !orbit.is_stable => {
+                *reason = Some("the orbit near the end of the run is not stable".into());
+                unstable.push(orbit.section);
             }
+            Ok(orbit) if orbit.is_marginal => {
+                *reason = Some("the orbit near the end of the run has a multiplier on the unit circle".into());
+                unstable.push(orbit.section);
+            }
+            Ok(orbit) if orbit.residual > self.tolerance => {
+                *reason = Some(format!("the orbit near the end of the run closes to {:e} only", orbit.residual));
+            }
+            Ok(orbit) => return Some(orbit),
+            Err(missed) => *reason = Some(missed.reason),
         }
         None
     }

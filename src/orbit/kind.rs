@@ -2,18 +2,19 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Complex, DMatrix, DVector};
+use nalgebra::{Complex, DMatrix};
 use serde::{Deserialize, Serialize};
 
 use super::{
     Approach, Approached, Drift, Orbit, SectionMap,
+    approach::closing,
     exponents::means,
     frame::Frame,
-    search::{distance, sizes},
     section::Section,
+    unknowns::{ACCELERATES, Unknowns, distance},
 };
 use crate::{
-    engine::{Engine, Observer, Outcome},
+    engine::{Engine, Observer, Outcome, State},
     simulation::SimulationError,
     task::Task,
 };
@@ -78,12 +79,16 @@ const DOUBLED: u32 = 4;
 /// computation on a chaotic pair and a circle map).
 const REGULAR: f64 = 6.0;
 const IRREGULAR: f64 = 4.0;
+/// Share of its mean below which an observable does not change.
+const STAYS: f64 = 1e-8;
 /// Bands within which an exponent counts as zero.
 const BANDS: f64 = 3.0;
 /// Growth of the state, in the largest state of the first cycles, that is an escape.
 const ESCAPED: f64 = 1e6;
-/// Share that is left of a distance at the end of the second half of a run that still decays.
-const CLOSING: f64 = 0.5;
+/// Share to which returns fall in each of the last quarters of a run that still decays.
+const CLOSING: f64 = 0.7;
+/// Growth from quarter to quarter of the cycles that is none of a steady motion.
+const GROWS: f64 = 1.2;
 /// Bands above zero from which an exponent needs no other proof.
 const CLEARLY: f64 = 10.0;
 /// Exponent times period that rounding makes of zero.
@@ -98,6 +103,11 @@ const PUSHED: f64 = 1e-6;
 const CLOSES: f64 = 1e-6;
 /// Periods up to which an orbit is looked for once neighbours are known to come together.
 const LONG: u32 = 64;
+
+/// Why a motion is transient.
+fn still_closing(cycles: u64) -> String {
+    format!("its sections still come nearer to each other after {cycles} cycles")
+}
 
 impl Motion {
     fn new(kind: Kind, approached: &Approached, reason: Option<String>) -> Self {
@@ -124,9 +134,7 @@ impl Motion {
             None => Kind::Undecided,
         };
         let reason = match kind {
-            Kind::Transient => {
-                Some(format!("its sections still come nearer to each other after {} cycles", approached.cycles))
-            }
+            Kind::Transient => Some(still_closing(approached.cycles)),
             Kind::Undecided => Some(approached.reason.clone().unwrap_or_else(|| {
                 format!("no section of {} cycles came back near enough to another one", approached.cycles)
             })),
@@ -156,169 +164,234 @@ fn digits(values: &[f64]) -> f64 {
     let spread = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt();
     let (first, second) = values.split_at(values.len() / 2);
     let off = (weighted(first) - weighted(second)).abs();
-    if off <= f64::EPSILON * mean.abs().max(spread) { -libm::log10(f64::EPSILON) } else { -libm::log10(off / spread) }
+    // What stays as it is changes by rounding alone.
+    let spread = spread.max(STAYS * mean.abs()).max(f64::MIN_POSITIVE);
+    -libm::log10((off / spread).max(f64::EPSILON))
 }
 
-/// A motion that is being decided.
-pub struct Decision<'m, 'e, 's> {
-    /// The map of its cycles.
-    pub map: &'m SectionMap<'s>,
-    /// The run, at the start of a cycle.
-    pub engine: &'e mut Engine<'s>,
+/// Further cycles of a motion, and what they tell of it.
+struct Watched<'m, 's> {
+    map: &'m SectionMap<'s>,
+    drift: &'m Drift,
+    frame: Frame<'m>,
+    /// Logarithms of the growth of the column, a row for each cycle.
+    rows: Vec<Vec<f64>>,
+    sections: Vec<Section>,
+    observables: [Vec<f64>; 4],
 }
 
-impl Decision<'_, '_, '_> {
-    /// Decides what has approached no orbit, by some thousand further cycles: their weighted averages and the largest exponent. `None` if
-    /// the run is broken off.
-    ///
-    /// # Errors
-    /// [`SimulationError`] if the run fails.
-    pub fn run(
-        &mut self,
-        approached: &Approached,
-        observer: &mut dyn Observer,
-        task: Task<'_>,
-    ) -> Result<Option<(Motion, Option<Orbit>)>, SimulationError> {
-        let (map, engine) = (self.map, &mut *self.engine);
-        let (simulation, drift) = (map.simulation(), map.drift());
-        let (clock, period) = (simulation.clock(), simulation.period()?);
-        let mut motion = Motion::of(approached);
-        if drift.accelerates(simulation) {
-            let reason = "the train as a whole has no drag, and a constant load pushes it: it accelerates for ever";
-            let left =
-                Motion { kind: Kind::Transient, reason: Some(reason.to_owned()), period: None, word: None, ..motion };
-            return Ok(Some((left, None)));
-        }
-        if approached.orbit.is_some() {
-            return Ok(Some((motion, None)));
-        }
-        if approached.distance <= STANDS && !simulation.settings.verify {
-            // A run can stay on an unstable orbit for ever, where a symmetry keeps it there: the smallest difference shows where it goes.
-            let mut section = map.section(engine.state());
-            let size = |range: std::ops::Range<usize>| section.x[range].iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-            let n = simulation.structure.freedoms();
-            let sizes = [size(0..n), size(n..2 * n)];
-            for (i, x) in section.x[..2 * n].iter_mut().enumerate() {
-                *x += PUSHED * sizes[usize::from(i >= n)] * ((i as f64 + 2.0).sqrt().fract() - 0.5);
-            }
-            if let Ok(state) = map.state(&section) {
-                *engine = simulation.engine(state)?;
-                let again = Approach { most_cycles: approached.cycles.max(1), ..Approach::default() };
-                let Some(found) = again.run(map, engine, observer, task)? else { return Ok(None) };
-                let cycles = approached.cycles + found.cycles;
-                motion = Motion { cycles, ..Motion::of(&found) };
-                if found.orbit.is_some() {
-                    return Ok(Some((motion, found.orbit)));
-                }
-            }
-        }
-        let scale = if simulation.dimensionless { 1.0 } else { clock.omega() };
-        let mut frame = Frame::single(simulation, &drift, scale);
-        frame.start(engine.state());
-        let largest = |x: &[f64]| x.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        let first = largest(&engine.state().x).max(f64::MIN_POSITIVE);
-        let (mut rows, mut states) = (Vec::new(), Vec::new());
-        let mut observables = [Vec::new(), Vec::new()];
-        let mut figures = (f64::NAN, 0.0, 0.0);
-        for doubled in 0..=DOUBLED {
-            while (rows.len() as u64) < WINDOW << doubled {
-                let at = clock.at(engine.state().at.cycle + 1, 0.0);
-                if engine.run(at, &mut (&mut frame, &mut *observer))? != Outcome::ReachedEnd || task.is_cancelled() {
-                    return Ok(None);
-                }
-                motion.cycles += 1;
-                rows.push(frame.take());
-                let x = &engine.state().x;
-                if largest(x) > ESCAPED * first {
-                    let reason = format!("its state has grown {ESCAPED:e} times: it escapes");
-                    return Ok(Some((Motion { kind: Kind::Transient, reason: Some(reason), ..motion }, None)));
-                }
-                let section = map.section(engine.state());
-                map.observe(&section, &mut observables);
-                states.push(section);
-            }
-            if frame.is_unresolved() {
-                motion.reason = Some("the derivative along a step of its motion cannot be resolved".to_owned());
-                break;
-            }
-            // The second half alone: what is left of a transient is in the first.
-            let half = rows.len() / 2;
-            let (exponents, bands) = means(&rows[half..], period);
-            let (mut exponent, band) = (exponents[0], bands[0]);
-            let growth = exponent.max(0.0) * period;
-            if frame.lost[0] {
-                // Rest has taken the column: neighbours become one.
-                exponent = f64::NEG_INFINITY;
-            }
-            let digits = observables.iter().map(|values| digits(&values[half..])).fold(f64::INFINITY, f64::min);
-            figures = (digits, exponent, band);
-            motion.exponent = Some([exponent, band]).filter(|e| e.iter().all(|e| e.is_finite()));
-            let is_zero = exponent.abs() <= (BANDS * band).max(ROUNDED / period);
-            let is_regular = digits >= REGULAR && is_zero;
-            let is_last = doubled == DOUBLED;
-            let is_chaotic = exponent > BANDS * band && !is_zero && digits <= IRREGULAR
-                || is_last && exponent > CLEARLY * band && digits < REGULAR + 2.0;
-            // A section that comes back, however late, and an exponent that is not clearly above zero: is there an orbit after all?
-            let closes = closes(map, &states, &drift);
-            if closes.is_some_and(|cycles| growth * cycles as f64 > DETERMINED) {
-                // Rest makes it come back, at some time; rounding on the way decides when.
-                (motion.kind, motion.exponent) = (Kind::Undecided, None);
-                motion.reason = Some("it comes to rest again and again, and amplifies rounding too much in between to have a period in doubles".to_owned());
-                return Ok(Some((motion, None)));
-            }
-            if closes.is_some() || exponent <= CLEARLY * band {
-                let longest_period = closes.unwrap_or(1).max(LONG as usize) as u32;
-                let long =
-                    Approach { longest_period, most_cycles: u64::from(4 * longest_period), ..Approach::default() };
-                // By a run of its own, so that the averages have no gap.
-                let mut other = simulation.engine(engine.state().clone())?;
-                let Some(found) = long.run(map, &mut other, &mut (), task)? else { return Ok(None) };
-                if found.orbit.is_some() {
-                    motion.cycles += found.cycles;
-                    let (exponent, cycles) = (motion.exponent, motion.cycles);
-                    return Ok(Some((Motion { exponent, cycles, ..Motion::of(&found) }, found.orbit)));
-                }
-                if found.reason.is_some() {
-                    motion.reason = found.reason;
-                }
-            }
-            if is_regular {
-                motion.rotation = rotation(map, &states, &drift);
-                return Ok(Some((Motion { kind: Kind::QuasiPeriodic, reason: None, ..motion }, None)));
-            }
-            if is_chaotic {
-                return Ok(Some((Motion { kind: Kind::Chaotic, reason: None, ..motion }, None)));
-            }
-        }
-        if motion.kind == Kind::Undecided {
-            let (digits, exponent, band) = figures;
-            let reason = motion.reason.take().unwrap_or_default();
-            motion.reason = Some(format!(
-                "{} cycles: averages agree to {digits:.1} digits, the largest exponent is {exponent:.3e} with a band of {band:.1e}; {reason}",
-                motion.cycles
-            ));
-        }
-        Ok(Some((motion, None)))
+/// Figures of the second half of the cycles watched: what is left of a transient is in the first.
+#[derive(Clone, Copy)]
+struct Figures {
+    /// Digits that averages agree to.
+    digits: f64,
+    /// The largest exponent and its band, 1/s; −∞ where rest has made neighbours one.
+    exponent: f64,
+    band: f64,
+    /// Growth of a difference in a cycle, logarithm.
+    growth: f64,
+}
+
+impl Figures {
+    fn is_zero(self, period: f64) -> bool {
+        self.exponent.abs() <= (BANDS * self.band).max(ROUNDED / period)
+    }
+
+    fn is_regular(self, period: f64) -> bool {
+        self.digits >= REGULAR && self.is_zero(period)
+    }
+
+    fn is_chaotic(self, period: f64, is_last: bool) -> bool {
+        let Self { digits, exponent, band, .. } = self;
+        let is_clear = is_last && exponent > CLEARLY * band && digits < REGULAR + 2.0;
+        exponent > BANDS * band && !self.is_zero(period) && (digits <= IRREGULAR || is_clear)
     }
 }
 
-/// After how many cycles the last section of a run came back, of at most a quarter of them.
-fn closes(map: &SectionMap<'_>, states: &[Section], drift: &Drift) -> Option<usize> {
-    let (last, before) = states.split_last()?;
-    let scales = sizes(map, &states[states.len() / 2..]);
-    (1..=states.len() / 4).find(|k| distance(map, &before[before.len() - k], last, &scales, drift) <= CLOSES)
+impl<'m, 's> Watched<'m, 's> {
+    fn new(map: &'m SectionMap<'s>, drift: &'m Drift, state: &State) -> Self {
+        let simulation = map.simulation();
+        let scale = if simulation.dimensionless { 1.0 } else { simulation.clock().omega() };
+        let mut frame = Frame::single(simulation, drift, scale);
+        frame.start(state);
+        Self { map, drift, frame, rows: Vec::new(), sections: Vec::new(), observables: [const { Vec::new() }; 4] }
+    }
+
+    /// Runs one cycle more. Whether it ended.
+    fn cycle(&mut self, engine: &mut Engine<'s>, observer: &mut dyn Observer) -> Result<bool, SimulationError> {
+        let at = self.map.simulation().clock().at(engine.state().at.cycle + 1, 0.0);
+        if engine.run(at, &mut (&mut self.frame, observer))? != Outcome::ReachedEnd {
+            return Ok(false);
+        }
+        self.rows.push(self.frame.take());
+        let section = self.map.section(engine.state());
+        self.map.observe(&section, &mut self.observables);
+        self.sections.push(section);
+        Ok(true)
+    }
+
+    fn figures(&self, period: f64) -> Figures {
+        let half = self.rows.len() / 2;
+        let (exponents, bands) = means(&self.rows[half..], period);
+        let growth = exponents[0].max(0.0) * period;
+        let exponent = if self.frame.lost[0] { f64::NEG_INFINITY } else { exponents[0] };
+        let digits = self.observables.iter().map(|values| digits(&values[half..])).fold(f64::INFINITY, f64::min);
+        Figures { digits, exponent, band: bands[0], growth }
+    }
+
+    /// Whether the motion grows from quarter to quarter of the cycles.
+    fn grows(&self) -> bool {
+        let quarter = self.sections.len() / 4;
+        self.observables.iter().any(|values| {
+            let sizes = [1, 2, 3].map(|k| largest(&values[k * quarter..(k + 1) * quarter]));
+            sizes.windows(2).all(|pair| pair[1] > GROWS * pair[0])
+        })
+    }
+
+    /// After how many cycles the last section came back, of at most a quarter of them.
+    fn closes(&self) -> Option<usize> {
+        let (last, before) = self.sections.split_last()?;
+        let scales = self.map.scales_of(&self.sections[self.sections.len() / 2..]);
+        (1..=self.sections.len() / 4)
+            .find(|k| distance(self.map, &before[before.len() - k], last, &scales, self.drift) <= CLOSES)
+    }
+}
+
+/// The largest size of a component.
+fn largest(x: &[f64]) -> f64 {
+    x.iter().fold(0.0, |m: f64, x| m.max(x.abs()))
+}
+
+/// A state beside that of `engine`, in no symmetry of the train: a run can stay on an unstable orbit for ever, where a symmetry keeps it
+/// there, and the smallest difference shows where it goes.
+fn pushed(map: &SectionMap<'_>, engine: &Engine<'_>) -> Result<State, SimulationError> {
+    let mut section = map.section(engine.state());
+    let n = map.simulation().structure.freedoms();
+    let sizes = [largest(&section.x[..n]), largest(&section.x[n..2 * n])];
+    for (i, x) in section.x[..2 * n].iter_mut().enumerate() {
+        *x += PUSHED * sizes[usize::from(i >= n)] * ((i as f64 + 2.0).sqrt().fract() - 0.5);
+    }
+    map.state(&section)
+}
+
+/// Decides what has `approached` no orbit, by some thousand further cycles of `engine`, which is at the start of a cycle: their weighted
+/// averages and the largest exponent. `None` if the run is broken off.
+///
+/// # Errors
+/// [`SimulationError`] if the run fails.
+pub fn decide<'s>(
+    map: &SectionMap<'s>,
+    engine: &mut Engine<'s>,
+    approached: &Approached,
+    observer: &mut dyn Observer,
+    task: Task<'_>,
+) -> Result<Option<(Motion, Option<Orbit>)>, SimulationError> {
+    let (simulation, drift) = (map.simulation(), map.drift());
+    let period = simulation.period()?;
+    let mut motion = Motion::of(approached);
+    let ends = |motion: Motion, kind: Kind, reason: Option<String>| Ok(Some((Motion { kind, reason, ..motion }, None)));
+    if drift.accelerates(simulation) {
+        let left = Motion { period: None, word: None, multiplier: None, ..motion };
+        return ends(left, Kind::Transient, Some(ACCELERATES.to_owned()));
+    }
+    if approached.orbit.is_some() {
+        return Ok(Some((motion, None)));
+    }
+    if approached.distance <= STANDS
+        && !simulation.settings.verify
+        && let Ok(state) = pushed(map, engine)
+    {
+        *engine = simulation.engine(state)?;
+        let again = Approach { most_cycles: approached.cycles.max(1), ..Approach::default() };
+        let Some(found) = again.run(map, engine, observer, task)? else { return Ok(None) };
+        let cycles = approached.cycles + found.cycles;
+        motion = Motion { cycles, ..Motion::of(&found) };
+        if found.orbit.is_some() {
+            return Ok(Some((motion, found.orbit)));
+        }
+    }
+    let first = largest(&engine.state().x).max(f64::MIN_POSITIVE);
+    let mut watched = Watched::new(map, &drift, engine.state());
+    let mut tried = None;
+    for doubled in 0..=DOUBLED {
+        while (watched.rows.len() as u64) < WINDOW << doubled {
+            if !watched.cycle(engine, observer)? || task.is_cancelled() {
+                return Ok(None);
+            }
+            motion.cycles += 1;
+            if largest(&engine.state().x) > ESCAPED * first {
+                let reason = format!("its state has grown {ESCAPED:e} times: it escapes");
+                return ends(motion, Kind::Transient, Some(reason));
+            }
+        }
+        if watched.frame.is_unresolved() {
+            let reason = "the derivative along a step of its motion cannot be resolved";
+            return ends(motion, Kind::Undecided, Some(reason.to_owned()));
+        }
+        let figures = watched.figures(period);
+        motion.exponent = Some([figures.exponent, figures.band]).filter(|e| e.iter().all(|e| e.is_finite()));
+        // A section that comes back, however late, and an exponent that is not clearly above zero: is there an orbit after all?
+        let closes = watched.closes();
+        if closes.is_some_and(|cycles| figures.growth * cycles as f64 > DETERMINED) {
+            // Rest makes it come back, at some time; rounding on the way decides when.
+            let reason = "it comes to rest again and again, and amplifies rounding too much in between to have a period in doubles";
+            return ends(Motion { exponent: None, ..motion }, Kind::Undecided, Some(reason.to_owned()));
+        }
+        if closes.is_some() || figures.exponent <= CLEARLY * figures.band {
+            let longest_period = closes.unwrap_or(1).max(LONG as usize) as u32;
+            let long = Approach { longest_period, most_cycles: u64::from(4 * longest_period), ..Approach::default() };
+            // By a run of its own, so that the averages have no gap.
+            let mut other = simulation.engine(engine.state().clone())?;
+            let Some(found) = long.run(map, &mut other, &mut (), task)? else { return Ok(None) };
+            if found.orbit.is_some() {
+                let (exponent, cycles) = (motion.exponent, motion.cycles + found.cycles);
+                return Ok(Some((Motion { exponent, cycles, ..Motion::of(&found) }, found.orbit)));
+            }
+            tried = found.reason.or(tried);
+        }
+        if figures.is_regular(period) {
+            motion.rotation = rotation(map, &watched.sections, &drift);
+            return ends(motion, Kind::QuasiPeriodic, None);
+        }
+        if figures.is_chaotic(period, doubled == DOUBLED) {
+            return ends(motion, Kind::Chaotic, None);
+        }
+    }
+    let cycles = motion.cycles;
+    if closing(map, &watched.sections, LONG as usize, &drift) <= CLOSING {
+        return ends(motion, Kind::Transient, Some(still_closing(cycles)));
+    }
+    if watched.grows() {
+        return ends(motion, Kind::Transient, Some(format!("its vibration still grows after {cycles} cycles")));
+    }
+    let Figures { digits, exponent, band, .. } = watched.figures(period);
+    let tried = tried.map_or_else(String::new, |tried| format!("; {tried}"));
+    let reason = format!(
+        "{cycles} cycles: averages agree to {digits:.1} digits, the largest exponent is {exponent:.3e} with a band of {band:.1e}{tried}"
+    );
+    ends(motion, Kind::Undecided, Some(reason))
 }
 
 impl SectionMap<'_> {
-    /// Two smooth functions of the state: sums over the contacts of deflections, and of their rates.
-    fn observe(&self, section: &Section, values: &mut [Vec<f64>; 2]) {
+    /// Smooth functions of the state that no drift changes: sums of deflections, of spring forces, and of the rates of both.
+    fn observe(&self, section: &Section, values: &mut [Vec<f64>; 4]) {
         let simulation = self.simulation();
         let (structure, at) = (&simulation.structure, simulation.clock().at(0, 0.0));
-        let sums = (0..structure.contacts().len()).fold([0.0; 2], |sums, j| {
+        let weight = |j: usize| (j as f64 + 2.0).sqrt();
+        let mut sums = [0.0; 4];
+        for j in 0..structure.contacts().len() {
             let (d, rate) = structure.deflection(j, at, &section.x);
-            let weight = (j as f64 + 2.0).sqrt();
-            [sums[0] + weight * d, sums[1] + weight * rate]
-        });
+            sums[0] += weight(j) * d;
+            sums[1] += weight(j) * rate;
+        }
+        let stiffness = &structure.spec().stiffness;
+        let n = stiffness.nrows();
+        for (i, row) in stiffness.row_iter().enumerate() {
+            for j in 0..n {
+                sums[2] += weight(i) * row[j] * section.x[j];
+                sums[3] += weight(i) * row[j] * section.x[n + j];
+            }
+        }
         values.iter_mut().zip(sums).for_each(|(values, sum)| values.push(sum));
     }
 }
@@ -331,17 +404,15 @@ fn rotation(map: &SectionMap<'_>, states: &[Section], drift: &Drift) -> Option<f
     let start = Section { x: middle, contacts: states[0].contacts.clone() };
     let orbit = map.solve(&start, 1, drift).ok()?;
     let pair = orbit.multipliers.iter().find(|m| m.im > 0.0)?;
-    let (_, basis, scales) = map.closure(&orbit.section, &orbit.image, drift);
-    let scaled = DMatrix::from_fn(dim, dim, |i, j| orbit.image.jacobian[(i, j)] * scales[j] / scales[i]);
-    let reduced = basis.transpose() * scaled * &basis;
+    let unknowns = Unknowns::new(map, &orbit.image, drift);
+    let reduced = unknowns.reduced(&orbit.image.jacobian);
     // A row u with u J = μ u: the last singular vector of Jᵀ − μ.
     let shifted =
         reduced.transpose().map(|v| Complex::new(v, 0.0)) - DMatrix::identity(reduced.nrows(), reduced.ncols()) * *pair;
     let vectors = shifted.svd(false, true).v_t?;
     let row = vectors.row(vectors.nrows() - 1).map(|v| v.conj());
     let place = |section: &Section| {
-        let off = DVector::from_fn(dim, |i, _| (section.x[i] - orbit.section.x[i]) / scales[i]);
-        let off = basis.transpose() * off;
+        let off = unknowns.between(&orbit.section.x, &section.x);
         row.iter().zip(off.iter()).map(|(u, y)| u * *y).sum::<Complex<f64>>()
     };
     let mean = pair.arg();

@@ -11,12 +11,14 @@ mod newton;
 pub mod pictures;
 mod search;
 mod section;
+mod unknowns;
 pub mod words;
 
 pub use crate::tangent::Tangent;
 pub use approach::{Approach, Approached};
 pub use exponents::{Exponents, Finite, Lyapunov, WithoutSaltation};
-pub use kind::{Decision, Kind, Motion};
-pub use newton::{Drift, Missed, Orbit};
+pub use kind::{Kind, Motion, decide};
+pub use newton::{Missed, Orbit};
 pub use search::{Found, LONGEST, Search, components};
 pub use section::{Image, Section, SectionMap};
+pub use unknowns::Drift;

@@ -3,8 +3,9 @@
 use nalgebra::{Complex, DMatrix, DVector};
 
 use super::{
-    SectionMap,
+    Drift, SectionMap,
     section::{Image, Section},
+    unknowns::Unknowns,
 };
 use crate::{simulation::SimulationError, system::Variation};
 
@@ -24,15 +25,6 @@ pub(super) const SAME: f64 = 1e-6;
 const MARGINAL: f64 = 1e-8;
 /// A singular value below this share of the largest one belongs to a direction in which nothing is decided.
 const NEUTRAL: f64 = 1e-12;
-
-/// Directions in which a whole train moves without any spring or contact: they do not return, and are left out of the unknowns.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Drift {
-    /// Displacements, orthogonal, `[n]` each.
-    pub directions: Vec<Vec<f64>>,
-    /// Whether speeds along each are free as well: no damper acts on it.
-    pub is_free: Vec<bool>,
-}
 
 /// A periodic orbit.
 #[derive(Clone, Debug)]
@@ -81,96 +73,6 @@ impl Orbit {
 }
 
 impl SectionMap<'_> {
-    /// The drift of the train: null vectors of K that no contact feels.
-    #[must_use]
-    pub fn drift(&self) -> Drift {
-        let spec = self.simulation().structure.spec();
-        let n = spec.freedoms.len();
-        let weight: Vec<f64> = (0..n).map(|i| spec.mass[(i, i)].sqrt()).collect();
-        let stiffest =
-            spec.contacts.iter().map(|c| c.stiffness.maximum()).fold(spec.stiffness.amax(), f64::max).max(1e-300);
-        let contacts = spec.contacts.len();
-        let stacked = DMatrix::from_fn(n + contacts, n, |i, j| {
-            let entry =
-                if i < n { spec.stiffness[(i, j)] / stiffest / weight[i] } else { spec.contacts[i - n].direction[j] };
-            entry / weight[j]
-        });
-        let svd = stacked.svd(false, true);
-        let Some(v) = svd.v_t else { return Drift::default() };
-        let largest = svd.singular_values.max();
-        let mut drift = Drift::default();
-        for (i, value) in svd.singular_values.iter().enumerate() {
-            if *value <= 1e-10 * largest {
-                let direction: Vec<f64> = v.row(i).iter().zip(&weight).map(|(c, w)| c / w).collect();
-                let damped = &spec.damping * DVector::from_column_slice(&direction);
-                drift.is_free.push(damped.amax() <= 1e-10 * spec.damping.amax());
-                drift.directions.push(direction);
-            }
-        }
-        drift
-    }
-
-    /// The scales of the components of the state along a motion: of all displacements, of all velocities, of each latched speed.
-    fn scales(&self, image: &Image) -> Vec<f64> {
-        let n = self.simulation().structure.freedoms();
-        let backlash = self.simulation().structure.spec().contacts.iter().map(|c| c.half_backlash).fold(0.0, f64::max);
-        let omega = self.simulation().clock().omega();
-        let largest = |sizes: &[f64]| sizes.iter().fold(0.0, |m: f64, s| m.max(*s));
-        // Sections alone may find displacements or velocities at zero: each is worth the other times the frequency.
-        let (q, v) = (largest(&image.sizes[..n]), largest(&image.sizes[n..2 * n]));
-        let q = q.max(v / omega).max(1e-9 * backlash).max(f64::MIN_POSITIVE);
-        let v = v.max(omega * q);
-        let scale = |i: usize| match i {
-            i if i < n => q,
-            i if i < 2 * n => v,
-            i => image.sizes[i].max(f64::MIN_POSITIVE),
-        };
-        (0..image.sizes.len()).map(scale).collect()
-    }
-
-    /// An orthonormal basis, in scales, of the unknowns: what neither drifts nor stays as it is.
-    fn unknowns(&self, image: &Image, drift: &Drift, scales: &[f64]) -> DMatrix<f64> {
-        let (n, dim) = (self.simulation().structure.freedoms(), scales.len());
-        let mut out: Vec<DVector<f64>> = Vec::new();
-        for (direction, is_free) in drift.directions.iter().zip(&drift.is_free) {
-            for first in if *is_free { vec![0, n] } else { vec![0] } {
-                let mut column = DVector::zeros(dim);
-                (0..n).for_each(|i| column[first + i] = direction[i] / scales[first + i]);
-                out.push(column);
-            }
-        }
-        for (i, _) in image.latched.iter().enumerate().filter(|(_, latched)| !**latched) {
-            out.push(DVector::from_fn(dim, |k, _| if k == 2 * n + i { 1.0 } else { 0.0 }));
-        }
-        let mut basis: Vec<DVector<f64>> = Vec::new();
-        let left_out = out.len();
-        for column in out.into_iter().chain((0..dim).map(|i| DVector::from_fn(dim, |k, _| f64::from(u8::from(k == i)))))
-        {
-            let mut left = column;
-            for _ in 0..2 {
-                basis.iter().for_each(|b| left -= b * b.dot(&left));
-            }
-            let norm = left.norm();
-            if basis.len() < dim && norm > 1e-6 {
-                basis.push(left / norm);
-            }
-        }
-        DMatrix::from_columns(&basis[left_out.min(basis.len())..])
-    }
-
-    /// The distance between the ends of an image, in scales, along the unknowns.
-    pub(super) fn closure(
-        &self,
-        start: &Section,
-        image: &Image,
-        drift: &Drift,
-    ) -> (DVector<f64>, DMatrix<f64>, Vec<f64>) {
-        let scales = self.scales(image);
-        let basis = self.unknowns(image, drift, &scales);
-        let off = DVector::from_fn(scales.len(), |i, _| (image.end.x[i] - start.x[i]) / scales[i]);
-        (basis.transpose() * off, basis, scales)
-    }
-
     /// The orbit of `period` cycles near `start`, by Newton's method.
     ///
     /// # Errors
@@ -190,8 +92,9 @@ impl SectionMap<'_> {
         let missed = |residual: f64, reason: &str| Missed { residual, reason: reason.to_owned() };
         let evaluate = |section: &Section| -> Result<_, SimulationError> {
             let image = self.image(section, period)?;
-            let (off, basis, scales) = self.closure(section, &image, drift);
-            Ok((off.norm(), off, basis, scales, image))
+            let unknowns = Unknowns::new(self, &image, drift);
+            let off = unknowns.between(&section.x, &image.end.x);
+            Ok((off.norm(), off, unknowns, image))
         };
         let halvings = if patience.is_some() { HALVINGS / 3 } else { HALVINGS };
         let mut section = start.clone();
@@ -201,13 +104,15 @@ impl SectionMap<'_> {
             if patience.is_some_and(|steps| step == steps) && now.0 > 0.5 * first {
                 return Err(missed(best, "Newton's method does not converge from here"));
             }
-            let (residual, off, basis, scales, image) = &now;
+            let (residual, off, unknowns, image) = &now;
             if !residual.is_finite() {
                 return Err(missed(best, "the motion leaves the range of numbers"));
             }
-            let dim = scales.len();
-            let scaled = DMatrix::from_fn(dim, dim, |i, j| image.jacobian[(i, j)] * scales[j] / scales[i]);
-            let reduced = basis.transpose() * (scaled - DMatrix::identity(dim, dim)) * basis;
+            let count = unknowns.count();
+            if count == 0 {
+                return Err(missed(best, "the train drifts as a whole: nothing of its state returns"));
+            }
+            let reduced = unknowns.reduced(&image.jacobian) - DMatrix::identity(count, count);
             if reduced.iter().any(|entry| !entry.is_finite()) {
                 return Err(missed(best, "the derivative leaves the range of numbers"));
             }
@@ -227,12 +132,10 @@ impl SectionMap<'_> {
             let contacts = &image.end.contacts;
             let off_at = |section: &Section| -> Option<DVector<f64>> {
                 let end = self.follow(section, period).ok()?;
-                let off = DVector::from_fn(dim, |i, _| (end.x[i] - section.x[i]) / scales[i]);
-                Some(basis.transpose() * off).filter(|off| off.norm().is_finite())
+                Some(unknowns.between(&section.x, &end.x)).filter(|off| off.norm().is_finite())
             };
             let moved = |from: &Section, step: &DVector<f64>, factor: f64| {
-                let full = basis * step;
-                let x = (0..dim).map(|i| from.x[i] + factor * full[i] * scales[i]).collect();
+                let x = from.x.iter().zip(&unknowns.lifted(step)).map(|(x, change)| x + factor * change).collect();
                 Section { x, contacts: contacts.clone() }
             };
             // A step along which a small residual falls less than its rounding ends the search.
@@ -285,40 +188,33 @@ impl SectionMap<'_> {
     /// [`SimulationError`] if the run fails; [`SimulationError::Missing`] where a multiplier is 1 and the orbit does not go on.
     pub fn orbit_by(&self, orbit: &Orbit, variations: &[Variation]) -> Result<DMatrix<f64>, SimulationError> {
         let image = self.image_by(&orbit.section, orbit.period, variations)?;
-        let (_, basis, scales) = self.closure(&orbit.section, &image, &self.drift());
-        let dim = scales.len();
-        let scaled = DMatrix::from_fn(dim, dim, |i, j| image.jacobian[(i, j)] * scales[j] / scales[i]);
-        let moved = DMatrix::from_fn(dim, variations.len(), |i, l| image.by_number[(i, l)] / scales[i]);
-        let reduced = basis.transpose() * (DMatrix::identity(dim, dim) - scaled) * &basis;
-        let solved = reduced.lu().solve(&(basis.transpose() * moved));
+        let unknowns = Unknowns::new(self, &image, &self.drift());
+        let reduced = DMatrix::identity(unknowns.count(), unknowns.count()) - unknowns.reduced(&image.jacobian);
+        let solved = reduced.lu().solve(&unknowns.columns(&image.by_number));
         let solved =
             solved.ok_or_else(|| self.simulation().missing("its orbit has a multiplier 1: it turns back there"))?;
-        let full = basis * solved;
-        Ok(DMatrix::from_fn(dim, variations.len(), |i, l| full[(i, l)] * scales[i]))
+        let columns: Vec<DVector<f64>> =
+            solved.column_iter().map(|column| unknowns.lifted(&column.into_owned())).collect();
+        Ok(DMatrix::from_columns(&columns))
     }
 
     /// What is known of an orbit that is found; of its smallest period.
-    #[allow(clippy::type_complexity)] // what the solver has at hand
     fn settle(
         &self,
         section: Section,
-        (residual, _, basis, scales, image): (f64, DVector<f64>, DMatrix<f64>, Vec<f64>, Image),
+        (residual, _, unknowns, image): (f64, DVector<f64>, Unknowns, Image),
         period: u64,
         drift: &Drift,
         condition: f64,
     ) -> Result<Orbit, Missed> {
         for shorter in (1..period).filter(|shorter| period.is_multiple_of(*shorter)) {
-            let off = DVector::from_fn(scales.len(), |i, _| {
-                (image.between[shorter as usize - 1][i] - section.x[i]) / scales[i]
-            });
-            if (basis.transpose() * off).norm() <= SAME {
+            if unknowns.between(&section.x, &image.between[shorter as usize - 1]).norm() <= SAME {
                 return self.solve(&section, shorter, drift);
             }
         }
-        let dim = scales.len();
-        let scaled = DMatrix::from_fn(dim, dim, |i, j| image.jacobian[(i, j)] * scales[j] / scales[i]);
-        let mut multipliers: Vec<Complex<f64>> = self.reduced_multipliers(&scaled, &basis);
-        let neutral = dim - basis.ncols();
+        let mut multipliers: Vec<Complex<f64>> =
+            unknowns.reduced(&image.jacobian).complex_eigenvalues().iter().copied().collect();
+        let neutral = section.x.len() - unknowns.count();
         let is_stable = multipliers.iter().all(|m| m.norm() < 1.0);
         let is_marginal = multipliers.iter().any(|m| (m.norm() - 1.0).abs() <= MARGINAL);
         // Zeros are known from the events, and are not computed.
@@ -327,11 +223,5 @@ impl SectionMap<'_> {
         multipliers.extend(std::iter::repeat_n(Complex::new(1.0, 0.0), neutral));
         multipliers.sort_by(|a, b| b.norm().total_cmp(&a.norm()).then(b.im.total_cmp(&a.im)));
         Ok(Orbit { period, section, image, multipliers, neutral, is_stable, is_marginal, residual, condition })
-    }
-
-    /// The eigenvalues in the space of the unknowns.
-    fn reduced_multipliers(&self, scaled: &DMatrix<f64>, basis: &DMatrix<f64>) -> Vec<Complex<f64>> {
-        let reduced = basis.transpose() * scaled * basis;
-        reduced.complex_eigenvalues().iter().copied().collect()
     }
 }

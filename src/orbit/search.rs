@@ -8,6 +8,7 @@ use super::{
     Drift, Missed, Orbit, SectionMap,
     newton::SAME,
     section::Section,
+    unknowns::{ACCELERATES, distance},
     words::{normal, text},
 };
 use crate::{
@@ -63,9 +64,7 @@ impl Search {
         let mut found = Found { orbits: Vec::new(), drift: map.drift(), reason: None, best: f64::INFINITY };
         let start = map.start()?;
         if found.drift.accelerates(simulation) {
-            found.reason = Some(
-                "the train as a whole has no drag, and a constant load pushes it: it accelerates for ever".to_owned(),
-            );
+            found.reason = Some(ACCELERATES.to_owned());
             return Ok(found);
         }
         self.near(&map, &start, &mut found, task);
@@ -103,7 +102,7 @@ impl Search {
                 }
             }
         }
-        let scales = sizes(map, &sections);
+        let scales = map.scales_of(&sections);
         let close = (1..sections.len()).find(|k| distance(map, start, &sections[*k], &scales, &found.drift) <= SAME);
         if close.is_some_and(|k| self.attempt(map, start, k as u64, f64::INFINITY, found)) {
             return;
@@ -121,7 +120,7 @@ impl Search {
         let patience = near.is_finite().then_some(PATIENCE);
         let solved = map.solve_from(start, period, &found.drift, patience);
         let is_near = |orbit: &Orbit| {
-            let scales = sizes(map, std::slice::from_ref(&orbit.section));
+            let scales = map.scales_of(std::slice::from_ref(&orbit.section));
             distance(map, start, &orbit.section, &scales, &found.drift) <= near
         };
         let is_found = solved.as_ref().is_ok_and(is_near);
@@ -166,7 +165,7 @@ impl Search {
 
     /// From the end of a run, and from its closest returns.
     fn returns(&self, map: &SectionMap<'_>, passed: &[Section], found: &mut Found, task: Task<'_>) {
-        let scales = sizes(map, passed);
+        let scales = map.scales_of(passed);
         let Some(last) = passed.len().checked_sub(1) else { return };
         let periods = match self.period {
             Some(period) => period..=period,
@@ -201,7 +200,7 @@ impl Search {
         let Some(last) = passed.last() else { return };
         let simulation = map.simulation();
         let n = simulation.structure.freedoms();
-        let scales = sizes(map, passed);
+        let scales = map.scales_of(passed);
         let start = |i: usize| {
             // Weyl's sequence: the same starts on every machine.
             let spread = |k: usize| ((i + 1) as f64 * (k as f64 + 2.0).sqrt()).fract() * 2.0 - 1.0;
@@ -241,7 +240,7 @@ impl Found {
     /// Adds an orbit that is not there yet, at any of its points.
     fn add(&mut self, map: &SectionMap<'_>, orbit: Orbit) {
         let is_known = self.orbits.iter().any(|known| {
-            let scales = sizes(map, std::slice::from_ref(&known.section));
+            let scales = map.scales_of(std::slice::from_ref(&known.section));
             known.period == orbit.period
                 && known.image.between.iter().any(|x| {
                     let there = Section { x: x.clone(), contacts: known.section.contacts.clone() };
@@ -356,74 +355,4 @@ impl Orbit {
         };
         json!(row)
     }
-}
-
-/// The largest displacement and velocity of some sections, for each component.
-pub(super) fn sizes(map: &SectionMap<'_>, sections: &[Section]) -> Vec<f64> {
-    let simulation = map.simulation();
-    let n = simulation.structure.freedoms();
-    let dim = sections[0].x.len();
-    let backlash = simulation.structure.spec().contacts.iter().map(|c| c.half_backlash).fold(0.0, f64::max);
-    let largest = |range: std::ops::Range<usize>| {
-        sections.iter().flat_map(|s| &s.x[range.clone()]).fold(0.0, |m: f64, x| m.max(x.abs()))
-    };
-    let omega = simulation.clock().omega();
-    let (q, v) = (largest(0..n).max(1e-9 * backlash), largest(n..2 * n));
-    let q = q.max(v / omega).max(f64::MIN_POSITIVE);
-    let v = v.max(q * omega);
-    (0..dim)
-        .map(|i| {
-            if i < n {
-                q
-            } else if i < 2 * n {
-                v
-            } else {
-                largest(i..i + 1).max(f64::MIN_POSITIVE)
-            }
-        })
-        .collect()
-}
-
-/// The part of displacements `y` along a drift, by the mass.
-fn drift_share(simulation: &Simulation, direction: &[f64], y: &[f64]) -> f64 {
-    let mass = &simulation.structure.spec().mass;
-    let weigh = |y: &[f64]| -> f64 {
-        (0..y.len()).map(|i| direction[i] * (0..y.len()).map(|j| mass[(i, j)] * y[j]).sum::<f64>()).sum()
-    };
-    weigh(y) / weigh(direction)
-}
-
-/// A constant load along a drift below this share of its terms is rounding.
-const BALANCED: f64 = 1e-12;
-
-impl Drift {
-    /// Whether a constant load pushes what no damper holds.
-    pub(super) fn accelerates(&self, simulation: &Simulation) -> bool {
-        let load = &simulation.structure.spec().load;
-        self.directions.iter().zip(&self.is_free).filter(|(_, is_free)| **is_free).any(|(direction, _)| {
-            let terms = direction.iter().zip(load).map(|(d, f)| d * f);
-            terms.clone().sum::<f64>().abs() > BALANCED * terms.map(f64::abs).sum::<f64>()
-        })
-    }
-
-    /// Moves `section` along the drift to where `start` is.
-    fn take_back(&self, simulation: &Simulation, section: &mut Section, start: &Section) {
-        let n = simulation.structure.freedoms();
-        for direction in &self.directions {
-            let off: Vec<f64> = section.x[..n].iter().zip(&start.x).map(|(x, s)| x - s).collect();
-            let share = drift_share(simulation, direction, &off);
-            section.x[..n].iter_mut().zip(direction).for_each(|(x, d)| *x -= share * d);
-        }
-    }
-}
-
-/// How far two sections are apart, in scales, without what drifts and without latched speeds.
-pub(super) fn distance(map: &SectionMap<'_>, a: &Section, b: &Section, scales: &[f64], drift: &Drift) -> f64 {
-    let n = map.simulation().structure.freedoms();
-    let mut off: Vec<f64> = a.x.iter().zip(&b.x).map(|(a, b)| b - a).collect();
-    for direction in &drift.directions {
-        let share = drift_share(map.simulation(), direction, &off[..n]);
-        off[..n].iter_mut().zip(direction).for_each(|(off, d)| *off -= share * d);
-    }
-    off[..2 * n].iter().zip(scales).map(|(off, scale)| (off / scale).powi(2)).sum::<f64>().sqrt()
 }

@@ -51,7 +51,11 @@ fn read_memory(node: &Node, spec: &Spec) -> Memory {
             if !matches!(spec.contacts[j].law, Law::Power(law) if law.hysteresis > 0.0) {
                 entry.refuse("a contact whose law has hysteresis", "leave the contact out");
             }
-            memory.latched.push((j, entry.number()));
+            let speed = entry.number();
+            if speed <= 0.0 {
+                entry.refuse("> 0", "give the approach speed at which the contact began");
+            }
+            memory.latched.push((j, speed));
         }
     }
     if let Some(detached) = node.at("detached").written() {

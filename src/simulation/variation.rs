@@ -50,11 +50,39 @@ struct Neighbour {
     structure: Structure,
     /// What is the same in all trains of one shape: kinds and counts.
     shape: Vec<u64>,
-    numbers: Vec<f64>,
-    /// Numbers that the motion does not depend on linearly: frequency, masses, directions, switching times.
-    bent: Vec<f64>,
+    /// Numbers that the motion depends on linearly.
+    numbers: Numbers,
+    /// The others: frequency, masses, directions, switching times.
+    bent: Numbers,
     /// Frequencies, and the period of the run, in units of the clock's.
     ratios: Vec<(f64, f64)>,
+}
+
+/// Numbers of a train, and what each is rounded as: the largest one that it is computed with. A cosine of a right angle is zero to the
+/// rounding of one, not of itself.
+#[derive(Default)]
+struct Numbers {
+    values: Vec<f64>,
+    sizes: Vec<f64>,
+}
+
+impl Numbers {
+    /// Adds numbers that are computed together from some as large as `size`.
+    fn sized(&mut self, group: impl IntoIterator<Item = f64>, size: f64) {
+        self.values.extend(group);
+        self.sizes.resize(self.values.len(), size.abs());
+    }
+
+    /// Adds numbers that are computed together.
+    fn extend<'n>(&mut self, group: impl IntoIterator<Item = &'n f64> + Clone) {
+        let size = group.clone().into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        self.sized(group.into_iter().copied(), size);
+    }
+
+    /// Adds numbers of which each is computed alone.
+    fn push(&mut self, numbers: impl IntoIterator<Item = f64>) {
+        numbers.into_iter().for_each(|number| self.sized([number], number));
+    }
 }
 
 impl Simulation {
@@ -85,12 +113,11 @@ impl Simulation {
             let spec = structure.spec();
             let mut ratios: Vec<(f64, f64)> = frequencies(spec).into_iter().map(|w| (w, w / omega)).collect();
             ratios.extend(period.map(|period| std::f64::consts::TAU / period).map(|w| (w, w / omega)));
-            let (mut shape, mut numbers) = (Vec::new(), Vec::new());
-            let mut bent = vec![omega, omega.recip()];
+            let (mut shape, mut numbers, mut bent) = (Vec::new(), Numbers::default(), Numbers::default());
+            bent.push([omega, omega.recip()]);
             bent.extend(spec.mass.clone().try_inverse().iter().flatten());
             flatten(spec, &mut shape, &mut numbers, &mut bent);
             shape.push(ratios.len() as u64);
-            numbers.extend(&bent);
             Ok(Neighbour { shape, numbers, bent, ratios, structure })
         };
         let here = at(value)?;
@@ -109,6 +136,13 @@ impl Simulation {
                     {
                         return Err(self.parts(pointer, &here));
                     }
+                    (Err(SimulationError::Scene(error)), _)
+                        if error.faults.iter().any(|f| f.allowed.starts_with("a whole number")) =>
+                    {
+                        return Err(
+                            self.missing(format!("{pointer} is a whole number: the motion has no derivative with it"))
+                        );
+                    }
                     (Err(error), _) | (_, Err(error)) => {
                         fault.get_or_insert(error);
                         continue;
@@ -119,28 +153,27 @@ impl Simulation {
                     continue;
                 }
                 self.keeps_ratios(pointer, &here, &found[found.len() - 1].1)?;
-                if STENCILS[form].len() == 2 && found.iter().any(|(_, other)| other.bent != here.bent) {
+                if STENCILS[form].len() == 2 && found.iter().any(|(_, other)| other.bent.values != here.bent.values) {
                     continue;
                 }
-                let slope =
-                    |list: &[(f64, Neighbour)], i: usize| list.iter().map(|(w, n)| w * n.numbers[i]).sum::<f64>();
-                let is_exact = |i: usize| {
-                    let (a, b) = (slope(&found, i), slope(&check, i));
-                    (a - b).abs() <= EXACT * a.abs() + ROUNDED * here.numbers[i].abs() / step
-                };
-                depends =
-                    (0..here.numbers.len()).any(|i| slope(&found, i).abs() > ROUNDED * here.numbers[i].abs() / step);
-                if depends && (0..here.numbers.len()).all(is_exact) {
+                let (mut is_exact, mut moves) = (true, false);
+                for of in [(|n| &n.numbers) as fn(&Neighbour) -> &Numbers, |n| &n.bent] {
+                    let slope = |list: &[(f64, Neighbour)], i: usize| {
+                        list.iter().map(|(w, n)| w * of(n).values[i]).sum::<f64>()
+                    };
+                    for (i, size) in of(&here).sizes.iter().enumerate() {
+                        let (a, b, rounded) = (slope(&found, i), slope(&check, i), ROUNDED * size / step);
+                        is_exact &= (a - b).abs() <= EXACT * a.abs() + rounded;
+                        moves |= a.abs() > rounded;
+                    }
+                }
+                depends = moves;
+                if depends && is_exact {
                     return Ok(Variation::new(found.into_iter().map(|(w, n)| (w, n.structure)).collect()));
                 }
             }
         }
         Err(match fault {
-            Some(SimulationError::Scene(error))
-                if error.faults.iter().any(|f| f.allowed.starts_with("a whole number")) =>
-            {
-                self.missing(format!("{pointer} is a whole number: the motion has no derivative with it"))
-            }
             _ if !depends => self.missing(format!("nothing of the train depends on {pointer}")),
             Some(fault) if !reshapes => fault,
             _ => self.missing(format!("the train changes its shape at this value of {pointer}: it has no derivative")),
@@ -182,59 +215,62 @@ fn frequencies(spec: &Spec) -> Vec<f64> {
 }
 
 /// The shape of a train and its numbers in a fixed order: those that the motion depends on linearly, and the others.
-fn flatten(spec: &Spec, shape: &mut Vec<u64>, numbers: &mut Vec<f64>, bent: &mut Vec<f64>) {
-    let waves = |harmonics: &[Harmonic], numbers: &mut Vec<f64>| {
+fn flatten(spec: &Spec, shape: &mut Vec<u64>, numbers: &mut Numbers, bent: &mut Numbers) {
+    let waves = |harmonics: &[Harmonic], numbers: &mut Numbers| {
         for h in harmonics {
-            numbers.extend([h.amplitude * libm::cos(h.phase), h.amplitude * libm::sin(h.phase)]);
+            numbers.sized([h.amplitude * libm::cos(h.phase), h.amplitude * libm::sin(h.phase)], h.amplitude);
         }
         harmonics.len() as u64
     };
     bent.extend(spec.mass.iter());
-    numbers.extend(spec.damping.iter().chain(spec.stiffness.iter()));
+    numbers.extend(&spec.damping);
+    numbers.extend(&spec.stiffness);
     numbers.extend(&spec.load);
     shape.extend([spec.freedoms.len() as u64, spec.load_harmonics.len() as u64, spec.contacts.len() as u64]);
     for l in &spec.load_harmonics {
-        numbers.extend(l.vector.iter().flat_map(|f| [f * libm::cos(l.phase), f * libm::sin(l.phase)]));
+        let parts = l.vector.iter().flat_map(|f| [f * libm::cos(l.phase), f * libm::sin(l.phase)]);
+        numbers.sized(parts, l.vector.iter().fold(0.0, |m: f64, f| m.max(f.abs())));
     }
     for c in &spec.contacts {
         bent.extend(&c.direction);
-        numbers.extend([c.error_offset, c.half_backlash]);
+        numbers.push([c.error_offset, c.half_backlash]);
         shape.push(waves(&c.error, numbers));
         let (kind, count) = match &c.stiffness {
             Stiffness::Constant(k) => {
-                numbers.push(*k);
+                numbers.push([*k]);
                 (0, 0)
             }
             Stiffness::Harmonic { mean, harmonics } => {
-                numbers.push(*mean);
+                numbers.push([*mean]);
                 (1, waves(harmonics, numbers))
             }
             Stiffness::Periodic { period, origin, pieces } => {
-                bent.push(origin / period);
-                bent.extend(pieces.iter().map(|p| p.start));
-                numbers.extend(pieces.iter().flat_map(|p| [p.value, p.slope * period]));
+                bent.sized([origin / period], 1.0);
+                bent.push(pieces.iter().map(|p| p.start));
+                let largest = pieces.iter().fold(0.0, |m: f64, p| m.max(p.value.abs()));
+                numbers.sized(pieces.iter().flat_map(|p| [p.value, p.slope * period]), largest);
                 (2, pieces.len() as u64)
             }
             Stiffness::Switched { times, levels } => {
-                bent.extend(times.iter().flatten());
+                bent.push(times.iter().flatten().copied());
                 numbers.extend(levels);
                 (3, times.len() as u64)
             }
         };
         shape.extend([kind, count]);
         match c.law {
-            Law::Bilateral(l) | Law::KelvinVoigt(l, Release::Deflection) => numbers.push(l.damping),
+            Law::Bilateral(l) | Law::KelvinVoigt(l, Release::Deflection) => numbers.push([l.damping]),
             Law::KelvinVoigt(l, Release::Force) => {
-                numbers.push(l.damping);
+                numbers.push([l.damping]);
                 // Without damping the contact lets go by its deflection.
                 shape.push(u64::from(l.damping > 0.0));
             }
             Law::Power(l) => {
-                numbers.extend([l.hysteresis, l.speed_floor]);
+                numbers.push([l.hysteresis, l.speed_floor]);
                 shape.extend([l.exponent.value().to_bits(), u64::from(l.hysteresis > 0.0)]);
             }
             Law::Rigid(l) => {
-                numbers.push(l.restitution);
+                numbers.push([l.restitution]);
                 shape.push(u64::from(l.restitution > 0.0));
             }
         }

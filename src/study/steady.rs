@@ -7,7 +7,7 @@ use crate::{
     analysis::{ContactReport, Contacts, Grid, Sample, Spectrum, Trajectory, Window, cycles_later},
     engine::{Engine, Observer, Outcome, State},
     hybrid::{Clock, ContactMode, ContactView},
-    orbit::{Approach, Decision, Motion, SectionMap},
+    orbit::{Approach, Motion, SectionMap, decide},
     scene::Scene,
     simulation::Simulation,
     system::Structure,
@@ -169,7 +169,7 @@ fn transient<'c>(
     let approached = rule.approach.run(&map, &mut engine, observer, task)?;
     let approached = approached.ok_or_else(|| broken(&engine, task))?;
     let (motion, decided) = if rule.decides {
-        let decided = Decision { map: &map, engine: &mut engine }.run(&approached, observer, task)?;
+        let decided = decide(&map, &mut engine, &approached, observer, task)?;
         decided.ok_or_else(|| broken(&engine, task))?
     } else {
         (Motion::of(&approached), None)

@@ -200,14 +200,12 @@ fn columns(contacts: &[String], dimensionless: bool) -> Vec<String> {
         "transient_cycles",
         "orbit_distance",
         "measured_cycles",
+        "exponent",
+        "exponent_band",
+        "rotation",
+        "reason",
     ];
     let mut columns: Vec<String> = motion.map(String::from).to_vec();
-    columns.extend([
-        format!("exponent{}", with("_per_s")),
-        format!("exponent_band{}", with("_per_s")),
-        "rotation".to_owned(),
-    ]);
-    columns.push("reason".to_owned());
     columns.extend([format!("cycle{}", with("_s")), "events".to_owned(), "grazes".to_owned()]);
     for contact in contacts {
         columns.extend(COLUMNS.map(|(name, unit, _)| format!("{contact} {name}{}", with(unit))));

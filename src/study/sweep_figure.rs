@@ -1,9 +1,12 @@
 //! The picture of a sweep over one number.
 
-use super::steady::{ContactSteady, Steady};
+use super::{
+    figures::families,
+    steady::{ContactSteady, Steady},
+};
 use crate::{
     orbit::Kind,
-    plot::{Axis, Figure, Guide, Panel, Series, Style},
+    plot::{Axis, Figure, Panel, Series, Style},
     sweep::Direction,
 };
 
@@ -15,54 +18,42 @@ const KINDS: [Kind; 5] = [Kind::Periodic, Kind::QuasiPeriodic, Kind::Chaotic, Ki
 /// A row of a sweep: the value of the number, how it was reached, the motion.
 pub(super) type Row = (f64, Direction, Steady);
 
-/// The name of a contact without its number: equal contacts of a train are one family.
-fn family(name: &str) -> &str {
-    name.trim_end_matches(|c: char| c.is_ascii_digit() || c == ' ')
-}
-
 /// Time separated, largest force and deflection against the number at `pointer`, a row of panels for each family of contacts, by its first
 /// one; full points on the way up or alone, open ones on the way down, colours by kind.
 pub(super) fn figure(name: &str, pointer: &str, rows: &[Row], dimensionless: bool) -> Option<Figure> {
     let unit = |unit: &'static str| if dimensionless { "" } else { unit };
-    let mut first: Vec<usize> = Vec::new();
-    let contacts = &rows.first()?.2.contacts;
-    for (j, contact) in contacts.iter().enumerate() {
-        let is_new = |k: &usize| family(&contacts[*k].report.name) != family(&contact.report.name);
-        if first.iter().all(is_new) && first.len() < MOST {
-            first.push(j);
-        }
-    }
-    let panel =
-        |j: usize, label: &str, unit: &str, values: &[fn(&ContactSteady) -> Option<f64>], guides: Vec<Guide>| {
-            let mut series = Vec::new();
-            for (colour, kind) in KINDS.iter().enumerate() {
-                for (down, style) in [(false, Style::Points), (true, Style::Marks)] {
-                    let of_kind = rows.iter().filter(|(_, direction, steady)| {
-                        steady.motion.kind == *kind && (*direction == Direction::Down) == down
-                    });
-                    let points = of_kind.flat_map(|(x, _, steady)| {
-                        values.iter().filter_map(move |value| Some((*x, steady.contacts.get(j).and_then(value)?)))
-                    });
-                    let (x, y): (Vec<f64>, Vec<f64>) = points.unzip();
-                    if !x.is_empty() {
-                        let name = format!("{}{}", kind.word(), if down { ", down" } else { "" });
-                        series.push(Series::line(name, colour, x, y).styled(style));
-                    }
+    let longest = rows.iter().map(|(.., steady)| steady).max_by_key(|steady| steady.contacts.len())?;
+    let mut families = families(longest);
+    families.truncate(MOST);
+    let panel = |j: usize, label: &str, unit: &str, values: &[fn(&ContactSteady) -> Option<f64>]| {
+        let mut series = Vec::new();
+        for (colour, kind) in KINDS.iter().enumerate() {
+            for (down, style) in [(false, Style::Points), (true, Style::Marks)] {
+                let of_kind = rows.iter().filter(|(_, direction, steady)| {
+                    steady.motion.kind == *kind && (*direction == Direction::Down) == down
+                });
+                let points = of_kind.flat_map(|(x, _, steady)| {
+                    values.iter().filter_map(move |value| Some((*x, steady.contacts.get(j).and_then(value)?)))
+                });
+                let (x, y): (Vec<f64>, Vec<f64>) = points.unzip();
+                if !x.is_empty() {
+                    let name = format!("{}{}", kind.word(), if down { ", down" } else { "" });
+                    series.push(Series::line(name, colour, x, y).styled(style));
                 }
             }
-            let title = format!("{}: {label}", contacts[j].report.name);
-            Panel { title, x: Axis::new(pointer, ""), y: Axis::new(label, unit), series, guides, ..Panel::default() }
-        };
-    let panels = first.iter().flat_map(|j| {
+        }
+        let title = format!("{}: {label}", longest.contacts[j].report.name);
+        Panel { title, x: Axis::new(pointer, ""), y: Axis::new(label, unit), series, ..Panel::default() }
+    };
+    let panels = families.iter().flat_map(|(j, _)| {
         [
-            panel(*j, "time separated / period", "", &[|c| Some(c.report.apart_fraction)], Vec::new()),
-            panel(*j, "largest force", unit("N"), &[|c| c.report.force_max], Vec::new()),
+            panel(*j, "time separated / period", "", &[|c| Some(c.report.apart_fraction)]),
+            panel(*j, "largest force", unit("N"), &[|c| c.report.force_max]),
             panel(
                 *j,
                 "deflection, least and largest",
                 unit("m"),
                 &[|c| c.report.deflection_min, |c| c.report.deflection_max],
-                Vec::new(),
             ),
         ]
     });

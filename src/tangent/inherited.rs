@@ -47,13 +47,20 @@ impl<'s> Inherited<'s> {
     /// `√(Σ (h_x s_l)²)/|ḣ|` of a guard, for the columns s_l: how far its zero may have moved.
     fn moved(&self, jumped: &Jumped<'_>, id: crate::hybrid::GuardId) -> f64 {
         let (s, mode, x, dim) = (self.structure, &jumped.from.mode, jumped.x_minus, jumped.x_minus.len());
+        let n = s.freedoms();
         let along = |direction: &dyn Fn(usize) -> f64, dt: f64| {
-            // A change of some millionth of the state.
-            let share = (0..dim).filter(|i| direction(*i) != 0.0).map(|i| x[i].abs() / direction(i).abs());
-            let length = DIFFERENCE * share.fold(0.0, f64::max);
-            if length == 0.0 {
+            // A change of some millionth of the state, by the kind that it changes most. A displacement can be zero at an impact: it is
+            // worth the velocities of a radian then.
+            let size = |kind: std::ops::Range<usize>, of: &dyn Fn(usize) -> f64| {
+                kind.fold(0.0, |m: f64, i| m.max(of(i).abs()))
+            };
+            let (omega, state) = (s.clock().omega(), |i: usize| x[i]);
+            let q = size(0..n, &state).max(size(n..2 * n, &state) / omega);
+            let share = (size(0..n, direction) / q).max(size(n..2 * n, direction) / (q * omega));
+            if share == 0.0 || !share.is_finite() {
                 return 0.0;
             }
+            let length = DIFFERENCE / share;
             let guard = |sign: f64| {
                 let moved: Vec<f64> = (0..dim).map(|i| x[i] + sign * length * direction(i)).collect();
                 s.guard(mode, id, s.clock().advance(jumped.at, sign * length * dt), &moved)

@@ -6,26 +6,18 @@ use flank::{
 };
 use serde_json::{Value, json};
 
-use crate::open;
+use crate::{open, scales, six_points};
 
 /// Differences of doubles, extrapolated to the sixth order: their rounding is some 1e-16 over the best step, about 1e-5 to 1e-6.
 const ALLOWED: f64 = 1e-9;
 
-/// `∂P/∂x_i` by central differences of six points, exact to the sixth order of the step.
+/// `∂P/∂x_i` by differences.
 fn difference(map: &SectionMap<'_>, start: &Section, cycles: u64, i: usize, step: f64) -> Option<Vec<f64>> {
-    let image = |steps: f64| {
+    six_points(step, |off| {
         let mut x = start.x.clone();
-        x[i] += steps * step;
+        x[i] += off;
         map.follow(&Section { x, contacts: start.contacts.clone() }, cycles).ok().map(|end| end.x)
-    };
-    let mut sum = vec![0.0; start.x.len()];
-    for (steps, weight) in [(1.0, 0.75), (2.0, -0.15), (3.0, 1.0 / 60.0)] {
-        let (plus, minus) = (image(steps)?, image(-steps)?);
-        for ((s, p), m) in sum.iter_mut().zip(&plus).zip(&minus) {
-            *s += weight * (p - m) / step;
-        }
-    }
-    Some(sum)
+    })
 }
 
 /// The largest difference of the derivative of `cycles` cycles after `before` ones to extrapolated differences of runs, relative to its
@@ -37,18 +29,8 @@ pub fn disagreement(simulation: &Simulation, before: u64, cycles: u64) -> (f64, 
         start = map.follow(&start, before).unwrap();
     }
     let image = map.image(&start, cycles).unwrap();
-    let n = simulation.structure.freedoms();
-    let q = image.sizes[..n].iter().fold(0.0, |m: f64, s| m.max(*s));
-    let v = image.sizes[n..2 * n].iter().fold(0.0, |m: f64, s| m.max(*s));
-    let scale = |i: usize| {
-        if i < n {
-            q
-        } else if i < 2 * n {
-            v
-        } else {
-            image.sizes[i]
-        }
-    };
+    let scales = scales(simulation, &image);
+    let scale = |i: usize| scales[i];
     let dim = start.x.len();
     let mut worst = 0.0f64;
     let largest = (0..dim)
@@ -98,6 +80,9 @@ fn the_derivative_is_that_of_the_motion_on_every_example() {
     }
     assert!(failed.is_empty(), "{failed:?}");
 }
+
+/// The kinds of events that the scenes below go through.
+pub const EVENTS: &str = "acilrsxz";
 
 /// Two masses, the first driven and between flanks, coupled by a spring.
 fn two(contacts: &Value, omega: f64, error: f64, q: [f64; 2]) -> Simulation {
@@ -205,5 +190,5 @@ fn the_derivative_crosses_every_kind_of_event() {
         }
     }
     assert!(failed.is_empty(), "{failed:#?}");
-    assert_eq!(kinds.into_iter().collect::<String>(), "acilrsxz");
+    assert_eq!(kinds.into_iter().collect::<String>(), EVENTS);
 }

@@ -113,6 +113,8 @@ fn a_table_has_its_columns() {
         assert_eq!(row[column("mesh separations_per_cycle")], "1.0");
         assert_eq!(row[column("error")], "");
     }
+    let picture = fs::read_to_string(folder.path().join("sweep/sweep.svg")).unwrap();
+    assert!(picture.starts_with("<svg") && picture.contains("4 periodic") && picture.contains("mesh"));
     let whole: Value = serde_json::from_str(
         fs::read_to_string(folder.path().join("sweep/sweep.jsonl")).unwrap().lines().next().unwrap(),
     )

@@ -3,14 +3,14 @@
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use super::model::{Model, family};
+use super::model::Model;
 use crate::{
     analysis::{ContactReport, Contacts, Grid, Sample, Trajectory},
     engine::Engine,
     hybrid::ContactView,
     study::{
         StudyError,
-        figures::{Context, firsts},
+        figures::{Context, family, firsts},
         steady::{Seed, go_on, settled},
     },
 };

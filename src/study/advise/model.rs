@@ -9,7 +9,7 @@ use crate::{
     hybrid::ContactView,
     scene::Scene,
     simulation::Simulation,
-    study::{StudyError, steady::Seed},
+    study::{StudyError, figures::family, steady::Seed},
     train::Quantity,
 };
 
@@ -113,12 +113,6 @@ impl Model {
         }
         Seed { x, contacts }
     }
-}
-
-/// Contacts that are compared together: the meshes of all planets with one gear. Contacts without names of their own are
-/// no family.
-pub fn family(name: &str) -> &str {
-    if name.starts_with("contact ") { name } else { crate::study::figures::family(name) }
 }
 
 /// Picks the freedoms `to` out of `from`; a freedom of all planets is that of the first.

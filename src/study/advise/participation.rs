@@ -3,7 +3,6 @@
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use super::model::family;
 use crate::{
     gear::contact::Law,
     linalg::natural_modes,
@@ -129,5 +128,5 @@ pub fn modes(spec: &Spec, covariance: &DMatrix<f64>, groups: &[Group]) -> Result
 
 /// The first contact of each family: number and family.
 pub(super) fn firsts(spec: &Spec) -> Vec<(usize, String)> {
-    figures::firsts(spec.contacts.iter().map(|contact| family(&contact.name)))
+    figures::firsts(spec.contacts.iter().map(|contact| figures::family(&contact.name)))
 }

@@ -4,12 +4,12 @@ use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::model::family;
 use crate::{
     gear::{
         Piece, Stiffness,
         contact::{Law, Linear, Release, restitution},
     },
+    study::figures::family,
     system::{ContactSpec, Spec, Structure, damped_restitution, equilibrium, tangent_stiffness},
     train::TrainError,
 };

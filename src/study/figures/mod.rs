@@ -134,9 +134,10 @@ impl Units {
     }
 }
 
-/// A contact's name without its number: `ring-planet 2` is one of the `ring-planet` meshes.
+/// A contact's name without its number: `ring-planet 2` is one of the `ring-planet` meshes. Contacts without names of their own,
+/// `contact 2`, are no family.
 pub(super) fn family(name: &str) -> &str {
-    name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end()
+    if name.starts_with("contact ") { name } else { name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end() }
 }
 
 /// The first contact of each family of a case, in order: `(number, family)`.
