@@ -54,6 +54,7 @@
 
 pub mod accuracy;
 pub mod analysis;
+pub mod branch;
 pub mod engine;
 pub mod ensemble;
 pub mod event;

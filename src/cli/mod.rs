@@ -3,6 +3,7 @@
 mod advise;
 mod check;
 mod compare;
+mod continuation;
 mod error;
 mod identify;
 mod lyapunov;
@@ -49,6 +50,8 @@ enum Command {
     Sweep(sweep::Arguments),
     /// Solve for the periodic orbit that a scene starts on or approaches: stable or not, with its multipliers
     Orbit(orbit::Arguments),
+    /// Follow periodic orbits along a number of the scene, and locate the points at which the motion changes
+    Continue(continuation::Arguments),
     /// Measure all Lyapunov exponents of the motion that a scene runs to, with their bands
     Lyapunov(lyapunov::Arguments),
     /// Compare Flank with fixed-step and adaptive codes on a scene: accuracy against work
@@ -102,6 +105,7 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
         Command::Advise(arguments) => return advise::execute(&arguments),
         Command::Sweep(arguments) => return sweep::execute(&arguments),
         Command::Orbit(arguments) => return orbit::execute(&arguments),
+        Command::Continue(arguments) => return continuation::execute(&arguments),
         Command::Lyapunov(arguments) => return lyapunov::execute(&arguments),
         Command::Compare(arguments) => return compare::execute(&arguments),
         Command::Stability(arguments) => return stability::execute(&arguments),

@@ -22,3 +22,4 @@ pub use newton::{Missed, Orbit};
 pub use search::{Found, LONGEST, Search, components};
 pub use section::{Image, Section, SectionMap};
 pub use unknowns::Drift;
+pub(crate) use unknowns::Unknowns;

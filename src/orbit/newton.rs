@@ -60,15 +60,44 @@ pub struct Missed {
 }
 
 impl Orbit {
+    /// The orbit through `section`, whose image after `period` cycles closes.
+    pub(crate) fn of(
+        section: Section,
+        image: Image,
+        unknowns: &Unknowns,
+        period: u64,
+        residual: f64,
+        condition: f64,
+    ) -> Self {
+        let mut multipliers: Vec<Complex<f64>> =
+            unknowns.reduced(&image.jacobian).complex_eigenvalues().iter().copied().collect();
+        let neutral = section.x.len() - unknowns.count();
+        let is_stable = multipliers.iter().all(|m| m.norm() < 1.0);
+        let is_marginal = multipliers.iter().any(|m| (m.norm() - 1.0).abs() <= MARGINAL);
+        // Zeros are known from the events, and are not computed.
+        multipliers.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
+        multipliers.iter_mut().take(image.zeros).for_each(|m| *m = Complex::new(0.0, 0.0));
+        multipliers.extend(std::iter::repeat_n(Complex::new(1.0, 0.0), neutral));
+        multipliers.sort_by(|a, b| b.norm().total_cmp(&a.norm()).then(b.im.total_cmp(&a.im)));
+        Self { period, section, image, multipliers, neutral, is_stable, is_marginal, residual, condition }
+    }
+
+    /// The multipliers but those that say nothing of stability.
+    #[must_use]
+    pub fn telling(&self) -> Vec<Complex<f64>> {
+        let mut left = self.multipliers.clone();
+        for _ in 0..self.neutral {
+            let off = |m: &Complex<f64>| (m - Complex::new(1.0, 0.0)).norm();
+            let nearest = (0..left.len()).min_by(|a, b| off(&left[*a]).total_cmp(&off(&left[*b])));
+            nearest.map(|i| left.remove(i));
+        }
+        left
+    }
+
     /// The multiplier of largest size, but those that say nothing of stability.
     #[must_use]
     pub fn largest_multiplier(&self) -> f64 {
-        let mut sizes: Vec<f64> = self.multipliers.iter().map(|m| m.norm()).collect();
-        for _ in 0..self.neutral {
-            let nearest = (0..sizes.len()).min_by(|a, b| (sizes[*a] - 1.0).abs().total_cmp(&(sizes[*b] - 1.0).abs()));
-            nearest.map(|i| sizes.remove(i));
-        }
-        sizes.into_iter().fold(0.0, f64::max)
+        self.telling().iter().map(|m| m.norm()).fold(0.0, f64::max)
     }
 }
 
@@ -212,16 +241,6 @@ impl SectionMap<'_> {
                 return self.solve(&section, shorter, drift);
             }
         }
-        let mut multipliers: Vec<Complex<f64>> =
-            unknowns.reduced(&image.jacobian).complex_eigenvalues().iter().copied().collect();
-        let neutral = section.x.len() - unknowns.count();
-        let is_stable = multipliers.iter().all(|m| m.norm() < 1.0);
-        let is_marginal = multipliers.iter().any(|m| (m.norm() - 1.0).abs() <= MARGINAL);
-        // Zeros are known from the events, and are not computed.
-        multipliers.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
-        multipliers.iter_mut().take(image.zeros).for_each(|m| *m = Complex::new(0.0, 0.0));
-        multipliers.extend(std::iter::repeat_n(Complex::new(1.0, 0.0), neutral));
-        multipliers.sort_by(|a, b| b.norm().total_cmp(&a.norm()).then(b.im.total_cmp(&a.im)));
-        Ok(Orbit { period, section, image, multipliers, neutral, is_stable, is_marginal, residual, condition })
+        Ok(Orbit::of(section, image, &unknowns, period, residual, condition))
     }
 }

@@ -1,7 +1,7 @@
 //! The map of a whole number of cycles, with its derivative.
 
 use crate::{
-    engine::{Outcome, State},
+    engine::{Observer, Outcome, State},
     hybrid::{Instant, Mode, Watch},
     simulation::{Simulation, SimulationError},
     system::{ContactMode, Variation, contact_mode, guard_id, set_contact},
@@ -52,6 +52,8 @@ pub struct SectionMap<'a> {
     simulation: &'a Simulation,
     /// Cycle at which it starts.
     cycle: i64,
+    /// Part of a period at which sections stand, in [0, 1).
+    phase: f64,
 }
 
 impl<'a> SectionMap<'a> {
@@ -64,7 +66,19 @@ impl<'a> SectionMap<'a> {
         let [start, ..] = simulation.instants();
         // From a start within a cycle the next phase 0 is the first section.
         let cycle = start.cycle + i64::from(start.phase.value() > 0.0);
-        Ok(Self { simulation, cycle })
+        Ok(Self { simulation, cycle, phase: 0.0 })
+    }
+
+    /// The same map between other sections: at a part `phase` of the period, in [0, 1).
+    #[must_use]
+    pub fn at_phase(self, phase: f64) -> Self {
+        Self { phase, ..self }
+    }
+
+    /// Where sections stand, as a part of the period.
+    #[must_use]
+    pub fn phase(&self) -> f64 {
+        self.phase
     }
 
     /// The simulation.
@@ -73,8 +87,11 @@ impl<'a> SectionMap<'a> {
         self.simulation
     }
 
-    fn at(&self, cycles: u64) -> Instant {
-        self.simulation.clock().at(self.cycle + cycles as i64, 0.0)
+    /// The instant of a section.
+    pub(crate) fn at(&self, cycles: u64) -> Instant {
+        let clock = self.simulation.clock();
+        let period = clock.period().map_or(0.0, |period| period.value());
+        clock.at(self.cycle + cycles as i64, self.phase * period)
     }
 
     /// The section that the scene starts at.
@@ -131,6 +148,29 @@ impl<'a> SectionMap<'a> {
     pub fn follow(&self, section: &Section, cycles: u64) -> Result<Section, SimulationError> {
         let mut engine = self.simulation.engine(self.state(section)?)?;
         engine.run(self.at(cycles), &mut ())?;
+        Ok(self.section(engine.state()))
+    }
+
+    /// Runs `cycles` cycles from a section, watched by `observer`.
+    ///
+    /// # Errors
+    /// [`SimulationError`].
+    pub fn watch(&self, section: &Section, cycles: u64, observer: &mut dyn Observer) -> Result<(), SimulationError> {
+        let mut engine = self.simulation.engine(self.state(section)?)?;
+        engine.run(self.at(cycles), observer)?;
+        Ok(())
+    }
+
+    /// The next section of `other`, of the same train, that a section leads to: at once where both stand at one phase.
+    ///
+    /// # Errors
+    /// [`SimulationError`].
+    pub fn lead(&self, section: &Section, other: &SectionMap<'_>) -> Result<Section, SimulationError> {
+        if self.phase == other.phase {
+            return Ok(section.clone());
+        }
+        let mut engine = self.simulation.engine(self.state(section)?)?;
+        engine.run(other.at(u64::from(other.phase < self.phase)), &mut ())?;
         Ok(self.section(engine.state()))
     }
 

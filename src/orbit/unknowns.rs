@@ -122,7 +122,7 @@ impl SectionMap<'_> {
 
 /// The unknowns `y = Bᵀ S⁻¹ x`: S the scales, B an orthonormal basis of what neither drifts nor stays as it is.
 #[derive(Clone, Debug)]
-pub(super) struct Unknowns {
+pub(crate) struct Unknowns {
     /// S, `[dim]`.
     pub scales: Vec<f64>,
     /// B, `[dim, unknowns]`.
@@ -189,5 +189,13 @@ impl Unknowns {
         let mut x = &self.basis * y;
         x.iter_mut().zip(&self.scales).for_each(|(x, scale)| *x *= scale);
         x
+    }
+
+    /// A row over the unknowns `of`, of another place of the motion, as a row over these.
+    pub fn row_of(&self, of: &Unknowns, row: &DVector<f64>) -> DVector<f64> {
+        let rows = DMatrix::from_fn(self.scales.len(), self.count(), |i, l| {
+            self.scales[i] * self.basis[(i, l)] / of.scales[i]
+        });
+        (of.basis.transpose() * rows).transpose() * row
     }
 }

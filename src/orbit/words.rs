@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::{
     engine::{Jumped, Observer},
     event::EventRecord,
-    hybrid::Watch,
+    hybrid::{Instant, Watch},
     system::{ContactMode, Structure, contact_mode, guard_of},
 };
 
@@ -137,13 +137,28 @@ impl Sequence {
 /// Words of a block at most.
 const LONGEST_BLOCK: usize = 12;
 
+/// One event of one contact.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Letter {
+    /// Its token.
+    pub token: String,
+    /// Which contact.
+    pub contact: usize,
+    /// When.
+    pub at: Instant,
+    /// Rate of the contact's deflection before it, m/s.
+    pub rate: f64,
+}
+
 /// Spells the motion that it watches.
 #[derive(Debug)]
-pub(super) struct Speller<'s> {
+pub(crate) struct Speller<'s> {
     structure: &'s Structure,
-    /// Tokens of the instant that is open.
-    open: Vec<String>,
+    /// Letters of the instant that is open.
+    open: Vec<Letter>,
     tokens: Vec<String>,
+    /// The letters of all tokens.
+    pub letters: Vec<Letter>,
     /// The largest size of each component of the state so far.
     pub sizes: Vec<f64>,
 }
@@ -151,7 +166,7 @@ pub(super) struct Speller<'s> {
 impl<'s> Speller<'s> {
     pub fn new(structure: &'s Structure, x: &[f64]) -> Self {
         let sizes = x.iter().map(|x| x.abs()).collect();
-        Self { structure, open: Vec::new(), tokens: Vec::new(), sizes }
+        Self { structure, open: Vec::new(), tokens: Vec::new(), letters: Vec::new(), sizes }
     }
 
     /// Takes the sizes of a state into account.
@@ -162,6 +177,7 @@ impl<'s> Speller<'s> {
     /// The tokens since they were taken last.
     pub fn take(&mut self) -> Vec<String> {
         self.close();
+        self.letters.clear();
         std::mem::take(&mut self.tokens)
     }
 
@@ -172,13 +188,14 @@ impl<'s> Speller<'s> {
     }
 
     fn close(&mut self) {
-        self.open.sort();
-        match self.open.len() {
-            0 => {}
-            1 => self.tokens.append(&mut self.open),
-            _ => self.tokens.push(format!("[{}]", self.open.drain(..).collect::<Vec<_>>().join(" "))),
+        self.open.sort_by(|a, b| a.token.cmp(&b.token));
+        let tokens: Vec<&str> = self.open.iter().map(|letter| letter.token.as_str()).collect();
+        match &tokens[..] {
+            [] => {}
+            [single] => self.tokens.push((*single).to_owned()),
+            several => self.tokens.push(format!("[{}]", several.join(" "))),
         }
-        self.open.clear();
+        self.letters.append(&mut self.open);
     }
 }
 
@@ -197,12 +214,14 @@ impl Observer for Speller<'_> {
         for (j, c) in self.structure.contacts().iter().enumerate() {
             let (was, is) = (contact_mode(&jumped.from.mode, j), contact_mode(&jumped.to.mode, j));
             let is_rigid = c.spec.law.is_rigid();
-            if let Some(token) = token(j, was, is, is_rigid) {
-                self.open.push(token);
-            } else if is_rigid && was == ContactMode::Separated {
+            let told = token(j, was, is, is_rigid).or_else(|| {
                 let struck = jumped.to.struck.iter().map(guard_of).find(|(k, _)| *k == j);
-                let side = |watch: Watch| if watch == Watch::DriveFlank { 1.0 } else { -1.0 };
-                self.open.extend(struck.map(|(_, watch)| spelled('i', j, side(watch))));
+                let (_, watch) = struck.filter(|_| is_rigid && was == ContactMode::Separated)?;
+                Some(spelled('i', j, if watch == Watch::DriveFlank { 1.0 } else { -1.0 }))
+            });
+            if let Some(token) = told {
+                let (_, rate) = self.structure.deflection(j, jumped.at, jumped.x_minus);
+                self.open.push(Letter { token, contact: j, at: jumped.at, rate });
             }
         }
     }
@@ -220,6 +239,8 @@ impl Observer for Speller<'_> {
                     for _ in 0..accumulation.resolved {
                         let Some(last) = self.tokens.iter().rposition(|token| *token == impact) else { break };
                         self.tokens.remove(last);
+                        let letter = self.letters.iter().rposition(|letter| letter.token == impact);
+                        letter.map(|letter| self.letters.remove(letter));
                     }
                 }
             }

@@ -49,6 +49,25 @@ pub fn extremes(p: &[f64]) -> [f64; 2] {
     search.found
 }
 
+/// Halvings after which minima are too near to each other to be told apart.
+const APART: u32 = 20;
+
+/// Where `p` has its local minima inside `(0, 1)`, in order: the roots of its derivative at which it begins to rise.
+///
+/// # Panics
+/// If the degree is above [`MAX_DEGREE`].
+#[must_use]
+pub fn minima(p: &[f64]) -> Vec<f64> {
+    let mut slope = [0.0; MAX_DEGREE + 1];
+    let mut found = Vec::new();
+    if p.len() > 2 {
+        let slope = derivative(p, &mut slope);
+        let search = Search { p, slope, found: [0.0; 2], rounding: 0.0 };
+        search.rises(Bernstein::from_power(slope), 0.0, 1.0, 0, &mut found);
+    }
+    found
+}
+
 fn derivative<'a>(p: &[f64], out: &'a mut [f64; MAX_DEGREE + 1]) -> &'a [f64] {
     for (k, (d, c)) in out.iter_mut().zip(&p[1..]).enumerate() {
         *d = (k + 1) as f64 * c;
@@ -80,6 +99,25 @@ struct Search<'a> {
 impl Search<'_> {
     fn take(&mut self, value: f64) {
         self.found = [self.found[0].max(value), self.found[1].min(value)];
+    }
+
+    fn rises(&self, mut b: Bernstein, low: f64, high: f64, depth: u32, found: &mut Vec<f64>) {
+        let middle = 0.5 * (low + high);
+        match b.sign_changes() {
+            0 => {}
+            1 if b.first_sign() > 0.0 => {}
+            1 => found.push(self.turn(low, high, 1.0)),
+            _ if depth >= APART => {}
+            _ => {
+                let right = b.split();
+                // A root right between both halves.
+                if right.b[0] == 0.0 && b.first_sign() < 0.0 {
+                    found.push(middle);
+                }
+                self.rises(b, low, middle, depth + 1, found);
+                self.rises(right, middle, high, depth + 1, found);
+            }
+        }
     }
 
     fn look(&mut self, mut b: Bernstein, low: f64, high: f64, depth: u32) {

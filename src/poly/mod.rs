@@ -10,7 +10,7 @@ mod falling;
 mod first_root;
 
 pub(crate) use chebyshev::{CHEBYSHEV, Chebyshev, DEGREE};
-pub use extremes::extremes;
+pub use extremes::{extremes, minima};
 pub(crate) use falling::{LENGTH, Pattern, Place, Row, fall, halve, pattern};
 pub use first_root::{FirstRoot, Isolation, first_root};
 

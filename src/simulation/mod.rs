@@ -7,6 +7,7 @@
 
 mod error;
 mod job;
+mod parameter;
 mod samples;
 mod summary;
 mod variation;
@@ -17,6 +18,7 @@ use serde_json::{Value, json};
 
 pub use error::SimulationError;
 pub use job::{Job, RunRecord};
+pub use parameter::Parameter;
 pub use summary::{Ended, IntegratorUsed, Provenance, RunEnd, Summary, TrainUsed};
 
 use crate::{

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::{Simulation, SimulationError};
+use super::{Parameter, Simulation, SimulationError};
 use crate::{
     gear::{
         Harmonic, Stiffness,
@@ -94,19 +94,21 @@ impl Simulation {
     /// changes its shape there, and where frequencies no longer have a common cycle; [`SimulationError::Scene`] where no train has a
     /// neighbouring value.
     pub fn variation(&self, pointer: &str) -> Result<Variation, SimulationError> {
-        if self.resolved().is_null() {
-            return Err(
-                self.missing("it was built in Rust and has no numbers with pointers; make a Variation of trains")
-            );
-        }
+        self.variation_by(&Parameter::new(self.resolved(), &[pointer]).map_err(|reason| self.missing(reason))?)
+    }
+
+    /// The same for numbers that move together, by the value of the first.
+    ///
+    /// # Errors
+    /// As [`variation`](Self::variation).
+    pub fn variation_by(&self, parameter: &Parameter) -> Result<Variation, SimulationError> {
+        let pointer = parameter.pointer();
         let Some(value) = self.resolved().pointer(pointer).and_then(Value::as_f64) else {
-            return Err(
-                self.missing(format!("there is no number at {pointer:?}; see the resolved scene for its pointers"))
-            );
+            return Err(self.missing(format!("there is no number at {pointer:?}")));
         };
         let scene = Scene::from_value(self.resolved().clone(), &self.name)?;
         let at = |value: f64| -> Result<Neighbour, SimulationError> {
-            let built = scene.with(pointer, value.into())?.build()?;
+            let built = parameter.set(&scene, value)?.build()?;
             let period = built.run.period;
             let structure = Structure::new(built.spec)?.by(built.run.instructions);
             let omega = structure.clock().omega();

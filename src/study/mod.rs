@@ -9,6 +9,7 @@ mod changes;
 pub mod claims;
 mod error;
 mod expression;
+pub mod branches;
 mod figures;
 pub mod identify;
 mod kind;

@@ -7,7 +7,7 @@ use crate::{
     analysis::{ContactReport, Contacts, Grid, Sample, Spectrum, Trajectory, Window, cycles_later},
     engine::{Engine, Observer, Outcome, State},
     hybrid::{Clock, ContactMode, ContactView},
-    orbit::{Approach, Motion, SectionMap, decide},
+    orbit::{Approach, Motion, Section, SectionMap, decide},
     scene::Scene,
     simulation::Simulation,
     system::Structure,
@@ -130,6 +130,14 @@ pub fn steady(scene: impl Into<Scene>, seed: Option<&Seed>, rule: &Rule, task: T
     });
     // A difference breaks the run off: it is the reason for what else went wrong.
     check.and_then(|check| check.difference()).map_or(steady, |difference| Err(difference.into()))
+}
+
+/// Measures of an orbit over its period.
+pub(super) fn of_orbit(simulation: &Simulation, section: &Section, motion: Motion, task: Task<'_>) -> Result<Steady, StudyError> {
+    let map = SectionMap::new(simulation)?;
+    let mut engine = simulation.engine(map.state(section)?)?;
+    let rule = Rule { measured_cycles: 1, ..Rule::default() };
+    measure(simulation, &mut engine, motion, (true, &rule), &mut (), task)
 }
 
 /// The window that spectra of a motion want, taken over whole cycles (and periods).

@@ -160,7 +160,7 @@ impl SteadySweep {
 }
 
 /// Contacts and their names; a name given before gets a number.
-fn named(steady: &Steady) -> impl Iterator<Item = (String, &ContactSteady)> {
+pub(super) fn named(steady: &Steady) -> impl Iterator<Item = (String, &ContactSteady)> {
     steady.contacts.iter().enumerate().map(|(j, contact)| {
         let name = &contact.report.name;
         let before = steady.contacts[..j].iter().filter(|other| other.report.name == *name).count();
@@ -207,10 +207,24 @@ fn columns(contacts: &[String], dimensionless: bool) -> Vec<String> {
     ];
     let mut columns: Vec<String> = motion.map(String::from).to_vec();
     columns.extend([format!("cycle{}", with("_s")), "events".to_owned(), "grazes".to_owned()]);
-    for contact in contacts {
-        columns.extend(COLUMNS.map(|(name, unit, _)| format!("{contact} {name}{}", with(unit))));
-    }
+    columns.extend(contact_columns(contacts, dimensionless));
     columns
+}
+
+/// The columns of contacts.
+pub(super) fn contact_columns(contacts: &[String], dimensionless: bool) -> Vec<String> {
+    let with = |unit: &'static str| if dimensionless { "" } else { unit };
+    let of = |contact: &String| COLUMNS.map(|(name, unit, _)| format!("{contact} {name}{}", with(unit)));
+    contacts.iter().flat_map(of).collect()
+}
+
+/// Their cells of a row, empty where it has no such contact.
+pub(super) fn contact_cells(contacts: &[String], steady: Option<&Steady>) -> Vec<String> {
+    let of = |name: &String| {
+        let contact = steady.and_then(|steady| named(steady).find(|(other, _)| other == name)).map(|(_, contact)| contact);
+        COLUMNS.map(|(_, _, measure)| contact.and_then(measure).map_or_else(String::new, number))
+    };
+    contacts.iter().flat_map(of).collect()
 }
 
 /// A row of the table.
@@ -234,9 +248,6 @@ fn cells(contacts: &[String], steady: &Steady) -> Vec<String> {
         steady.events.to_string(),
         steady.grazes.to_string(),
     ];
-    for name in contacts {
-        let contact = named(steady).find(|(other, _)| other == name).map(|(_, contact)| contact);
-        cells.extend(COLUMNS.map(|(_, _, measure)| contact.and_then(measure).map_or_else(String::new, number)));
-    }
+    cells.extend(contact_cells(contacts, Some(steady)));
     cells
 }

@@ -1,0 +1,288 @@
+//! A branch followed in one direction.
+
+use super::{
+    course::Course,
+    family::Family,
+    node::{Node, Plane, Solver},
+};
+use crate::{hybrid::Watch, orbit::words::Letter, task::Task};
+
+/// Lengths of steps, in scales of states and ranges of the parameter: at first, at most, and the one below which a branch ends.
+const FIRST: f64 = 0.01;
+const LONGEST: f64 = 0.03;
+const SHORTEST: f64 = 1e-7;
+/// Factor after a step that was solved in [`EASY`] Newton steps.
+const GROWTH: f64 = 1.3;
+const EASY: usize = 4;
+/// Cosine of the turn of the tangent that a step may make: 14°.
+const TURN: f64 = 0.97;
+/// Steps from which on several changes at once are taken as they are.
+const SEVERAL: f64 = 1e-4;
+/// Steps from which on the branch may have a corner where its word changes.
+const CORNER: f64 = 1e-6;
+/// Events of one instant: cycles between them.
+const TOGETHER: f64 = 1e-9;
+/// Cycles that events are kept away from the section, if they can be.
+const CLEAR: f64 = 0.02;
+
+/// How the events of two neighbours differ.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Change {
+    /// Not at all.
+    None,
+    /// Two events have changed places: their places in the first one's course.
+    Swapped(usize, usize),
+    /// One of them has more, of one contact or of equal ones: which of the contacts, and whether it is the second one.
+    Gained(usize, bool),
+    /// In some other way.
+    Other,
+}
+
+/// What a branch has become in one direction.
+pub struct Trace {
+    /// Its points after the start.
+    pub nodes: Vec<Node>,
+    /// For each the point at which the step to it began: the one before, with the section of this one.
+    pub before: Vec<Node>,
+    /// Why it ends.
+    pub end: String,
+    /// Whether it came back to its start.
+    pub is_closed: bool,
+    /// Whether it ended inside the range, as no further orbit was found.
+    pub stalls: bool,
+}
+
+/// Groups of letters that are of one instant, in order of time.
+fn groups(course: &Course) -> Vec<Vec<&str>> {
+    let mut groups: Vec<Vec<&str>> = Vec::new();
+    for (i, Letter { token, .. }) in course.letters.iter().enumerate() {
+        match groups.last_mut() {
+            Some(last) if course.times[i] - course.times[i - 1] <= TOGETHER => last.push(token),
+            _ => groups.push(vec![token]),
+        }
+    }
+    groups.iter_mut().for_each(|group| group.sort_unstable());
+    groups
+}
+
+/// Tokens of `a` that `b` does not have.
+fn surplus<'a>(a: &[&'a str], b: &[&str]) -> Vec<&'a str> {
+    let mut left = b.to_vec();
+    let is_more = |token: &&str| match left.iter().position(|other| other == token) {
+        Some(i) => {
+            left.swap_remove(i);
+            false
+        }
+        None => true,
+    };
+    let mut is_more = is_more;
+    a.iter().filter(|token| is_more(token)).copied().collect()
+}
+
+/// The contact of a token.
+fn contact(token: &str) -> usize {
+    token[1..token.len() - 1].parse().unwrap_or(0)
+}
+
+impl Change {
+    /// From `a` to `b`.
+    pub fn of(a: &Course, b: &Course) -> Self {
+        let (more, less) = (surplus(&b.tokens(), &a.tokens()), surplus(&a.tokens(), &b.tokens()));
+        match (more.is_empty(), less.is_empty()) {
+            (true, true) => {
+                let (of_a, of_b) = (groups(a), groups(b));
+                let is_turned =
+                    of_a.len() == of_b.len() && (0..of_a.len().max(1)).any(|k| {
+                        of_a[k..].iter().chain(&of_a[..k]).eq(of_b.iter())
+                    });
+                if is_turned { Self::None } else { Self::swapped(a, b) }
+            }
+            (false, false) => Self::Other,
+            _ => {
+                let tokens = if more.is_empty() { &less } else { &more };
+                let kinds = |j: usize| -> Vec<char> {
+                    tokens.iter().filter(|t| contact(t) == j).filter_map(|t| t.chars().next()).collect()
+                };
+                let first = contact(tokens[0]);
+                let of_first = kinds(first);
+                let is_single = of_first.len() <= 3 && tokens.iter().all(|token| kinds(contact(token)) == of_first);
+                if is_single { Self::Gained(first, less.is_empty()) } else { Self::Other }
+            }
+        }
+    }
+
+    /// Two neighbouring events of different contacts that stand the other way round in `b`.
+    fn swapped(a: &Course, b: &Course) -> Self {
+        let count = a.letters.len();
+        let pairs = (1..count).filter(|i| a.letters[i - 1].contact != a.letters[*i].contact);
+        let swapped = pairs.filter(|i| {
+            let (first, second) = (&a.letters[i - 1].token, &a.letters[*i].token);
+            a.times[*i] - a.times[i - 1] > TOGETHER
+                && b.letters.windows(2).any(|pair| pair[0].token == *second && pair[1].token == *first)
+        });
+        let gap = |i: &usize| a.times[*i] - a.times[i - 1];
+        let nearest = swapped.min_by(|i, j| gap(i).total_cmp(&gap(j)));
+        nearest.map_or(Self::Other, |i| Self::Swapped(i - 1, i))
+    }
+}
+
+impl Solver<'_> {
+    /// The cosine of the angle between the tangents of two points.
+    fn turn(&self, a: &Node, b: &Node) -> f64 {
+        // The tangent of b in the unknowns of a.
+        let moved = b.unknowns.lifted(&b.tangent.y);
+        let origin = vec![0.0; moved.len()];
+        let y = a.unknowns.between(&origin, moved.as_slice());
+        let (dot, norm) = (y.dot(&a.tangent.y) + b.tangent.p * a.tangent.p, y.norm().hypot(b.tangent.p));
+        dot / norm
+    }
+
+    /// A step of length `h` along the tangent.
+    fn step(&self, from: &Node, h: f64) -> Option<Node> {
+        let range = self.family.range();
+        let plane = Plane { from, row: from.tangent.clone(), target: h };
+        self.at(from.guess(&from.tangent, range, h), from.orbit.period, from.phase, Some(&plane), 1.0).ok()
+    }
+
+    /// Whether the next point is a neighbour: it follows without a jump, and what changes is one thing.
+    fn follows(&self, a: &Node, b: &Node, h: f64) -> bool {
+        let change = Change::of(&a.course, &b.course);
+        let (_, length) = a.chord(b, self.family.range());
+        if length > 1.2 * h && length > 2.0 * SHORTEST {
+            return false;
+        }
+        if self.turn(a, b) < TURN && (change == Change::None || h > CORNER) {
+            return false;
+        }
+        let (before, after) = (a.unstable(), b.unstable());
+        let changed: usize = before.iter().zip(&after).map(|(a, b)| a.abs_diff(*b)).sum();
+        let is_one = changed <= 1 || changed == 2 && before[2].abs_diff(after[2]) == 2;
+        h <= SEVERAL || is_one && change != Change::Other && (changed == 0 || change == Change::None)
+    }
+
+    /// Follows a branch from `start` along its tangent, up to `most` points.
+    pub fn follow(&self, start: &Node, most: usize, task: Task<'_>) -> Trace {
+        let Family { from, to, .. } = *self.family;
+        let range = self.family.range();
+        let mut trace = Trace { nodes: Vec::new(), before: Vec::new(), end: String::new(), is_closed: false, stalls: false };
+        let (mut here, mut h) = (start.clone(), FIRST);
+        loop {
+            if task.is_cancelled() || trace.nodes.len() >= most {
+                trace.end = format!("{most} points are computed; take a shorter range");
+                return trace;
+            }
+            let ahead = here.value + h * here.tangent.p * range;
+            let end = if ahead >= to { Some(to) } else if ahead <= from { Some(from) } else { None };
+            let next = match end {
+                Some(end) => {
+                    let distance = (end - here.value) / (here.tangent.p * range);
+                    if distance <= 1e-12 {
+                        trace.end = "the end of the range".to_owned();
+                        return trace;
+                    }
+                    let (section, _) = here.guess(&here.tangent, range, distance);
+                    self.at((section, end), here.orbit.period, here.phase, None, here.tangent.p.signum()).ok()
+                }
+                None => self.step(&here, h),
+            };
+            let reach = end.map_or(h, |end| (end - here.value) / (here.tangent.p * range));
+            let inside = |node: &Node| end.is_some() || self.family.contains(node.value);
+            let next = next.filter(|node| inside(node) && self.follows(&here, node, reach.max(SHORTEST)));
+            let Some(node) = next else {
+                h = 0.5 * reach.min(h);
+                if h < SHORTEST {
+                    trace.stalls = true;
+                    trace.end = format!("no orbit is found beyond {}", here.value);
+                    return trace;
+                }
+                continue;
+            };
+            let is_easy = node.steps <= EASY;
+            trace.before.push(here.clone());
+            trace.nodes.push(node.clone());
+            if end.is_some() {
+                trace.end = "the end of the range".to_owned();
+                return trace;
+            }
+            if self.is_back(start, &here, &node, h) {
+                (trace.is_closed, trace.end) = (true, "it comes back to its start".to_owned());
+                return trace;
+            }
+            if is_easy {
+                h = (GROWTH * h).min(LONGEST);
+            }
+            here = node;
+            // Away from a fold the sense of the tangent is that of the parameter.
+            if here.course.clearance() < CLEAR && here.tangent.p.abs() > 1e-3 {
+                if let Ok(turned) = self.turned(&here) {
+                    if turned.course.clearance() > 1.5 * here.course.clearance() {
+                        here = turned;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whether the step from `a` to `b` passes `start`, in its direction.
+    fn is_back(&self, start: &Node, a: &Node, b: &Node, h: f64) -> bool {
+        let range = self.family.range();
+        let between = (a.value - start.value) * (b.value - start.value) <= 0.0;
+        if !between || a.phase != start.phase || a.value == start.value {
+            return false;
+        }
+        let off = start.unknowns.between(&start.orbit.section.x, &b.orbit.section.x).norm();
+        off.hypot((b.value - start.value) / range) <= 1.5 * h && b.tangent.p * start.tangent.p > 0.0
+    }
+}
+
+/// The least values and times of a point that fall to zero where its word ends: of each guard, of each stay between two events of one contact,
+/// and the speed of each impact.
+pub fn vanishing(node: &Node) -> Vec<(Vanishing, f64)> {
+    let Course { letters, times, lows } = &node.course;
+    let mut all: Vec<(Vanishing, f64)> = Vec::new();
+    for low in lows {
+        let key = Vanishing::Low(low.contact, low.watch, low.is_closed);
+        match all.iter_mut().find(|(other, _)| *other == key) {
+            Some((_, value)) => *value = value.min(low.value),
+            None => all.push((key, low.value)),
+        }
+    }
+    let period = node.orbit.period as f64;
+    for (i, letter) in letters.iter().enumerate() {
+        if letter.token.starts_with('i') {
+            all.push((Vanishing::Speed(i), letter.rate.abs()));
+        }
+        let of_contact = |k: &usize| letters[*k % letters.len()].contact == letter.contact;
+        let next = (i + 1..i + letters.len()).find(of_contact);
+        if let Some(k) = next.filter(|k| *k != i) {
+            let later = times[k % letters.len()] + if k >= letters.len() { period } else { 0.0 };
+            all.push((Vanishing::Stay(i), later - times[i]));
+        }
+    }
+    for i in 1..letters.len() {
+        if letters[i].contact != letters[i - 1].contact && times[i] - times[i - 1] > TOGETHER {
+            all.push((Vanishing::Between(i), times[i] - times[i - 1]));
+        }
+    }
+    all
+}
+
+/// What can vanish along a branch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Vanishing {
+    /// The least value of a guard of a contact, closed or not.
+    Low(usize, Watch, bool),
+    /// The speed of an impact, by its place in the course.
+    Speed(usize),
+    /// The time to the next event of the contact.
+    Stay(usize),
+    /// The time between an event and the one before it, of another contact.
+    Between(usize),
+}
+
+impl Vanishing {
+    /// Its value at a point.
+    pub fn at(self, node: &Node) -> Option<f64> {
+        vanishing(node).into_iter().find(|(key, _)| *key == self).map(|(_, value)| value)
+    }
+}

@@ -1,0 +1,129 @@
+//! `flank continue`.
+
+use std::{cell::RefCell, fmt::Write, path::PathBuf};
+
+use flank::{
+    branch::{Branch, Continuation},
+    output::{Fault, Table, five_digits as number},
+    simulation::{Parameter, SimulationError},
+    study::branches::Branches,
+    sweep::GridError,
+};
+
+use super::{
+    CliError, Done, print,
+    progress::{cancellable, catch_interrupt, running, show},
+    read_scene, request, threads,
+};
+
+const TABLE: &str = "branches.csv";
+const SPECIAL: &str = "special.csv";
+
+/// Arguments of `flank continue`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Scene file; the reference scene if left out
+    scene: Option<PathBuf>,
+    /// The number to vary, by JSON pointer: POINTER=FROM:TO; P1,P2,…=FROM:TO moves further frequencies and periods with the first
+    #[arg(long, value_name = "AXIS")]
+    vary: String,
+    /// Folder of branches.csv, special.csv and their picture
+    #[arg(long, value_name = "DIR", default_value = "continue")]
+    out: PathBuf,
+    /// Period of the first orbit, cycles; the smallest that is found if left out
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    period: Option<u64>,
+    /// Levels of branches beyond the first that are followed from doublings and broken symmetries
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    doublings: u32,
+    /// Threads; as many as there are cores if left out
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Write into a folder that is not empty
+    #[arg(long)]
+    force: bool,
+    /// Print nothing
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Reads `P1,P2,…=FROM:TO`.
+fn axis(text: &str) -> Result<(Vec<&str>, [f64; 2]), Vec<Fault>> {
+    const FORM: &str = "POINTER=FROM:TO, such as /train/speed_rpm=400:6000";
+    let fault = |found: String| vec![Fault::new(text, found, FORM)];
+    let (pointers, range) = text.rsplit_once('=').ok_or_else(|| fault("no equals sign".to_owned()))?;
+    let (from, to) = range.split_once(':').ok_or_else(|| fault(format!("{range:?} as range")))?;
+    let end = |word: &str| {
+        word.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| fault(format!("{word:?} as an end")))
+    };
+    let ends = [end(from)?, end(to)?];
+    if ends[0] == ends[1] {
+        return Err(fault("a range without length".to_owned()));
+    }
+    Ok((pointers.split(',').collect(), ends))
+}
+
+/// Follows branches of orbits.
+pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let scene = read_scene(arguments.scene.as_deref())?;
+    let (pointers, ends) = axis(&arguments.vary).map_err(GridError)?;
+    let parameter = Parameter::new(scene.resolved(), &pointers)
+        .map_err(|reason| vec![Fault::new(&arguments.vary, reason, "pointers to numbers of the scene")])
+        .map_err(GridError)?;
+    let value = parameter.value();
+    if !(ends[0].min(ends[1])..=ends[0].max(ends[1])).contains(&value) {
+        let found = format!("a range without the scene's own value, {value}");
+        let allowed = "FROM:TO around it: the first orbit is that of the scene";
+        return Err(GridError(vec![Fault::new(&arguments.vary, found, allowed)]).into());
+    }
+    let files = vec![TABLE.to_owned(), SPECIAL.to_owned()];
+    let request = request(Some(arguments.out.as_path()), "continue", arguments.scene.as_deref(), arguments.force, files)?;
+    let branches = RefCell::new(Branches::new(&scene, parameter.clone(), ends)?);
+    let mut folder = request.map(|request| request.open()).transpose()?;
+    let bar = running(arguments.quiet);
+    let progress = |progress| show(&bar, progress, None);
+    catch_interrupt();
+    let asked = Continuation { period: arguments.period, doublings: arguments.doublings };
+    let mut failed = None;
+    let mut each = |all: &[Branch]| -> Result<(), SimulationError> {
+        let mut branches = branches.borrow_mut();
+        branches.take(all, cancellable(&progress));
+        if let Some(folder) = &mut folder {
+            let written = folder.bytes(TABLE, branches.table()).and_then(|()| folder.bytes(SPECIAL, branches.special_table()));
+            failed = written.err();
+        }
+        Ok(())
+    };
+    let pool = threads(arguments.threads)?;
+    let _ = &pool;
+    let done = asked.run(&scene, parameter, ends, &mut each, cancellable(&progress));
+    bar.finish_and_clear();
+    if let Some(error) = failed {
+        return Err(error.into());
+    }
+    done?;
+    if !arguments.quiet {
+        print(&text(&branches.borrow()).unwrap_or_default())?;
+    }
+    Ok(Done::Completely)
+}
+
+fn text(branches: &Branches) -> Result<String, std::fmt::Error> {
+    let mut out = String::new();
+    for (i, branch) in branches.branches.iter().enumerate() {
+        writeln!(out, "branch {i}, level {}: {} points, from {} to {}", branch.level, branch.points.len(), branch.ends[0], branch.ends[1])?;
+    }
+    let rows = branches.specials().map(|special| {
+        vec![
+            special.branch.to_string(),
+            special.kind.word().to_owned(),
+            format!("{:?}", special.value),
+            special.period.to_string(),
+            special.word.clone(),
+            number(special.residual),
+        ]
+    });
+    let head = ["branch", "kind", "parameter", "period", "word", "residual"].map(String::from);
+    write!(out, "{}", Table::new(head).with(rows))?;
+    Ok(out)
+}
