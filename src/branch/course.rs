@@ -101,12 +101,6 @@ impl Course {
         Ok(Self { letters: speller.letters, times, lows: lowest.lows })
     }
 
-    /// The least value of a guard.
-    #[must_use]
-    pub fn least(&self, contact: usize, watch: Watch, is_closed: bool) -> Option<f64> {
-        let of = |low: &&Low| (low.contact, low.watch, low.is_closed) == (contact, watch, is_closed);
-        self.lows.iter().filter(of).map(|low| low.value).reduce(f64::min)
-    }
 
     /// The tokens in order of time; those of one instant in alphabetic order.
     #[must_use]
@@ -114,13 +108,6 @@ impl Course {
         self.letters.iter().map(|letter| letter.token.as_str()).collect()
     }
 
-    /// The tokens in alphabetic order.
-    #[must_use]
-    pub fn sorted(&self) -> Vec<&str> {
-        let mut tokens = self.tokens();
-        tokens.sort_unstable();
-        tokens
-    }
 
     /// The middle of the longest part of the period of the forcing without an event in any cycle, as a part of it, from `phase` where the
     /// section stands.

@@ -1,8 +1,9 @@
 //! The trains along a parameter.
 
 use crate::{
-    scene::Scene,
+    scene::{Scene, SceneError},
     simulation::{Parameter, Simulation, SimulationError},
+    system::Variation,
 };
 
 /// A scene with one of its numbers free.
@@ -19,9 +20,13 @@ pub struct Family {
 
 impl Family {
     /// The scene `scene` between the values `from` and `to` of `parameter`, in either order.
-    #[must_use]
-    pub fn new(scene: Scene, parameter: Parameter, from: f64, to: f64) -> Self {
-        Self { scene, parameter, from: from.min(to), to: from.max(to) }
+    ///
+    /// # Errors
+    /// [`SceneError`] if the scene does not hold at one of them.
+    pub fn new(scene: Scene, parameter: Parameter, ends: [f64; 2]) -> Result<Self, SceneError> {
+        let parameter = parameter.checked(&scene, ends)?;
+        let [from, to] = ends;
+        Ok(Self { scene, parameter, from: from.min(to), to: from.max(to) })
     }
 
     /// Length of the range.
@@ -36,11 +41,27 @@ impl Family {
         (self.from..=self.to).contains(&value)
     }
 
+    /// The train at the scene's own value, with the scene's start.
+    ///
+    /// # Errors
+    /// [`SimulationError`] if it cannot be assembled.
+    pub fn own(&self) -> Result<Simulation, SimulationError> {
+        Simulation::from_scene(&self.scene)
+    }
+
     /// The train at `value`.
     ///
     /// # Errors
     /// [`SimulationError`] if the scene does not hold there.
     pub fn at(&self, value: f64) -> Result<Simulation, SimulationError> {
-        Simulation::from_scene(self.parameter.set(&self.scene, value)?)
+        Simulation::from_built(self.scene.name(), self.parameter.build(&self.scene, value)?)
+    }
+
+    /// How the train `of` at `value` changes with the parameter.
+    ///
+    /// # Errors
+    /// As [`Simulation::variation`].
+    pub fn variation(&self, of: &Simulation, value: f64) -> Result<Variation, SimulationError> {
+        of.variation_at(&self.scene, &self.parameter, value)
     }
 }

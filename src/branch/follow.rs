@@ -50,6 +50,8 @@ pub struct Trace {
     pub is_closed: bool,
     /// Whether it ended inside the range, as no further orbit was found.
     pub stalls: bool,
+    /// The neighbours between which it is born on another branch: behind it lie the same orbits, begun elsewhere.
+    pub born: Option<(Node, Node)>,
 }
 
 /// Groups of letters that are of one instant, in order of time.
@@ -164,7 +166,7 @@ impl Solver<'_> {
     pub fn follow(&self, start: &Node, most: usize, task: Task<'_>) -> Trace {
         let Family { from, to, .. } = *self.family;
         let range = self.family.range();
-        let mut trace = Trace { nodes: Vec::new(), before: Vec::new(), end: String::new(), is_closed: false, stalls: false };
+        let mut trace = Trace { nodes: Vec::new(), before: Vec::new(), end: String::new(), is_closed: false, stalls: false, born: None };
         let (mut here, mut h) = (start.clone(), FIRST);
         loop {
             if task.is_cancelled() || trace.nodes.len() >= most {
@@ -197,6 +199,12 @@ impl Solver<'_> {
                 }
                 continue;
             };
+            // The parameter turns, and no multiplier passes 1.
+            if here.tangent.p * node.tangent.p < 0.0 && here.fold * node.fold > 0.0 && end.is_none() {
+                trace.end = "the orbit that it is born from".to_owned();
+                trace.born = Some((here, node));
+                return trace;
+            }
             let is_easy = node.steps <= EASY;
             trace.before.push(here.clone());
             trace.nodes.push(node.clone());

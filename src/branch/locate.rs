@@ -1,6 +1,7 @@
 //! Special points: the orbit on a branch at which a function of it is zero.
 
 use super::node::{Direction, Node, Plane, Solver};
+use crate::orbit::Section;
 
 /// Orbits solved for at most.
 const MOST: usize = 40;
@@ -18,6 +19,8 @@ pub struct Located {
     pub node: Node,
     /// How far the value may be off.
     pub error: f64,
+    /// Distance between the ends of the orbit, in scales; none of a limit.
+    pub residual: f64,
 }
 
 /// The value of the polynomial through `points = (g, value)` at g = 0 (Neville).
@@ -30,6 +33,19 @@ pub fn at_zero(points: &[(f64, f64)]) -> f64 {
         }
     }
     values[0]
+}
+
+/// The state and value at `s` of the polynomial through some points of a branch.
+fn extended(nodes: &[(f64, Node)], s: f64) -> Option<(Section, f64)> {
+    if nodes.len() < 2 {
+        return None;
+    }
+    let along = |of: &dyn Fn(&Node) -> f64| {
+        at_zero(&nodes.iter().map(|(place, node)| (place - s, of(node))).collect::<Vec<_>>())
+    };
+    let (_, last) = &nodes[nodes.len() - 1];
+    let x = (0..last.orbit.section.x.len()).map(|i| along(&|node| node.orbit.section.x[i])).collect();
+    Some((Section { x, contacts: last.orbit.section.contacts.clone() }, along(&|node| node.value)))
 }
 
 /// The limit of the values of a sequence as g falls to zero, and the change by its last point.
@@ -85,42 +101,60 @@ impl Solver<'_> {
             let is_small = value.abs() <= 1e-6 * size;
             let is_last = value == 0.0 || error <= 4.0 * f64::EPSILON * node.value.abs() && is_small;
             if is_last || (high.0 - low.0) <= 1e-15 * length {
-                return is_small.then(|| Located { value: node.value, error: if error.is_nan() { 0.0 } else { error }, node });
+                let error = if error.is_nan() { 0.0 } else { error };
+                return is_small.then(|| Located { value: node.value, error, residual: node.orbit.residual, node });
             }
             best = Some(node);
         }
         let node = best?;
         let is_small = f(&node).abs() <= 1e-6 * size;
-        is_small.then(|| Located { value: node.value, error: (high.0 - low.0) * self.family.range(), node })
+        let error = (high.0 - low.0) * self.family.range();
+        is_small.then(|| Located { value: node.value, error, residual: node.orbit.residual, node })
     }
 
-    /// The limit of the branch from `a` towards `b` as `g`, positive at `a`, falls to zero; `g` is `None` where it is passed.
-    pub fn limit(&self, a: &Node, b: &Node, g: &dyn Fn(&Node) -> Option<f64>) -> Option<Located> {
+    /// The limit of the branch from `a` towards `b`, and up to `reach` times as far, as `g`, positive at `a`, falls to zero; `g` is `None`
+    /// where it is passed.
+    pub fn limit(&self, a: &Node, b: &Node, reach: f64, g: &dyn Fn(&Node) -> Option<f64>) -> Option<Located> {
         let (row, length) = a.chord(b, self.family.range());
+        let length = reach * length;
         let mut places: Vec<(f64, f64)> = vec![(g(a)?, 0.0)];
         let mut values: Vec<(f64, f64)> = vec![(places[0].0, a.value)];
         let mut last = a.clone();
-        let mut high = length;
+        let mut nodes = vec![(0.0, a.clone())];
+        // Where it seems to be passed, and where the last orbit was not found. From better guesses neither need be so.
+        let (mut high, mut failed) = (length, f64::INFINITY);
         let mut found: Option<(f64, f64)> = None;
         for _ in 0..MOST {
             let low = places[places.len() - 1].1;
             let expected = at_zero(&places[places.len().saturating_sub(4)..]);
-            let s = if places.len() > 1 && expected > low {
-                (low + SHARE * (expected - low)).min(0.5 * (low + high))
-            } else {
-                0.5 * (low + high)
+            let middle = 0.5 * (low + high);
+            let s = match places.len() {
+                // By several points the place is known; the first ones may have led to another orbit.
+                3.. if expected > low && expected <= length && failed.is_infinite() => low + SHARE * (expected - low),
+                2.. if expected > low => (low + SHARE * (expected - low)).min(middle),
+                _ => middle,
             };
+            let s = s.min(0.5 * (low + failed));
             if s - low <= 1e-14 * length {
                 break;
             }
-            match self.on(a, &row, s, s).and_then(|node| Some((g(&node)?, node))) {
+            let plane = Plane { from: a, row: row.clone(), target: s };
+            let guess = extended(&nodes[nodes.len().saturating_sub(4)..], s)
+                .unwrap_or_else(|| a.guess(&row, self.family.range(), s));
+            let Ok(node) = self.at(guess, a.orbit.period, a.phase, Some(&plane), 1.0) else {
+                failed = s;
+                continue;
+            };
+            match g(&node).map(|value| (value, node)) {
                 Some((value, node)) if value > 0.0 && value < places[places.len() - 1].0 => {
+                    failed = f64::INFINITY;
                     places.push((value, s));
                     values.push((value, node.value));
+                    nodes.push((s, node.clone()));
                     last = node;
                 }
                 _ => {
-                    high = s;
+                    (high, failed) = (high.min(s), s);
                     continue;
                 }
             }
@@ -138,6 +172,6 @@ impl Solver<'_> {
             }
         }
         let (value, error) = found?;
-        Some(Located { value, error, node: last })
+        Some(Located { value, error, residual: 0.0, node: last })
     }
 }

@@ -12,6 +12,8 @@ use crate::{
 const STEPS: usize = 14;
 /// Residual, in scales, below which a point counts.
 const CLOSED: f64 = 1e-9;
+/// Two states nearer than this, in scales, are the same point of an orbit.
+const SAME: f64 = 1e-6;
 /// A step of Newton's method this short, in scales, is the last one.
 const SHORT: f64 = 1e-13;
 /// A singular value below this share of the largest one belongs to a direction in which nothing is decided.
@@ -72,6 +74,13 @@ impl Node {
             counts[if m.im != 0.0 { 2 } else { usize::from(m.re < 0.0) }] += 1;
         }
         counts
+    }
+
+    /// Whether the orbit closes after a part of its period already.
+    pub fn has_shorter_period(&self) -> bool {
+        let Orbit { section, image, period, .. } = &self.orbit;
+        let closes = |k: &u64| self.unknowns.between(&section.x, &image.between[*k as usize - 1]).norm() <= SAME;
+        (1..*period).filter(|k| period.is_multiple_of(*k)).any(|k| closes(&k))
     }
 
     /// `Y − Y₀` along a direction of this node.
@@ -155,7 +164,7 @@ impl<'f> Solver<'f> {
         for step in 0..STEPS {
             let simulation = self.family.at(value).map_err(|e| Self::failed(&e))?;
             let map = SectionMap::new(&simulation).map_err(|e| Self::failed(&e))?.at_phase(phase);
-            let variation = simulation.variation_by(&self.family.parameter).map_err(|e| Self::failed(&e))?;
+            let variation = self.family.variation(&simulation, value).map_err(|e| Self::failed(&e))?;
             let image = map.image_by(&section, period, &[variation]).map_err(|e| Self::failed(&e))?;
             let unknowns = Unknowns::new(&map, &image, &self.drift);
             let count = unknowns.count();

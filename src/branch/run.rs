@@ -18,15 +18,26 @@ use crate::{
     task::{Progress, Task},
 };
 
-/// Points of a branch in one direction, and of all branches, at most.
+/// Points of a branch in one direction at most, and cycles in the orbits of a branch in one direction and of all branches.
 const OF_BRANCH: usize = 600;
-const OF_ALL: usize = 6000;
+const CYCLES_OF_BRANCH: usize = 3000;
+const CYCLES_OF_ALL: usize = 20_000;
 /// Distances, in scales, at which a branch that begins at a special point is looked for.
 const ASIDE: [f64; 4] = [0.01, 0.003, 0.03, 0.001];
 /// Share of the largest singular value that leaves the direction alone that breaks a symmetry.
 const SYMMETRIC: f64 = 1e-6;
 /// Two special points nearer than this, in ranges, are one.
 const SAME: f64 = 1e-8;
+/// What a limit at the end of a branch is taken from: values that vanish from this size on, and orbits up to this many times as far as the
+/// last one.
+const FAR: f64 = 0.03;
+const BEYOND: f64 = 1.1;
+/// Largest residual of a point that counts as located, in scales and ranges.
+const LOCATED: f64 = 1e-9;
+/// Steps, in scales, in which the branch is looked for that another one is born from.
+const PARENT: [f64; 4] = [3e-3, 1e-3, 1e-2, 3e-4];
+/// Distance from a chord of a branch, in lengths of it, within which an orbit lies on the branch.
+const NEIGHBOURS: f64 = 0.1;
 /// Points before the end of a branch from which its limit is taken.
 const TOWARDS: usize = 10;
 
@@ -152,10 +163,12 @@ struct Passed {
     node: Node,
     /// Distance along the branch, for the order.
     place: f64,
+    /// The branch is born there; the orbit is one of the branch that it is born from.
+    is_birth: bool,
 }
 
 impl Continuation {
-    /// Follows the orbit of `scene` along `parameter` from `from` to `to`; `each` is told of every branch that is finished.
+    /// Follows the orbit of `scene` along `parameter` between `ends`; `each` is told of every branch that is finished.
     ///
     /// # Errors
     /// [`SimulationError`] if the scene has no orbit to start from, or the parameter no derivative.
@@ -163,14 +176,14 @@ impl Continuation {
         &self,
         scene: &Scene,
         parameter: Parameter,
-        [from, to]: [f64; 2],
+        ends: [f64; 2],
         each: &mut dyn FnMut(&[Branch]) -> Result<(), SimulationError>,
         task: Task<'_>,
     ) -> Result<Vec<Branch>, SimulationError> {
-        let family = Family::new(scene.clone(), parameter, from, to);
+        let family = Family::new(scene.clone(), parameter, ends)?;
         let value = family.parameter.value();
-        let simulation = family.at(value)?;
-        simulation.variation_by(&family.parameter)?;
+        let simulation = family.own()?;
+        family.variation(&simulation, value)?;
         let found = Search { period: self.period, starts: 0 }.run(&simulation, task)?;
         let Some(orbit) = found.orbits.first() else {
             let reason = found.reason.unwrap_or_default();
@@ -181,16 +194,21 @@ impl Continuation {
         let mut branches: Vec<Branch> = Vec::new();
         let mut known: Vec<Special> = Vec::new();
         let mut waiting = std::collections::VecDeque::from([Begun { level: 0, node: start, both: true }]);
-        let mut left = OF_ALL;
+        let mut left = CYCLES_OF_ALL;
         while let Some(begun) = waiting.pop_front() {
             if task.is_cancelled() || left == 0 {
                 break;
             }
+            if solver.is_known(&begun.node, &branches) {
+                continue;
+            }
             let (branch, passed, count) = solver.branch(&begun, branches.len(), left, &known, task);
             left = left.saturating_sub(count);
             known.extend(branch.specials.iter().cloned());
+            let parents = passed.iter().filter(|passed| passed.is_birth);
+            waiting.extend(parents.map(|p| Begun { level: branch.level, node: p.node.clone(), both: true }));
             if branch.level < self.doublings {
-                for passed in &passed {
+                for passed in passed.iter().filter(|passed| !passed.is_birth) {
                     let begins = match passed.special.kind {
                         Kind::PeriodDoubling => solver.aside(&passed.node, -1.0),
                         Kind::Symmetry => solver.aside(&passed.node, 1.0),
@@ -224,6 +242,36 @@ impl Solver<'_> {
         })
     }
 
+    /// Whether the orbit of a node lies on one of the branches.
+    fn is_known(&self, node: &Node, branches: &[Branch]) -> bool {
+        let Some(point) = self.point(node) else { return false };
+        let Ok(simulation) = self.family.at(node.value) else { return false };
+        let Ok(map) = SectionMap::new(&simulation) else { return false };
+        // The same orbit may begin in any of its cycles.
+        let mut sections = vec![point.section];
+        for _ in 1..point.period {
+            let Ok(next) = map.follow(&sections[sections.len() - 1], 1) else { return false };
+            sections.push(next);
+        }
+        let scales = map.scales(&node.orbit.image.sizes);
+        let apart = |a: &Section, b: &[f64]| {
+            let squares = a.x.iter().zip(b).zip(&scales).map(|((a, b), scale)| ((a - b) / scale).powi(2));
+            squares.sum::<f64>().sqrt()
+        };
+        let on = |pair: &[Point]| {
+            let [a, b] = pair else { return false };
+            let share = (node.value - a.value) / (b.value - a.value);
+            if a.period != point.period || !(0.0..=1.0).contains(&share) {
+                return false;
+            }
+            let between: Vec<f64> =
+                a.section.x.iter().zip(&b.section.x).map(|(a, b)| a + share * (b - a)).collect();
+            let length = apart(&a.section, &b.section.x);
+            sections.iter().any(|section| apart(section, &between) <= NEIGHBOURS * length)
+        };
+        branches.iter().any(|branch| branch.points.windows(2).any(on))
+    }
+
     /// The branch through a node.
     fn branch(
         &self,
@@ -234,7 +282,8 @@ impl Solver<'_> {
         task: Task<'_>,
     ) -> (Branch, Vec<Passed>, usize) {
         let start = &begun.node;
-        let most = OF_BRANCH.min(left);
+        let period = start.orbit.period as usize;
+        let most = OF_BRANCH.min(CYCLES_OF_BRANCH.min(left).div_ceil(period));
         let ahead = self.follow(start, most, task);
         let mut behind = None;
         if begun.both && !ahead.is_closed {
@@ -266,7 +315,7 @@ impl Solver<'_> {
             }
             !is_known
         });
-        let count = points.len();
+        let count = points.len() * period;
         let specials = passed.iter().map(|passed| passed.special.clone()).collect();
         (Branch { level: begun.level, points, specials, ends }, passed, count)
     }
@@ -281,10 +330,12 @@ impl Solver<'_> {
                 sign * (i as f64 + (part / length).min(1.0))
             };
             let mut take = |kind: Kind, located: Option<Located>, multiplier: Option<Complex<f64>>| {
-                let Some(located) = located else { return };
+                let Some(located) = located.filter(|located| located.error <= LOCATED * self.family.range()) else {
+                    return;
+                };
                 let largest = located.node.orbit.telling().first().copied();
                 let multiplier = multiplier.or(largest).unwrap_or_default();
-                all.push(Passed { special: self.special(kind, &located, multiplier), place: place(&located.node), node: located.node });
+                all.push(Passed { special: self.special(kind, &located, multiplier), place: place(&located.node), node: located.node, is_birth: false });
             };
             let change = Change::of(&a.course, &b.course);
             let (before, after) = (a.unstable(), b.unstable());
@@ -315,7 +366,7 @@ impl Solver<'_> {
                 Change::Swapped(_, second) => {
                     let is_same = |node: &Node| Change::of(&a.course, &node.course) == Change::None;
                     let time = |node: &Node| Vanishing::Between(second).at(node).filter(|_| is_same(node));
-                    take(Kind::Coincidence, self.limit(a, b, &time), None);
+                    take(Kind::Coincidence, self.limit(a, b, 1.0, &time), None);
                 }
                 Change::Gained(contact, is_second) => {
                     let (free, other) = if is_second { (a, b) } else { (b, a) };
@@ -326,9 +377,51 @@ impl Solver<'_> {
             }
         }
         if trace.stalls {
-            all.extend(self.end(trace, sign));
+            let end = self.end(trace, sign);
+            all.extend(end.filter(|passed| passed.special.residual <= LOCATED));
+        }
+        if let Some((a, b)) = &trace.born {
+            all.extend(self.birth(a, b).map(|passed| Passed { place: sign * trace.nodes.len() as f64, ..passed }));
         }
         all
+    }
+
+    /// The orbit that a branch is born from between two neighbours that are the same orbit, begun elsewhere: one of half the period, at a
+    /// doubling, or a more symmetric one.
+    fn birth(&self, a: &Node, b: &Node) -> Option<Passed> {
+        let range = self.family.range();
+        let (row, length) = a.chord(b, range);
+        // The parameter is a parabola of the way.
+        let at = a.tangent.p / (a.tangent.p - b.tangent.p);
+        let (section, _) = a.guess(&row, range, at * length);
+        let turn = a.value + 0.5 * at * length * a.tangent.p * range;
+        let symmetric = Solver { neutral: SYMMETRIC, drift: self.drift.clone(), ..*self };
+        let halves = a.orbit.period.is_multiple_of(2);
+        let periods = [(a.orbit.period / 2, true), (a.orbit.period, false)];
+        periods.into_iter().filter(|(_, is_half)| halves || !is_half).find_map(|(period, is_half)| {
+            PARENT.iter().find_map(|step| {
+                // Beyond the turn there is the other one alone.
+                let beyond = turn + step * a.tangent.p.signum() * range;
+                let first = symmetric.at((section.clone(), beyond), period, a.phase, None, -a.tangent.p.signum()).ok()?;
+                let (_, apart) = a.chord(&first, range);
+                if apart > 10.0 * (length + step) {
+                    return None;
+                }
+                let reach = 2.0 * step / first.tangent.p.abs().max(1e-3);
+                let plane = Plane { from: &first, row: first.tangent.clone(), target: reach };
+                let guess = first.guess(&first.tangent, range, reach);
+                let second = symmetric.at(guess, period, a.phase, Some(&plane), 1.0).ok()?;
+                let test = |node: &Node| if is_half { node.flip } else { node.fold };
+                if test(&first) * test(&second) > 0.0 || first.has_shorter_period() {
+                    return None;
+                }
+                let located = symmetric.root(&first, &second, &test)?;
+                let (kind, place) = if is_half { (Kind::PeriodDoubling, -1.0) } else { (Kind::Symmetry, 1.0) };
+                let multiplier = nearest(&located.node, Complex::new(place, 0.0));
+                let special = self.special(kind, &located, multiplier);
+                Some(Passed { special, node: first, place: 0.0, is_birth: true })
+            })
+        })
     }
 
     fn special(&self, kind: Kind, located: &Located, multiplier: Complex<f64>) -> Special {
@@ -338,7 +431,7 @@ impl Solver<'_> {
             value: located.value,
             period: node.orbit.period,
             word: node.orbit.word(),
-            residual: node.orbit.residual.max(located.error / self.family.range()),
+            residual: located.residual.max(located.error / self.family.range()),
             multiplier,
             branch: 0,
         }
@@ -363,7 +456,7 @@ impl Solver<'_> {
         let mut lows: Vec<(Vanishing, f64)> = vanishing(free);
         lows.retain(|(key, value)| matches!(key, Vanishing::Low(j, ..) if *j == contact) && *value > 0.0);
         let located = lows.iter().filter_map(|(key, _)| {
-            let located = self.limit(free, other, &|node| key.at(node).filter(|_| is_same(node)))?;
+            let located = self.limit(free, other, 1.0, &|node| key.at(node).filter(|_| is_same(node)))?;
             Some((*key, located))
         });
         let best = located.min_by(|a, b| a.1.error.total_cmp(&b.1.error));
@@ -380,7 +473,7 @@ impl Solver<'_> {
         let of_contact = |i: usize| other.course.letters[i].contact == contact;
         all.retain(|(key, _)| matches!(key, Vanishing::Speed(i) | Vanishing::Stay(i) if of_contact(*i)));
         let (key, _) = all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
-        let located = self.limit(other, free, &|node| key.at(node).filter(|_| is_same(node)))?;
+        let located = self.limit(other, free, 1.0, &|node| key.at(node).filter(|_| is_same(node)))?;
         Some((self.kind_of_events(other, key), located))
     }
 
@@ -400,12 +493,11 @@ impl Solver<'_> {
             .iter()
             .rev()
             .take_while(|node| node.phase == last.phase && Change::of(&last.course, &node.course) == Change::None)
-            .take(TOWARDS)
             .collect();
         let range = self.family.range();
         let found = vanishing(last).into_iter().filter_map(|(key, value)| {
             let mut points: Vec<(f64, f64)> =
-                same.iter().rev().filter_map(|node| Some((key.at(node)?, node.value))).collect();
+                same.iter().take(TOWARDS).rev().filter_map(|node| Some((key.at(node)?, node.value))).collect();
             points.dedup_by(|a, b| a.0 == b.0);
             if points.windows(2).any(|pair| pair[1].0 >= pair[0].0) || value <= 0.0 {
                 return None;
@@ -419,10 +511,16 @@ impl Solver<'_> {
             Vanishing::Low(j, watch, is_closed) => self.kind_of(last, j, watch, is_closed),
             _ => self.kind_of_events(last, key),
         };
-        let located = Located { value, error, node: last.clone() };
+        // From a point that is far enough for the orbits between to be well determined.
+        let far = same.iter().find(|node| key.at(node).is_some_and(|g| g >= FAR)).copied();
+        let far = far.or(same.last().copied())?;
+        let is_same = |node: &Node| Change::of(&last.course, &node.course) == Change::None;
+        let closer = self.limit(far, last, BEYOND, &|node| key.at(node).filter(|_| is_same(node)));
+        let closer = closer.filter(|located| located.error < error && (located.value - value).abs() <= 1e-6 * range);
+        let located = closer.unwrap_or_else(|| Located { value, error, residual: 0.0, node: last.clone() });
         let multiplier = last.orbit.telling().first().copied().unwrap_or_default();
         let place = sign * trace.nodes.len() as f64;
-        Some(Passed { special: self.special(kind, &located, multiplier), node: located.node, place })
+        Some(Passed { special: self.special(kind, &located, multiplier), node: located.node, place, is_birth: false })
     }
 
     /// A point of the branch that begins at a node with the multiplier `at`, −1 or 1.

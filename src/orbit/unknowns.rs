@@ -99,7 +99,7 @@ impl SectionMap<'_> {
     }
 
     /// Scales of the components from their `sizes`, `[dim]`: one of all displacements, one of all velocities, one of each latched speed.
-    pub(super) fn scales(&self, sizes: &[f64]) -> Vec<f64> {
+    pub(crate) fn scales(&self, sizes: &[f64]) -> Vec<f64> {
         let n = self.simulation().structure.freedoms();
         let backlash = self.simulation().structure.spec().contacts.iter().map(|c| c.half_backlash).fold(0.0, f64::max);
         let omega = self.simulation().clock().omega();

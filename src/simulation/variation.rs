@@ -107,8 +107,17 @@ impl Simulation {
             return Err(self.missing(format!("there is no number at {pointer:?}")));
         };
         let scene = Scene::from_value(self.resolved().clone(), &self.name)?;
+        self.variation_at(&scene, parameter, value)
+    }
+
+    /// The same at `value`, by what `scene` builds around it: this simulation's scene, but for the parameter.
+    ///
+    /// # Errors
+    /// As [`variation`](Self::variation).
+    pub fn variation_at(&self, scene: &Scene, parameter: &Parameter, value: f64) -> Result<Variation, SimulationError> {
+        let pointer = parameter.pointer();
         let at = |value: f64| -> Result<Neighbour, SimulationError> {
-            let built = parameter.set(&scene, value)?.build()?;
+            let built = parameter.build(scene, value)?;
             let period = built.run.period;
             let structure = Structure::new(built.spec)?.by(built.run.instructions);
             let omega = structure.clock().omega();

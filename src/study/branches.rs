@@ -35,9 +35,9 @@ impl Branches {
     ///
     /// # Errors
     /// [`StudyError`] if the scene cannot be assembled.
-    pub fn new(scene: &Scene, parameter: Parameter, [from, to]: [f64; 2]) -> Result<Self, StudyError> {
-        let family = Family::new(scene.clone(), parameter, from, to);
-        let simulation = family.at(family.parameter.value())?;
+    pub fn new(scene: &Scene, parameter: Parameter, ends: [f64; 2]) -> Result<Self, StudyError> {
+        let family = Family::new(scene.clone(), parameter, ends)?;
+        let simulation = family.own()?;
         let components = components(&simulation);
         let dimensionless = simulation.dimensionless;
         Ok(Self { family, components, contacts: Vec::new(), dimensionless, branches: Vec::new(), measures: Vec::new() })
