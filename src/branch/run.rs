@@ -362,7 +362,12 @@ impl Solver<'_> {
                 take(Kind::Torus, located, multiplier);
             }
             match change {
-                Change::None | Change::Other => {}
+                Change::None => {}
+                Change::Other => {
+                    if let Some((kind, located)) = self.stick(a, b) {
+                        take(kind, Some(located), None);
+                    }
+                }
                 Change::Swapped(_, second) => {
                     let is_same = |node: &Node| Change::of(&a.course, &node.course) == Change::None;
                     let time = |node: &Node| Vanishing::Between(second).at(node).filter(|_| is_same(node));
@@ -475,6 +480,25 @@ impl Solver<'_> {
         let (key, _) = all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
         let located = self.limit(other, free, 1.0, &|node| key.at(node).filter(|_| is_same(node)))?;
         Some((self.kind_of_events(other, key), located))
+    }
+
+    /// The end of a rest between two points of which one has more rests: a sequence of impacts whose number grows without end leads to it.
+    fn stick(&self, a: &Node, b: &Node) -> Option<(Kind, Located)> {
+        let rests = |node: &Node| node.course.letters.iter().filter(|letter| letter.token.starts_with('z')).count();
+        let (rest, other) = match rests(a).cmp(&rests(b)) {
+            std::cmp::Ordering::Less => (b, a),
+            std::cmp::Ordering::Greater => (a, b),
+            std::cmp::Ordering::Equal => return None,
+        };
+        let is_rest = |i: &usize| rest.course.letters[*i].token.starts_with('z');
+        let shortest = (0..rest.course.letters.len())
+            .filter(is_rest)
+            .filter_map(|i| Some((i, Vanishing::Stay(i).at(rest)?)))
+            .min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let key = Vanishing::Stay(shortest.0);
+        let is_same = |node: &Node| Change::of(&rest.course, &node.course) == Change::None;
+        let located = self.limit(rest, other, 1.0, &|node| key.at(node).filter(|_| is_same(node)))?;
+        Some((Kind::Stick, located))
     }
 
     fn kind_of_events(&self, node: &Node, key: Vanishing) -> Kind {
