@@ -14,14 +14,23 @@ const SHORTEST: f64 = 1e-7;
 /// Factor after a step that was solved in [`EASY`] Newton steps.
 const GROWTH: f64 = 1.3;
 const EASY: usize = 4;
+/// Lengths of steps across a place where the derivative has no bound, and the distance of the point behind it, in such lengths.
+const LEAPS: [f64; 5] = [1e-5, 1e-4, 3e-4, 1e-3, 3e-3];
+const NEAR: f64 = 3.0;
 /// Cosine of the turn of the tangent that a step may make: 14°.
 const TURN: f64 = 0.97;
 /// Steps from which on several changes at once are taken as they are.
 const SEVERAL: f64 = 1e-4;
+/// Points behind a corner that may be none of the branch.
+const LOST: usize = 5;
 /// Steps from which on the branch may have a corner where its word changes.
 const CORNER: f64 = 1e-6;
+/// The events, in alphabetic order, that come with one graze.
+const SINGLE: [&str; 6] = ["i", "cs", "crx", "acrx", "ar", "lz"];
 /// Events of one instant: cycles between them.
 const TOGETHER: f64 = 1e-9;
+/// Cycles by which events move along a step, in its length.
+const MOVES: f64 = 10.0;
 /// Cycles that events are kept away from the section, if they can be.
 const CLEAR: f64 = 0.02;
 
@@ -103,11 +112,15 @@ impl Change {
             _ => {
                 let tokens = if more.is_empty() { &less } else { &more };
                 let kinds = |j: usize| -> Vec<char> {
-                    tokens.iter().filter(|t| contact(t) == j).filter_map(|t| t.chars().next()).collect()
+                    let mut kinds: Vec<char> =
+                        tokens.iter().filter(|t| contact(t) == j).filter_map(|t| t.chars().next()).collect();
+                    kinds.sort_unstable();
+                    kinds
                 };
                 let first = contact(tokens[0]);
                 let of_first = kinds(first);
-                let is_single = of_first.len() <= 3 && tokens.iter().all(|token| kinds(contact(token)) == of_first);
+                let is_single = SINGLE.contains(&of_first.iter().collect::<String>().as_str())
+                    && tokens.iter().all(|token| kinds(contact(token)) == of_first);
                 if is_single { Self::Gained(first, less.is_empty()) } else { Self::Other }
             }
         }
@@ -142,8 +155,33 @@ impl Solver<'_> {
     /// A step of length `h` along the tangent.
     fn step(&self, from: &Node, h: f64) -> Option<Node> {
         let range = self.family.range();
-        let plane = Plane { from, row: from.tangent.clone(), target: h };
+        let plane = Plane { from, row: from.tangent.clone(), target: h, goes_on: true };
         self.at(from.guess(&from.tangent, range, h), from.orbit.period, from.phase, Some(&plane), 1.0).ok()
+    }
+
+    /// Drops the last points of a branch that have lost their way behind a corner at once.
+    fn take_back(&self, trace: &mut Trace) {
+        let Some(last) = trace.nodes.last() else { return };
+        let is_same = |node: &&Node| Change::of(&last.course, &node.course) == Change::None;
+        let count = trace.nodes.iter().rev().take_while(is_same).count();
+        let Some(before) = trace.nodes.len().checked_sub(count + 1).map(|i| &trace.nodes[i]) else { return };
+        let is_near = before.phase == last.phase && before.chord(last, self.family.range()).1 <= SEVERAL;
+        if count <= LOST && is_near {
+            let kept = trace.nodes.len() - count;
+            trace.nodes.truncate(kept);
+            trace.before.truncate(kept);
+        }
+    }
+
+    /// The next point behind a place where the derivative has no bound, as that of a rigid graze: with other events, and near.
+    fn leap(&self, from: &Node) -> Option<(Node, f64)> {
+        LEAPS.iter().find_map(|length| {
+            let node = self.step(from, *length)?;
+            let (_, apart) = from.chord(&node, self.family.range());
+            let is_other = Change::of(&from.course, &node.course) != Change::None;
+            let goes_on = self.family.contains(node.value) && node.tangent.p * from.tangent.p > 0.0;
+            (is_other && goes_on && apart <= NEAR * length).then_some((node, *length))
+        })
     }
 
     /// Whether the next point is a neighbour: it follows without a jump, and what changes is one thing.
@@ -193,8 +231,16 @@ impl Solver<'_> {
             let Some(node) = next else {
                 h = 0.5 * reach.min(h);
                 if h < SHORTEST {
+                    if let Some((node, length)) = self.leap(&here) {
+                        trace.before.push(here);
+                        trace.nodes.push(node.clone());
+                        (here, h) = (node, length);
+                        continue;
+                    }
                     trace.stalls = true;
-                    trace.end = format!("no orbit is found beyond {}", here.value);
+                    self.take_back(&mut trace);
+                    let last = trace.nodes.last().map_or(here.value, |node| node.value);
+                    trace.end = format!("no orbit is found beyond {last}");
                     return trace;
                 }
                 continue;
@@ -221,7 +267,7 @@ impl Solver<'_> {
             }
             here = node;
             // Away from a fold the sense of the tangent is that of the parameter.
-            if here.course.clearance() < CLEAR && here.tangent.p.abs() > 1e-3 {
+            if here.course.clearance() < CLEAR.min(MOVES * h) && here.tangent.p.abs() > 1e-3 {
                 if let Ok(turned) = self.turned(&here) {
                     if turned.course.clearance() > 1.5 * here.course.clearance() {
                         here = turned;

@@ -5,6 +5,8 @@ use crate::orbit::Section;
 
 /// Orbits solved for at most.
 const MOST: usize = 40;
+/// Bisections: to the resolution of doubles from a step of a branch.
+const BISECTIONS: usize = 44;
 /// Values used for an extrapolation.
 const USED: usize = 7;
 /// Share of the way to an expected limit that the next orbit takes.
@@ -65,7 +67,7 @@ pub fn limit(points: &[(f64, f64)]) -> Option<(f64, f64)> {
 
 impl Solver<'_> {
     fn on(&self, from: &Node, row: &Direction, target: f64, guess: f64) -> Option<Node> {
-        let plane = Plane { from, row: row.clone(), target };
+        let plane = Plane { from, row: row.clone(), target, goes_on: false };
         let guess = from.guess(row, self.family.range(), guess);
         self.at(guess, from.orbit.period, from.phase, Some(&plane), 1.0).ok()
     }
@@ -138,7 +140,7 @@ impl Solver<'_> {
             if s - low <= 1e-14 * length {
                 break;
             }
-            let plane = Plane { from: a, row: row.clone(), target: s };
+            let plane = Plane { from: a, row: row.clone(), target: s, goes_on: false };
             let guess = extended(&nodes[nodes.len().saturating_sub(4)..], s)
                 .unwrap_or_else(|| a.guess(&row, self.family.range(), s));
             let Ok(node) = self.at(guess, a.orbit.period, a.phase, Some(&plane), 1.0) else {
@@ -173,5 +175,28 @@ impl Solver<'_> {
         }
         let (value, error) = found?;
         Some(Located { value, error, residual: 0.0, node: last })
+    }
+
+    /// The last orbit on the way from `a` to `b` for which `is_same` holds, by bisection.
+    pub fn edge(&self, a: &Node, b: &Node, is_same: &dyn Fn(&Node) -> bool) -> Option<Located> {
+        let (row, length) = a.chord(b, self.family.range());
+        let (mut low, mut high) = (0.0, length);
+        let mut nodes = vec![(0.0, a.clone())];
+        for _ in 0..BISECTIONS {
+            let s = 0.5 * (low + high);
+            let plane = Plane { from: a, row: row.clone(), target: s, goes_on: false };
+            let guess = extended(&nodes[nodes.len().saturating_sub(3)..], s)
+                .unwrap_or_else(|| a.guess(&row, self.family.range(), s));
+            match self.at(guess, a.orbit.period, a.phase, Some(&plane), 1.0).ok().filter(|node| is_same(node)) {
+                Some(node) => {
+                    low = s;
+                    nodes.push((s, node));
+                }
+                None => high = s,
+            }
+        }
+        let (_, node) = nodes.pop()?;
+        let error = (high - low) * self.family.range();
+        Some(Located { value: node.value, error, residual: node.orbit.residual, node })
     }
 }

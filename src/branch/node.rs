@@ -4,7 +4,7 @@ use nalgebra::{Complex, DMatrix, DVector};
 
 use super::{course::Course, family::Family};
 use crate::{
-    orbit::{Drift, Missed, Orbit, Section, SectionMap, Unknowns},
+    orbit::{Drift, Image, Missed, Orbit, Section, SectionMap, Unknowns},
     simulation::{Simulation, SimulationError},
 };
 
@@ -16,6 +16,14 @@ const CLOSED: f64 = 1e-9;
 const SAME: f64 = 1e-6;
 /// A step of Newton's method this short, in scales, is the last one.
 const SHORT: f64 = 1e-13;
+/// The same where rounding keeps the steps from getting shorter.
+const SETTLED: f64 = 1e-11;
+/// Longest step, in scales.
+const LONGEST: f64 = 10.0;
+/// Steps after which the derivative by the parameter is taken exactly.
+const SLOW: usize = 3;
+/// Change of the parameter, in ranges, from which on it shows how the ends move with it.
+const SECANT: f64 = 1e-6;
 /// A singular value below this share of the largest one belongs to a direction in which nothing is decided.
 const NEUTRAL: f64 = 1e-11;
 
@@ -43,6 +51,8 @@ pub struct Node {
     pub unknowns: Unknowns,
     /// Unit tangent of the branch.
     pub tangent: Direction,
+    /// How the end of the period moves with the parameter, its start held.
+    pub by: DVector<f64>,
     /// `det(J − I)` and `det(J + I)` over the unknowns.
     pub fold: f64,
     /// The latter.
@@ -59,6 +69,8 @@ pub struct Plane<'n> {
     pub row: Direction,
     /// Distance from the point.
     pub target: f64,
+    /// Whether the tangent at the new point is wanted.
+    pub goes_on: bool,
 }
 
 impl Node {
@@ -122,29 +134,21 @@ impl<'f> Solver<'f> {
         Self { family, drift, neutral: NEUTRAL }
     }
 
-    fn missed(residual: f64, reason: impl Into<String>) -> Missed {
-        Missed { residual, reason: reason.into() }
-    }
-
-    fn failed(error: &SimulationError) -> Missed {
-        Self::missed(f64::INFINITY, error.to_string())
-    }
-
     /// The point of `orbit`, whose map has its section at phase 0: at the phase that its events are farthest from.
     pub fn start(&self, simulation: &Simulation, value: f64, orbit: &Orbit) -> Result<Node, Missed> {
-        let map = SectionMap::new(simulation).map_err(|e| Self::failed(&e))?;
-        let course = Course::new(&map, &orbit.section, orbit.period).map_err(|e| Self::failed(&e))?;
+        let map = SectionMap::new(simulation)?;
+        let course = Course::new(&map, &orbit.section, orbit.period)?;
         let there = map.at_phase(course.quiet(0.0));
-        let section = map.lead(&orbit.section, &there).map_err(|e| Self::failed(&e))?;
+        let section = map.lead(&orbit.section, &there)?;
         self.at((section, value), orbit.period, there.phase(), None, 1.0)
     }
 
     /// The same point with its section where its events are farthest from.
     pub fn turned(&self, node: &Node) -> Result<Node, Missed> {
-        let simulation = self.family.at(node.value).map_err(|e| Self::failed(&e))?;
-        let map = SectionMap::new(&simulation).map_err(|e| Self::failed(&e))?.at_phase(node.phase);
+        let simulation = self.family.at(node.value)?;
+        let map = SectionMap::new(&simulation)?.at_phase(node.phase);
         let there = map.at_phase(node.course.quiet(node.phase));
-        let section = map.lead(&node.orbit.section, &there).map_err(|e| Self::failed(&e))?;
+        let section = map.lead(&node.orbit.section, &there)?;
         self.at((section, node.value), node.orbit.period, there.phase(), None, node.tangent.p.signum())
     }
 
@@ -159,72 +163,115 @@ impl<'f> Solver<'f> {
     ) -> Result<Node, Missed> {
         let range = self.family.range();
         let (mut section, mut value) = guess;
-        let mut best = f64::INFINITY;
-        let mut last = f64::INFINITY;
+        let (mut best, mut last) = (f64::INFINITY, f64::INFINITY);
+        // How the ends move with the parameter: as at the point before, and as the steps show. Only the way to the point depends on it.
+        let mut by = plane.map_or_else(|| DVector::zeros(section.x.len()), |plane| plane.from.by.clone());
+        let mut before: Option<(Section, f64, Image)> = None;
         for step in 0..STEPS {
-            let simulation = self.family.at(value).map_err(|e| Self::failed(&e))?;
-            let map = SectionMap::new(&simulation).map_err(|e| Self::failed(&e))?.at_phase(phase);
-            let variation = self.family.variation(&simulation, value).map_err(|e| Self::failed(&e))?;
-            let image = map.image_by(&section, period, &[variation]).map_err(|e| Self::failed(&e))?;
+            let simulation = self.family.at(value)?;
+            let map = SectionMap::new(&simulation)?.at_phase(phase);
+            let is_slow = step >= SLOW && plane.is_some();
+            let image = if is_slow {
+                let variation = self.family.variation(&simulation, value)?;
+                map.image_by(&section, period, &[variation])?
+            } else {
+                map.image(&section, period)?
+            };
+            if is_slow {
+                by = image.by_number.column(0).into_owned();
+            } else if let Some((from, at, old)) =
+                before.take().filter(|(_, at, _)| (value - at).abs() > SECANT * range)
+            {
+                let moved = DVector::from_fn(by.len(), |i, _| section.x[i] - from.x[i]);
+                let explained = &old.jacobian * moved;
+                by = DVector::from_fn(by.len(), |i, _| (image.end.x[i] - old.end.x[i] - explained[i]) / (value - at));
+            }
             let unknowns = Unknowns::new(&map, &image, &self.drift);
             let count = unknowns.count();
             if count == 0 {
-                return Err(Self::missed(best, "the train drifts as a whole: nothing of its state returns"));
+                return Err(missed(best, "the train drifts as a whole: nothing of its state returns"));
             }
             let off = unknowns.between(&section.x, &image.end.x);
             let reduced = unknowns.reduced(&image.jacobian);
-            let by = unknowns.columns(&image.by_number) * range;
             let (row, missing) = match plane {
                 Some(plane) => {
                     let row = unknowns.row_of(&plane.from.unknowns, &plane.row.y);
-                    (Direction { y: row, p: plane.row.p }, plane.from.along(&plane.row, range, &section.x, value) - plane.target)
+                    let along = plane.from.along(&plane.row, range, &section.x, value);
+                    (Direction { y: row, p: plane.row.p }, along - plane.target)
                 }
                 None => (Direction { y: DVector::zeros(count), p: 1.0 }, 0.0),
             };
-            let matrix = DMatrix::from_fn(count + 1, count + 1, |i, j| match (i < count, j < count) {
-                (true, true) => reduced[(i, j)] - f64::from(u8::from(i == j)),
-                (true, false) => by[(i, 0)],
-                (false, true) => row.y[j],
-                (false, false) => row.p,
-            });
+            let bordered = |by: &DVector<f64>| {
+                let column = unknowns.columns(&DMatrix::from_column_slice(by.len(), 1, by.as_slice())) * range;
+                DMatrix::from_fn(count + 1, count + 1, |i, j| match (i < count, j < count) {
+                    (true, true) => reduced[(i, j)] - f64::from(u8::from(i == j)),
+                    (true, false) => column[(i, 0)],
+                    (false, true) => row.y[j],
+                    (false, false) => row.p,
+                })
+            };
+            let matrix = bordered(&by);
             let residual = off.norm().hypot(missing);
             if !residual.is_finite() || matrix.iter().any(|entry| !entry.is_finite()) {
-                return Err(Self::missed(best, "the motion leaves the range of numbers"));
+                return Err(missed(best, "the motion leaves the range of numbers"));
             }
             let svd = matrix.svd(true, true);
-            let cutoff = self.neutral * svd.singular_values.max();
+            let cutoff = |svd: &Svd| self.neutral * svd.singular_values.max();
             let right = DVector::from_fn(count + 1, |i, _| if i < count { -off[i] } else { -missing });
-            let Ok(change) = svd.solve(&right, cutoff) else {
-                return Err(Self::missed(best, "the derivative cannot be inverted"));
+            let Ok(change) = svd.solve(&right, cutoff(&svd)) else {
+                return Err(missed(best, "the derivative cannot be inverted"));
             };
             let length = change.norm();
-            let is_done = residual <= CLOSED && (length <= SHORT || step > 1 && length >= 0.25 * last && length <= 1e-8);
-            if is_done || step + 1 == STEPS && residual <= CLOSED {
-                let ahead = DVector::from_fn(count + 1, |i, _| f64::from(u8::from(i == count)));
-                let Ok(tangent) = svd.solve(&ahead, cutoff) else {
-                    return Err(Self::missed(best, "the branch has no direction here"));
+            let is_settled = step > SLOW && length >= 0.25 * last && length <= SETTLED;
+            if residual <= CLOSED && (length <= SHORT || is_settled || step + 1 == STEPS) {
+                let condition = svd.singular_values.min().recip();
+                let tangent = if plane.is_none_or(|plane| plane.goes_on) {
+                    let variation = self.family.variation(&simulation, value)?;
+                    let exact = map.image_by(&section, period, &[variation])?;
+                    by = exact.by_number.column(0).into_owned();
+                    let svd = bordered(&by).svd(true, true);
+                    let ahead = DVector::from_fn(count + 1, |i, _| f64::from(u8::from(i == count)));
+                    let Ok(tangent) = svd.solve(&ahead, cutoff(&svd)) else {
+                        return Err(missed(best, "the branch has no direction here"));
+                    };
+                    let sign = if plane.is_some() { 1.0 } else { sign };
+                    let tangent = &tangent * (sign / tangent.norm());
+                    Direction { y: tangent.rows(0, count).into_owned(), p: tangent[count] }
+                } else {
+                    row
                 };
-                let sign = if plane.is_some() { 1.0 } else { sign };
-                let tangent = &tangent * (sign / tangent.norm());
-                let tangent = Direction { y: tangent.rows(0, count).into_owned(), p: tangent[count] };
                 let unit = DMatrix::identity(count, count);
                 let (fold, flip) = ((&reduced - &unit).determinant(), (&reduced + &unit).determinant());
-                let condition = svd.singular_values.min().recip();
-                let course = Course::new(&map, &section, period).map_err(|e| Self::failed(&e))?;
+                let course = Course::new(&map, &section, period)?;
                 let orbit = Orbit::of(section, image, &unknowns, period, residual, condition);
-                return Ok(Node { value, phase, orbit, course, unknowns, tangent, fold, flip, steps: step });
+                return Ok(Node { value, phase, orbit, course, unknowns, tangent, by, fold, flip, steps: step });
             }
-            if step > 2 && residual > 0.5 * best || length > 10.0 {
-                return Err(Self::missed(best, "Newton's method does not converge"));
+            if step > SLOW && residual > 0.5 * best || length > LONGEST {
+                return Err(missed(best, "Newton's method does not converge"));
             }
             (best, last) = (best.min(residual), length);
+            let from = section.clone();
             let moved = unknowns.lifted(&change.rows(0, count).into_owned());
             section.x.iter_mut().zip(&moved).for_each(|(x, c)| *x += c);
             section.contacts.clone_from(&image.end.contacts);
+            before = Some((from, value, image));
             if plane.is_some() {
                 value += change[count] * range;
             }
         }
-        Err(Self::missed(best, "Newton's method does not converge"))
+        Err(missed(best, "Newton's method does not converge"))
+    }
+}
+
+/// Singular values and vectors.
+type Svd = nalgebra::SVD<f64, nalgebra::Dyn, nalgebra::Dyn>;
+
+fn missed(residual: f64, reason: impl Into<String>) -> Missed {
+    Missed { residual, reason: reason.into() }
+}
+
+impl From<SimulationError> for Missed {
+    fn from(error: SimulationError) -> Self {
+        missed(f64::INFINITY, error.to_string())
     }
 }

@@ -413,7 +413,7 @@ impl Solver<'_> {
                     return None;
                 }
                 let reach = 2.0 * step / first.tangent.p.abs().max(1e-3);
-                let plane = Plane { from: &first, row: first.tangent.clone(), target: reach };
+                let plane = Plane { from: &first, row: first.tangent.clone(), target: reach, goes_on: true };
                 let guess = first.guess(&first.tangent, range, reach);
                 let second = symmetric.at(guess, period, a.phase, Some(&plane), 1.0).ok()?;
                 let test = |node: &Node| if is_half { node.flip } else { node.fold };
@@ -482,7 +482,8 @@ impl Solver<'_> {
         Some((self.kind_of_events(other, key), located))
     }
 
-    /// The end of a rest between two points of which one has more rests: a sequence of impacts whose number grows without end leads to it.
+    /// The end of a rest between two points of which one has more rests. A sequence of impacts whose number grows without end leads to it:
+    /// the time that is left of the rest is no smooth function of the parameter there.
     fn stick(&self, a: &Node, b: &Node) -> Option<(Kind, Located)> {
         let rests = |node: &Node| node.course.letters.iter().filter(|letter| letter.token.starts_with('z')).count();
         let (rest, other) = match rests(a).cmp(&rests(b)) {
@@ -490,14 +491,7 @@ impl Solver<'_> {
             std::cmp::Ordering::Greater => (a, b),
             std::cmp::Ordering::Equal => return None,
         };
-        let is_rest = |i: &usize| rest.course.letters[*i].token.starts_with('z');
-        let shortest = (0..rest.course.letters.len())
-            .filter(is_rest)
-            .filter_map(|i| Some((i, Vanishing::Stay(i).at(rest)?)))
-            .min_by(|a, b| a.1.total_cmp(&b.1))?;
-        let key = Vanishing::Stay(shortest.0);
-        let is_same = |node: &Node| Change::of(&rest.course, &node.course) == Change::None;
-        let located = self.limit(rest, other, 1.0, &|node| key.at(node).filter(|_| is_same(node)))?;
+        let located = self.edge(rest, other, &|node| Change::of(&rest.course, &node.course) == Change::None)?;
         Some((Kind::Stick, located))
     }
 
@@ -557,7 +551,7 @@ impl Solver<'_> {
         let row = Direction { y: w, p: 0.0 };
         let period = if at < 0.0 { 2 * node.orbit.period } else { node.orbit.period };
         ASIDE.iter().find_map(|distance| {
-            let plane = Plane { from: node, row: row.clone(), target: *distance };
+            let plane = Plane { from: node, row: row.clone(), target: *distance, goes_on: true };
             let guess = node.guess(&row, self.family.range(), *distance);
             let found = self.at(guess, period, node.phase, Some(&plane), 1.0).ok()?;
             let (_, length) = node.chord(&found, self.family.range());
