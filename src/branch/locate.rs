@@ -117,7 +117,10 @@ impl Solver<'_> {
     /// The limit of the branch from `a` towards `b`, and up to `reach` times as far, as `g`, positive at `a`, falls to zero; `g` is `None`
     /// where it is passed.
     pub fn limit(&self, a: &Node, b: &Node, reach: f64, g: &dyn Fn(&Node) -> Option<f64>) -> Option<Located> {
-        let (row, length) = a.chord(b, self.family.range());
+        // Along the tangent: at a rigid graze the branch has a corner.
+        let (chord, length) = a.chord(b, self.family.range());
+        let sense = (a.tangent.y.dot(&chord.y) + a.tangent.p * chord.p).signum();
+        let row = Direction { y: &a.tangent.y * sense, p: a.tangent.p * sense };
         let length = reach * length;
         let mut places: Vec<(f64, f64)> = vec![(g(a)?, 0.0)];
         let mut values: Vec<(f64, f64)> = vec![(places[0].0, a.value)];
@@ -125,7 +128,7 @@ impl Solver<'_> {
         let mut nodes = vec![(0.0, a.clone())];
         // Where it seems to be passed, and where the last orbit was not found. From better guesses neither need be so.
         let (mut high, mut failed) = (length, f64::INFINITY);
-        let mut found: Option<(f64, f64)> = None;
+        let (mut found, mut before): (Option<(f64, f64)>, f64) = (None, f64::INFINITY);
         for _ in 0..MOST {
             let low = places[places.len() - 1].1;
             let expected = at_zero(&places[places.len().saturating_sub(4)..]);
@@ -162,6 +165,9 @@ impl Solver<'_> {
             }
             let scale = last.value.abs().max(1e-3 * self.family.range());
             if let Some((value, error)) = limit(&values) {
+                // Two in turn have to agree.
+                let error = error.max((value - before).abs());
+                before = value;
                 if found.is_none_or(|(_, least)| error < least) {
                     found = Some((value, error));
                 }
@@ -173,7 +179,7 @@ impl Solver<'_> {
                 break;
             }
         }
-        let (value, error) = found?;
+        let (value, error) = found.filter(|(_, error)| error.is_finite())?;
         Some(Located { value, error, residual: 0.0, node: last })
     }
 

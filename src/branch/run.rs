@@ -32,6 +32,11 @@ const SAME: f64 = 1e-8;
 /// last one.
 const FAR: f64 = 0.03;
 const BEYOND: f64 = 1.1;
+/// How far beyond a neighbour a graze between two is looked for, and where it may be: in steps, and in ranges.
+const REACH: f64 = 1.5;
+const SLACK: f64 = 1e-9;
+/// Residual from which on a graze is looked for from both sides.
+const WELL: f64 = 1e-12;
 /// Largest residual of a point that counts as located, in scales and ranges.
 const LOCATED: f64 = 1e-9;
 /// Steps, in scales, in which the branch is looked for that another one is born from.
@@ -457,29 +462,34 @@ impl Solver<'_> {
     /// The graze between a point and one with more events of `contact`.
     fn graze(&self, free: &Node, other: &Node, contact: usize) -> Option<(Kind, Located)> {
         let is_same = |node: &Node| Change::of(&free.course, &node.course) == Change::None;
-        // Of the guards of the contact the one that falls below zero soonest.
-        let mut lows: Vec<(Vanishing, f64)> = vanishing(free);
-        lows.retain(|(key, value)| matches!(key, Vanishing::Low(j, ..) if *j == contact) && *value > 0.0);
-        let located = lows.iter().filter_map(|(key, _)| {
-            let located = self.limit(free, other, 1.0, &|node| key.at(node).filter(|_| is_same(node)))?;
-            Some((*key, located))
-        });
-        let best = located.min_by(|a, b| a.1.error.total_cmp(&b.1.error));
-        if let Some((Vanishing::Low(j, watch, is_closed), located)) = best {
-            let is_within = |a: f64, b: f64| (a.min(b)..=a.max(b)).contains(&located.value);
-            let slack = located.error + 1e-12 * self.family.range();
-            if is_within(free.value - slack, other.value + slack) || is_within(free.value + slack, other.value - slack) {
-                return Some((self.kind_of(free, j, watch, is_closed), located));
+        let mut found: Vec<(Kind, Located)> = Vec::new();
+        // Without the events: the least values of the contact's guards.
+        for (key, value) in vanishing(free) {
+            let Vanishing::Low(j, watch, is_closed) = key else { continue };
+            if j == contact && value > 0.0 {
+                let located = self.limit(free, other, REACH, &|node| key.at(node).filter(|_| is_same(node)));
+                found.extend(located.map(|located| (self.kind_of(free, j, watch, is_closed), located)));
             }
         }
-        // From the other side: what vanishes there.
-        let is_same = |node: &Node| Change::of(&other.course, &node.course) == Change::None;
-        let mut all = vanishing(other);
-        let of_contact = |i: usize| other.course.letters[i].contact == contact;
-        all.retain(|(key, _)| matches!(key, Vanishing::Speed(i) | Vanishing::Stay(i) if of_contact(*i)));
-        let (key, _) = all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
-        let located = self.limit(other, free, 1.0, &|node| key.at(node).filter(|_| is_same(node)))?;
-        Some((self.kind_of_events(other, key), located))
+        let range = self.family.range();
+        let (low, high) = (free.value.min(other.value), free.value.max(other.value));
+        // A step can pass a fold as well.
+        let slack = (high - low).max(SLACK * range);
+        let is_between = |located: &Located| (low - slack..=high + slack).contains(&located.value);
+        found.retain(|(_, located)| is_between(located));
+        if found.iter().all(|(_, located)| located.error > WELL * range) {
+            // With them: what vanishes there first.
+            let is_same = |node: &Node| Change::of(&other.course, &node.course) == Change::None;
+            let of_contact = |i: usize| other.course.letters[i].contact == contact;
+            let mut all = vanishing(other);
+            all.retain(|(key, _)| matches!(key, Vanishing::Speed(i) | Vanishing::Stay(i) if of_contact(*i)));
+            all.sort_by(|a, b| a.1.total_cmp(&b.1));
+            if let Some((key, _)) = all.first() {
+                let located = self.limit(other, free, REACH, &|node| key.at(node).filter(|_| is_same(node)));
+                found.extend(located.filter(is_between).map(|located| (self.kind_of_events(other, *key), located)));
+            }
+        }
+        found.into_iter().min_by(|a, b| a.1.error.total_cmp(&b.1.error))
     }
 
     /// The end of a rest between two points of which one has more rests. A sequence of impacts whose number grows without end leads to it:
