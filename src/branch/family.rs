@@ -23,7 +23,9 @@ impl Family {
     ///
     /// # Errors
     /// [`SceneError`] if the scene does not hold at one of them.
-    pub fn new(scene: Scene, parameter: Parameter, ends: [f64; 2]) -> Result<Self, SceneError> {
+    pub fn new(scene: &Scene, parameter: Parameter, ends: [f64; 2]) -> Result<Self, SceneError> {
+        // What a preset or a default brings has to have a place.
+        let scene = Scene::from_value(scene.resolved().clone(), scene.name())?;
         let parameter = parameter.checked(&scene, ends)?;
         let [from, to] = ends;
         Ok(Self { scene, parameter, from: from.min(to), to: from.max(to) })

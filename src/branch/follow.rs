@@ -188,7 +188,7 @@ impl Solver<'_> {
     fn follows(&self, a: &Node, b: &Node, h: f64) -> bool {
         let change = Change::of(&a.course, &b.course);
         let (_, length) = a.chord(b, self.family.range());
-        if length > 1.2 * h && length > 2.0 * SHORTEST {
+        if length > 1.2 * h && length > 2.0 * SHORTEST || b.has_shorter_period() {
             return false;
         }
         if self.turn(a, b) < TURN && (change == Change::None || h > CORNER) {

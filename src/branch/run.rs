@@ -125,6 +125,8 @@ pub struct Special {
     pub multiplier: Complex<f64>,
     /// On which branch.
     pub branch: usize,
+    /// Which of its points it is; the one beside it where the branch is born on another one.
+    pub point: usize,
 }
 
 /// A branch.
@@ -185,7 +187,7 @@ impl Continuation {
         each: &mut dyn FnMut(&[Branch]) -> Result<(), SimulationError>,
         task: Task<'_>,
     ) -> Result<Vec<Branch>, SimulationError> {
-        let family = Family::new(scene.clone(), parameter, ends)?;
+        let family = Family::new(scene, parameter, ends)?;
         let value = family.parameter.value();
         let simulation = family.own()?;
         family.variation(&simulation, value)?;
@@ -297,15 +299,18 @@ impl Solver<'_> {
             behind = Some(self.follow(&back, most, task));
         }
         let mut passed = self.specials(&ahead, 1.0);
-        let mut points: Vec<Point> = Vec::new();
         let mut ends = ["its start".to_owned(), ahead.end.clone()];
+        let numbered = |trace: &Trace, sign: f64| -> Vec<(f64, Point)> {
+            let nodes = trace.nodes.iter().enumerate();
+            nodes.filter_map(|(i, node)| Some((sign * (i + 1) as f64, self.point(node)?))).collect()
+        };
+        let mut points = numbered(&ahead, 1.0);
+        points.extend(self.point(start).map(|point| (0.0, point)));
         if let Some(behind) = &behind {
             passed.extend(self.specials(behind, -1.0));
-            points.extend(behind.nodes.iter().rev().filter_map(|node| self.point(node)));
+            points.extend(numbered(behind, -1.0));
             ends[0].clone_from(&behind.end);
         }
-        points.extend(self.point(start));
-        points.extend(ahead.nodes.iter().filter_map(|node| self.point(node)));
         passed.sort_by(|a, b| a.place.total_cmp(&b.place));
         let range = self.family.range();
         let mut seen: Vec<Special> = known.to_vec();
@@ -320,7 +325,16 @@ impl Solver<'_> {
             }
             !is_known
         });
+        // The special orbits are points of the branch too.
+        for passed in passed.iter().filter(|passed| !passed.is_birth) {
+            points.extend(self.point(&passed.node).map(|point| (passed.place, Point { value: passed.special.value, ..point })));
+        }
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for passed in &mut passed {
+            passed.special.point = points.iter().position(|(place, _)| *place >= passed.place).unwrap_or(points.len() - 1);
+        }
         let count = points.len() * period;
+        let points = points.into_iter().map(|(_, point)| point).collect();
         let specials = passed.iter().map(|passed| passed.special.clone()).collect();
         (Branch { level: begun.level, points, specials, ends }, passed, count)
     }
@@ -332,7 +346,7 @@ impl Solver<'_> {
             let place = |node: &Node| {
                 let (_, length) = a.chord(b, self.family.range());
                 let (_, part) = a.chord(node, self.family.range());
-                sign * (i as f64 + (part / length).min(1.0))
+                sign * (i as f64 + (part / length).clamp(1e-9, 1.0 - 1e-9))
             };
             let mut take = |kind: Kind, located: Option<Located>, multiplier: Option<Complex<f64>>| {
                 let Some(located) = located.filter(|located| located.error <= LOCATED * self.family.range()) else {
@@ -444,6 +458,7 @@ impl Solver<'_> {
             residual: located.residual.max(located.error / self.family.range()),
             multiplier,
             branch: 0,
+            point: 0,
         }
     }
 
@@ -501,7 +516,8 @@ impl Solver<'_> {
             std::cmp::Ordering::Greater => (a, b),
             std::cmp::Ordering::Equal => return None,
         };
-        let located = self.edge(rest, other, &|node| Change::of(&rest.course, &node.course) == Change::None)?;
+        // How many impacts stand before a rest may change on the way.
+        let located = self.edge(rest, other, &|node| rests(node) == rests(rest))?;
         Some((Kind::Stick, located))
     }
 
@@ -565,7 +581,7 @@ impl Solver<'_> {
             let guess = node.guess(&row, self.family.range(), *distance);
             let found = self.at(guess, period, node.phase, Some(&plane), 1.0).ok()?;
             let (_, length) = node.chord(&found, self.family.range());
-            (length <= 10.0 * distance).then_some(found)
+            (length <= 10.0 * distance && !found.has_shorter_period()).then_some(found)
         })
     }
 }

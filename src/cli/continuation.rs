@@ -4,7 +4,7 @@ use std::{cell::RefCell, fmt::Write, path::PathBuf};
 
 use flank::{
     branch::{Branch, Continuation},
-    output::{Fault, Table, five_digits as number},
+    output::{Fault, Folder, OutputError, Table, five_digits as number},
     simulation::{Parameter, SimulationError},
     study::branches::Branches,
     sweep::GridError,
@@ -18,6 +18,7 @@ use super::{
 
 const TABLE: &str = "branches.csv";
 const SPECIAL: &str = "special.csv";
+const PICTURE: &str = "branches.svg";
 
 /// Arguments of `flank continue`.
 #[derive(Debug, clap::Args)]
@@ -76,8 +77,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         let allowed = "FROM:TO around it: the first orbit is that of the scene";
         return Err(GridError(vec![Fault::new(&arguments.vary, found, allowed)]).into());
     }
-    let files = vec![TABLE.to_owned(), SPECIAL.to_owned()];
+    let files = [TABLE, SPECIAL, PICTURE].map(String::from).to_vec();
     let request = request(Some(arguments.out.as_path()), "continue", arguments.scene.as_deref(), arguments.force, files)?;
+    let name = std::path::Path::new(scene.name()).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let branches = RefCell::new(Branches::new(&scene, parameter.clone(), ends)?);
     let mut folder = request.map(|request| request.open()).transpose()?;
     let bar = running(arguments.quiet);
@@ -89,8 +91,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         let mut branches = branches.borrow_mut();
         branches.take(all, cancellable(&progress));
         if let Some(folder) = &mut folder {
-            let written = folder.bytes(TABLE, branches.table()).and_then(|()| folder.bytes(SPECIAL, branches.special_table()));
-            failed = written.err();
+            failed = write(folder, &branches, &name).err();
         }
         Ok(())
     };
@@ -106,6 +107,16 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         print(&text(&branches.borrow()).unwrap_or_default())?;
     }
     Ok(Done::Completely)
+}
+
+/// Writes all files anew.
+fn write(folder: &mut Folder, branches: &Branches, name: &str) -> Result<(), OutputError> {
+    folder.bytes(TABLE, branches.table())?;
+    folder.bytes(SPECIAL, branches.special_table())?;
+    #[cfg(feature = "plot")]
+    folder.bytes(PICTURE, branches.figure(name).svg(flank::plot::Theme::Light))?;
+    let _ = name;
+    Ok(())
 }
 
 fn text(branches: &Branches) -> Result<String, std::fmt::Error> {

@@ -15,6 +15,36 @@ use crate::{
     simulation::Parameter,
     task::Task,
 };
+#[cfg(feature = "plot")]
+use crate::{
+    branch::Kind,
+    plot::{Axis, Figure, Panel, Series, Style},
+};
+#[cfg(feature = "plot")]
+use super::{figures::families, steady::ContactSteady};
+
+/// Families of contacts drawn.
+#[cfg(feature = "plot")]
+const MOST: usize = 3;
+/// Largest multiplier drawn.
+#[cfg(feature = "plot")]
+const LARGEST: f64 = 3.0;
+/// Colour of the first kind of special point.
+#[cfg(feature = "plot")]
+const FIRST_COLOUR: usize = 1;
+/// The kinds of special points.
+#[cfg(feature = "plot")]
+const KINDS: [Kind; 9] = [
+    Kind::Fold,
+    Kind::PeriodDoubling,
+    Kind::Torus,
+    Kind::Symmetry,
+    Kind::GrazingSoft,
+    Kind::GrazingDamped,
+    Kind::GrazingRigid,
+    Kind::Stick,
+    Kind::Coincidence,
+];
 
 /// Branches that are measured as they are finished.
 #[derive(Debug)]
@@ -36,7 +66,7 @@ impl Branches {
     /// # Errors
     /// [`StudyError`] if the scene cannot be assembled.
     pub fn new(scene: &Scene, parameter: Parameter, ends: [f64; 2]) -> Result<Self, StudyError> {
-        let family = Family::new(scene.clone(), parameter, ends)?;
+        let family = Family::new(scene, parameter, ends)?;
         let simulation = family.own()?;
         let components = components(&simulation);
         let dimensionless = simulation.dimensionless;
@@ -121,5 +151,80 @@ impl Branches {
             text += &(csv_line(cells) + "\n");
         }
         text
+    }
+
+    /// Amplitude of the deflection, time separated and largest multiplier against the parameter, of the first contact of each family.
+    #[cfg(feature = "plot")]
+    #[must_use]
+    pub fn figure(&self, name: &str) -> Figure {
+        let unit = |unit: &'static str| if self.dimensionless { "" } else { unit };
+        let amplitude = |c: &ContactSteady| Some(0.5 * (c.report.deflection_max? - c.report.deflection_min?));
+        let first = self.measures.iter().flatten().flatten().next();
+        let mut families = first.map(families).unwrap_or_default();
+        families.truncate(MOST);
+        let mut panels = Vec::new();
+        for (j, name) in families {
+            let of = |value: &dyn Fn(&ContactSteady) -> Option<f64>, steady: &Option<Steady>| {
+                steady.as_ref().and_then(|steady| value(steady.contacts.get(j)?))
+            };
+            let amplitudes = |_: &Point, steady: &Option<Steady>| of(&amplitude, steady);
+            let apart = |_: &Point, steady: &Option<Steady>| of(&|c| Some(c.report.apart_fraction), steady);
+            panels.push(self.panel(&format!("{name}: amplitude of the deflection"), unit("m"), &amplitudes));
+            panels.push(self.panel(&format!("{name}: time separated / period"), "", &apart));
+        }
+        panels.push(self.panel("largest multiplier", "", &|point, _| Some(point.multiplier.min(LARGEST))));
+        let counted = |kind: Kind| (kind, self.specials().filter(|special| special.kind == kind).count());
+        let counts = KINDS.map(counted).into_iter().filter(|(_, count)| *count > 0);
+        let counts: Vec<String> = counts.map(|(kind, count)| format!("{count} {}", kind.word())).collect();
+        let levels = if self.branches.len() > 1 { "Colours: levels of branches, from doublings and broken symmetries. " } else { "" };
+        Figure {
+            id: "branches".to_owned(),
+            title: format!("Orbits of {name} against {}", self.family.parameter.pointer()),
+            caption: format!(
+                "Full lines: stable; dashed: unstable. {levels}Special points: {}. Multipliers above {LARGEST} are drawn at it.",
+                if counts.is_empty() { "none".to_owned() } else { counts.join(", ") }
+            ),
+            columns: 1,
+            panels,
+        }
+    }
+
+    /// A panel of one value of the points.
+    #[cfg(feature = "plot")]
+    fn panel(&self, label: &str, unit: &str, value: &dyn Fn(&Point, &Option<Steady>) -> Option<f64>) -> Panel {
+        let mut panel = Panel {
+            title: label.to_owned(),
+            x: Axis::new(self.family.parameter.pointer(), "").between(self.family.from, self.family.to),
+            y: Axis::new(label.rsplit(": ").next().unwrap_or_default(), unit),
+            ..Panel::default()
+        };
+        for (branch, measures) in self.branches.iter().zip(&self.measures) {
+            let values: Vec<Option<f64>> = branch.points.iter().zip(measures).map(|(point, m)| value(point, m)).collect();
+            let level = branch.level as usize;
+            let mut from = 0;
+            while from < values.len() {
+                let is_stable = branch.points[from].is_stable;
+                let run = branch.points[from..].iter().take_while(|point| point.is_stable == is_stable).count();
+                // Lines of both kinds meet.
+                let last = (from + run).min(values.len() - 1);
+                let all = (from..=last).filter_map(|i| Some((branch.points[i].value, values[i]?)));
+                let (x, y): (Vec<f64>, Vec<f64>) = all.unzip();
+                let (word, style) = if is_stable { ("stable", Style::Line) } else { ("unstable", Style::Dashed) };
+                panel.series.push(Series::line(format!("{word}, level {level}"), level, x, y).styled(style));
+                from += run;
+            }
+        }
+        for (colour, kind) in KINDS.into_iter().enumerate() {
+            let of_kind = self.specials().filter(|special| special.kind == kind);
+            let points = of_kind.filter_map(|special| {
+                let (points, measures) = (&self.branches[special.branch].points, &self.measures[special.branch]);
+                Some((special.value, value(points.get(special.point)?, &measures[special.point])?))
+            });
+            let (x, y): (Vec<f64>, Vec<f64>) = points.unzip();
+            if !x.is_empty() {
+                panel.series.push(Series::line(kind.word(), FIRST_COLOUR + colour, x, y).styled(Style::Marks));
+            }
+        }
+        panel
     }
 }

@@ -1,0 +1,264 @@
+//! Branches of orbits and their special points, against closed forms and numbers from elsewhere.
+#![allow(clippy::unwrap_used)] // a test may panic
+
+use flank::{
+    Simulation, Task,
+    branch::{Branch, Continuation, Kind, Special},
+    orbit::{Search, SectionMap},
+    scene::Scene,
+    simulation::Parameter,
+};
+use serde_json::{Value, json};
+
+fn follow(scene: &Value, pointers: &[&str], ends: [f64; 2], doublings: u32) -> Vec<Branch> {
+    let scene = Scene::from_value(scene.clone(), "test").unwrap();
+    let parameter = Parameter::new(scene.resolved(), pointers).unwrap();
+    let asked = Continuation { doublings, ..Continuation::default() };
+    asked.run(&scene, parameter, ends, &mut |_| Ok(()), Task::default()).unwrap()
+}
+
+fn specials(branches: &[Branch]) -> Vec<&Special> {
+    branches.iter().flat_map(|branch| &branch.specials).collect()
+}
+
+/// Exactly these special points are on the first branch, each to 1e-11 of its value.
+fn expect(branches: &[Branch], expected: &[(Kind, f64)]) {
+    let mut found: Vec<(Kind, f64)> = branches[0].specials.iter().map(|s| (s.kind, s.value)).collect();
+    found.sort_by(|a, b| a.1.total_cmp(&b.1));
+    assert_eq!(found.len(), expected.len(), "{found:?}");
+    for ((kind, value), (expected_kind, expected)) in found.iter().zip(expected) {
+        assert_eq!(kind, expected_kind, "{found:?}");
+        assert!((value - expected).abs() <= 1e-11 * expected.abs(), "{value} {expected}");
+    }
+    assert!(specials(branches).iter().all(|special| special.residual <= 1e-9));
+}
+
+const FREQUENCY: &str = "/train/transmission_error/0/frequency";
+
+/// A pair, damped everywhere, that starts in contact.
+fn pair(damping: f64, load: f64, error: f64, frequency: f64, start: [f64; 2]) -> Value {
+    json!({
+        "flank": 1,
+        "train": {
+            "kind": "gear-pair-dimensionless", "damping_ratio": damping, "damping_in_gap": true, "mean_load": load, "stiffness": 1,
+            "transmission_error": [{ "amplitude": error, "frequency": frequency }],
+        },
+        "initial": { "q": [start[0]], "v": [start[1]] },
+        "run": { "cycles": 400 },
+    })
+}
+
+/// The response of a pair with both jumps. It loses contact where the amplitude of the linear vibration is that of the static deflection:
+/// `(F_a² − F_m²) Ω⁴ + (2 − 4ζ²) F_m² Ω² − F_m² = 0`. The folds are those of a series code in quadruple precision.
+#[test]
+fn a_response_of_a_pair_has_its_folds_and_grazes() {
+    let (zeta, load, error) = (0.05f64, 0.1f64, 0.05f64);
+    let (a, b, c) = (error * error - load * load, (2.0 - 4.0 * zeta * zeta) * load * load, -load * load);
+    let root = (b * b - 4.0 * a * c).sqrt();
+    let [low, high] = [(-b + root) / (2.0 * a), (-b - root) / (2.0 * a)].map(f64::sqrt);
+    let branches = follow(&pair(zeta, load, error, 0.6, [1.1, 0.0]), &[FREQUENCY], [0.5, 1.6], 0);
+    expect(
+        &branches,
+        &[
+            (Kind::Fold, 0.708_031_618_721_832),
+            (Kind::GrazingSoft, low),
+            (Kind::Fold, 0.828_463_984_388_216),
+            (Kind::GrazingSoft, high),
+        ],
+    );
+    // The branch between the folds is unstable, the others are stable.
+    let between = 0.708_031_618..0.828_463_985;
+    let unstable: Vec<f64> = branches[0].points.iter().filter(|p| !p.is_stable).map(|p| p.value).collect();
+    assert!(unstable.len() > 5 && unstable.iter().all(|value| between.contains(value)));
+    assert_eq!(branches[0].points[0].value, 0.5);
+    assert_eq!(branches[0].points.last().unwrap().value, 1.6);
+}
+
+/// The first doubling of a single-sided orbit, from elsewhere; here found from the orbits of period four and two that it ends in.
+#[test]
+fn orbits_lead_back_to_what_they_are_born_from() {
+    let branches = follow(&pair(0.05, 0.1, 0.2, 0.9, [1.1, 0.0]), &[FREQUENCY], [0.75, 1.1], 0);
+    let doubling = specials(&branches).into_iter().find(|s| s.kind == Kind::PeriodDoubling && s.period == 1).unwrap();
+    assert!((doubling.value - 0.794_632_401_288).abs() <= 1e-12, "{}", doubling.value);
+    assert!((doubling.multiplier.re + 1.0).abs() <= 1e-9 && doubling.multiplier.im == 0.0);
+    assert!(branches.iter().any(|branch| branch.points.iter().all(|point| point.period == 1)));
+}
+
+/// A mass on a spring before a wall above it.
+fn wall(damping: f64, position: f64, load: f64, law: &Value, frequency: f64, start: [f64; 2]) -> Value {
+    let mut scene = json!({
+        "flank": 1,
+        "train": {
+            "kind": "wall", "mass_kg": 1, "stiffness_n_per_m": 1.0, "damping_n_s_per_m": damping, "load_n": load,
+            "load_harmonics": [{ "amplitude_n": 1.0, "frequency_rad_per_s": frequency }],
+            "wall": { "side": "above", "position_m": position }, "law": law,
+        },
+        "initial": { "q": [start[0]], "v": [start[1]] },
+        "run": { "cycles": 400 },
+    });
+    if law["kind"] != "rigid" {
+        scene["train"]["contact_stiffness"] = json!(20.0);
+    }
+    scene
+}
+
+const FORCING: &str = "/train/load_harmonics/0/frequency_rad_per_s";
+
+/// Doublings of the orbit with one impact, of one that is undamped: closed form for restitutions 0.5, 0.6 and 0.9, Newton for 0.8. Each is
+/// followed on to the next ones.
+#[test]
+fn impacts_double_where_they_do() {
+    for (restitution, expected) in
+        [(0.8, 2.653_347_727_855), (0.9, 2.652_885_597_90), (0.6, 2.655_778_891_24), (0.5, 2.658_152_417_31)]
+    {
+        let scene = wall(0.0, 0.0, 0.0, &json!({ "kind": "rigid", "restitution": restitution }), 2.5, [-0.7, 0.1]);
+        let branches = follow(&scene, &[FORCING], [2.4, 2.75], 1);
+        let first = &branches[0].specials[0];
+        assert_eq!((first.kind, first.period, first.word.as_str()), (Kind::PeriodDoubling, 1, "i0+"));
+        // Eleven digits after the point are given.
+        assert!((first.value - expected).abs() <= 1e-11, "{restitution}: {} {expected}", first.value);
+        assert_eq!((branches[1].level, branches[1].points[0].period), (1, 2));
+        assert!(branches[1].points[0].is_stable && !branches[0].points.last().unwrap().is_stable);
+    }
+}
+
+/// `1/|k − ω² + iωc|`, and the frequencies at which `f` times it is `size`, by bisection.
+fn crossing(k: f64, c: f64, size: f64, f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
+    let off = |w: f64| f(w) / (k - w * w).hypot(w * c) - size;
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        if off(middle) * off(low) > 0.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    low
+}
+
+/// A wall at 0.5 is touched where the amplitude of the free vibration is 0.5, whatever it is made of; its law tells the kind.
+#[test]
+fn a_graze_has_the_kind_of_its_law() {
+    let touches = crossing(1.0, 0.1, 0.5, |_| 1.0, 1.5, 2.0);
+    let damped = |release: &str| json!({ "kind": "kelvin-voigt", "damping_n_s_per_m": 0.6, "release": release });
+    let hysteresis = json!({ "kind": "power", "exponent": "3/2", "hysteresis_coefficient": 0.5, "speed_floor_m_per_s": 1e-6, "initial_speed_m_per_s": 0.05 });
+    for (law, kind) in [
+        (json!({ "kind": "rigid", "restitution": 0.7 }), Kind::GrazingRigid),
+        (damped("deflection"), Kind::GrazingDamped),
+        (damped("force"), Kind::GrazingDamped),
+        (hysteresis, Kind::GrazingSoft),
+    ] {
+        let branches = follow(&wall(0.1, 0.5, 0.0, &law, 1.9, [0.0, 0.0]), &[FORCING], [1.65, 2.2], 0);
+        expect(&branches, &[(kind, touches)]);
+    }
+}
+
+/// From the side of the impacts the graze ends the branch: it is the limit of an orbit whose impact loses its speed.
+#[test]
+fn a_branch_of_impacts_ends_at_its_graze() {
+    let law = json!({ "kind": "rigid", "restitution": 0.7 });
+    let branches = follow(&wall(0.1, 0.5, 0.0, &law, 1.6, [0.0, 0.0]), &[FORCING], [1.5, 2.0], 0);
+    let touches = crossing(1.0, 0.1, 0.5, |_| 1.0, 1.5, 2.0);
+    let graze = branches[0].specials.iter().find(|s| s.kind == Kind::GrazingRigid).unwrap();
+    // The derivative grows as the inverse of the speed: some digits go.
+    assert!((graze.value - touches).abs() <= 1e-11, "{} {touches}", graze.value);
+    assert!(branches[0].specials.iter().any(|s| s.kind == Kind::Fold));
+}
+
+/// In contact all the time: a force that is kept by the damper falls to zero before the deflection does.
+#[test]
+fn a_force_that_touches_zero_is_a_graze() {
+    // x = −1/3 at rest, 1/6 inside the wall at −1/2, which pushes back with 20/6.
+    let by_deflection = |low, high| crossing(21.0, 0.7, 1.0 / 6.0, |_| 1.0, low, high);
+    let by_force = |low, high| crossing(21.0, 0.7, 20.0 / 6.0, |w: f64| 20f64.hypot(0.6 * w), low, high);
+    for (release, [first, last]) in [
+        ("deflection", [by_deflection(3.0, 4.5), by_deflection(4.6, 6.0)]),
+        ("force", [by_force(3.0, 4.5), by_force(4.6, 6.0)]),
+    ] {
+        let law = json!({ "kind": "kelvin-voigt", "damping_n_s_per_m": 0.6, "release": release });
+        let branches = follow(&wall(0.1, -0.5, 3.0, &law, 3.0, [0.2, 0.0]), &[FORCING], [2.0, 6.0], 0);
+        let grazes: Vec<&Special> = branches[0].specials.iter().filter(|s| s.kind == Kind::GrazingDamped).collect();
+        assert_eq!(grazes.len(), 2);
+        for (graze, expected) in grazes.iter().zip([first, last]) {
+            assert!((graze.value - expected).abs() <= 1e-11 * expected, "{release}: {} {expected}", graze.value);
+        }
+    }
+}
+
+/// Where a rest ends, impacts whose number grows without end begin. On both sides the run itself has the word that it must have.
+#[test]
+fn a_rest_ends() {
+    let law = json!({ "kind": "rigid", "restitution": 0.3 });
+    let scene = wall(0.2, 0.0, 0.0, &law, 0.9, [-0.3, 0.1]);
+    let branches = follow(&scene, &[FORCING], [0.8, 1.0], 0);
+    let stick = branches[0].specials.iter().find(|s| s.kind == Kind::Stick).unwrap();
+    for (side, rests) in [(-1e-7, true), (1e-7, false)] {
+        let mut other = scene.clone();
+        *other.pointer_mut(FORCING).unwrap() = json!(stick.value + side);
+        let simulation = Simulation::from_scene(Scene::from_value(other, "test").unwrap()).unwrap();
+        let map = SectionMap::new(&simulation).unwrap();
+        let start = map.follow(&map.start().unwrap(), 50).unwrap();
+        let word = map.image(&start, 1).unwrap().word.join(" ");
+        assert_eq!(word.contains('z'), rests, "{side}: {word}");
+    }
+}
+
+/// Two freedoms, each with a contact: impacts and contacts change places, and a torus is born. The orbit at each point is solved for anew.
+#[test]
+fn two_contacts_meet_and_a_torus_is_born() {
+    let scene = json!({
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": [[1.0, 0.0], [0.0, 1.0]], "damping_n_s_per_m": [[0.06, -0.02], [-0.02, 0.04]],
+            "stiffness_n_per_m": [[1.6, -0.6], [-0.6, 0.6]], "load_n": [0.2, 0.0],
+            "load_harmonics": [{ "vector_n": [0.8, 0.0], "frequency_rad_per_s": 1.6 }],
+            "contacts": [
+                { "direction": [1.0, 0.0], "half_backlash_m": 0.4, "flanks": "drive", "law": { "kind": "rigid", "restitution": 0.7 } },
+                { "direction": [0.0, 1.0], "half_backlash_m": 0.3, "flanks": "both", "stiffness": 8.0,
+                  "law": { "kind": "kelvin-voigt", "damping_n_s_per_m": 0.2, "release": "deflection" } },
+            ],
+        },
+        "initial": { "q": [0.0, 0.0], "v": [0.0, 0.0] },
+        "run": { "cycles": 600 },
+    });
+    let branches = follow(&scene, &[FORCING], [1.2, 2.3], 0);
+    let (mut tori, mut meetings) = (0, 0);
+    for special in &branches[0].specials {
+        let mut there = scene.clone();
+        *there.pointer_mut(FORCING).unwrap() = json!(special.value);
+        let point = &branches[0].points[special.point];
+        there["initial"] = json!({ "q": point.section.x[..2], "v": point.section.x[2..] });
+        let simulation = Simulation::from_scene(Scene::from_value(there, "test").unwrap()).unwrap();
+        let map = SectionMap::new(&simulation).unwrap();
+        match special.kind {
+            Kind::Torus => {
+                let found = Search { period: Some(1), starts: 0 }.run(&simulation, Task::default()).unwrap();
+                let off = (found.orbits[0].largest_multiplier() - 1.0).abs();
+                assert!(off <= 1e-9 && special.multiplier.im > 0.0, "{off:e}");
+                tori += 1;
+            }
+            Kind::Coincidence => {
+                // The image is one of both orders; they meet within what the start is off.
+                assert!(map.image(&point.section, 1).unwrap().end.x.iter().zip(&point.section.x).all(|(a, b)| (a - b).abs() <= 1e-4));
+                meetings += 1;
+            }
+            _ => {}
+        }
+    }
+    assert!(tori >= 1 && meetings >= 1, "{tori} {meetings}");
+}
+
+/// Numbers along which there is no branch.
+#[test]
+fn what_has_no_branch_is_refused() {
+    let scene = Scene::from_file("examples/scenes/reference-heavy.json").unwrap();
+    let refused = |pointer: &str, ends: [f64; 2], reason: &str| {
+        let parameter = Parameter::new(scene.resolved(), &[pointer]).unwrap();
+        let error = Continuation::default().run(&scene, parameter, ends, &mut |_| Ok(()), Task::default());
+        let text = error.unwrap_err().to_string();
+        assert!(text.contains(reason), "{text}");
+    };
+    refused("/train/teeth/sun", [20.0, 30.0], "whole number");
+    refused("/train/sun_mesh/error/0/order", [0.9, 1.1], "alone changes the frequency");
+    assert!(Parameter::new(scene.resolved(), &["/train/masses/none"]).unwrap_err().contains("no number"));
+}
