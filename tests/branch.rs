@@ -239,7 +239,15 @@ fn two_contacts_meet_and_a_torus_is_born() {
             }
             Kind::Coincidence => {
                 // The image is one of both orders; they meet within what the start is off.
-                assert!(map.image(&point.section, 1).unwrap().end.x.iter().zip(&point.section.x).all(|(a, b)| (a - b).abs() <= 1e-4));
+                assert!(
+                    map.image(&point.section, 1)
+                        .unwrap()
+                        .end
+                        .x
+                        .iter()
+                        .zip(&point.section.x)
+                        .all(|(a, b)| (a - b).abs() <= 1e-4)
+                );
                 meetings += 1;
             }
             _ => {}

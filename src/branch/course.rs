@@ -92,8 +92,7 @@ impl Course {
     pub fn new(map: &SectionMap<'_>, section: &Section, period: u64) -> Result<Self, SimulationError> {
         let structure = &map.simulation().structure;
         let mut speller = Speller::new(structure, &section.x);
-        let mut lowest =
-            Lowest { structure, x: section.x.clone(), row: Vec::new(), lows: Vec::new(), events: 0 };
+        let mut lowest = Lowest { structure, x: section.x.clone(), row: Vec::new(), lows: Vec::new(), events: 0 };
         map.watch(section, period, &mut (&mut speller, &mut lowest))?;
         let clock = structure.clock();
         let (start, length) = (map.at(0), map.simulation().period()?);
@@ -101,13 +100,11 @@ impl Course {
         Ok(Self { letters: speller.letters, times, lows: lowest.lows })
     }
 
-
     /// The tokens in order of time; those of one instant in alphabetic order.
     #[must_use]
     pub fn tokens(&self) -> Vec<&str> {
         self.letters.iter().map(|letter| letter.token.as_str()).collect()
     }
-
 
     /// The middle of the longest part of the period of the forcing without an event in any cycle, as a part of it, from `phase` where the
     /// section stands.

@@ -1,7 +1,7 @@
 //! The trains along a parameter.
 
 use crate::{
-    scene::{Scene, SceneError},
+    scene::Scene,
     simulation::{Parameter, Simulation, SimulationError},
     system::Variation,
 };
@@ -22,10 +22,14 @@ impl Family {
     /// The scene `scene` between the values `from` and `to` of `parameter`, in either order.
     ///
     /// # Errors
-    /// [`SceneError`] if the scene does not hold at one of them.
-    pub fn new(scene: &Scene, parameter: Parameter, ends: [f64; 2]) -> Result<Self, SceneError> {
+    /// [`SimulationError`] if the scene has no forcing period, if its motion has no derivative by the parameter, or if it does not hold at
+    /// one of the ends.
+    pub fn new(scene: &Scene, parameter: Parameter, ends: [f64; 2]) -> Result<Self, SimulationError> {
         // What a preset or a default brings has to have a place.
         let scene = Scene::from_value(scene.resolved().clone(), scene.name())?;
+        let simulation = Simulation::from_scene(&scene)?;
+        simulation.period()?;
+        simulation.variation_by(&parameter)?;
         let parameter = parameter.checked(&scene, ends)?;
         let [from, to] = ends;
         Ok(Self { scene, parameter, from: from.min(to), to: from.max(to) })

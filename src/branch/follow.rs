@@ -25,8 +25,9 @@ const SEVERAL: f64 = 1e-4;
 const LOST: usize = 5;
 /// Steps from which on the branch may have a corner where its word changes.
 const CORNER: f64 = 1e-6;
-/// The events, in alphabetic order, that come with one graze.
-const SINGLE: [&str; 6] = ["i", "cs", "crx", "acrx", "ar", "lz"];
+/// The events, in alphabetic order, that come with one graze, and those that go.
+const SINGLE: [(&str, &str); 7] =
+    [("i", ""), ("cs", ""), ("crx", ""), ("acrx", ""), ("ar", ""), ("lz", ""), ("cx", "a")];
 /// Events of one instant: cycles between them.
 const TOGETHER: f64 = 1e-9;
 /// Cycles by which events move along a step, in its length.
@@ -90,11 +91,6 @@ fn surplus<'a>(a: &[&'a str], b: &[&str]) -> Vec<&'a str> {
     a.iter().filter(|token| is_more(token)).copied().collect()
 }
 
-/// The contact of a token.
-fn contact(token: &str) -> usize {
-    token[1..token.len() - 1].parse().unwrap_or(0)
-}
-
 impl Change {
     /// From `a` to `b`.
     pub fn of(a: &Course, b: &Course) -> Self {
@@ -102,28 +98,30 @@ impl Change {
         match (more.is_empty(), less.is_empty()) {
             (true, true) => {
                 let (of_a, of_b) = (groups(a), groups(b));
-                let is_turned =
-                    of_a.len() == of_b.len() && (0..of_a.len().max(1)).any(|k| {
-                        of_a[k..].iter().chain(&of_a[..k]).eq(of_b.iter())
-                    });
+                let is_turned = of_a.len() == of_b.len()
+                    && (0..of_a.len().max(1)).any(|k| of_a[k..].iter().chain(&of_a[..k]).eq(of_b.iter()));
                 if is_turned { Self::None } else { Self::swapped(a, b) }
             }
-            (false, false) => Self::Other,
-            _ => {
-                let tokens = if more.is_empty() { &less } else { &more };
-                let kinds = |j: usize| -> Vec<char> {
-                    let mut kinds: Vec<char> =
-                        tokens.iter().filter(|t| contact(t) == j).filter_map(|t| t.chars().next()).collect();
-                    kinds.sort_unstable();
-                    kinds
-                };
-                let first = contact(tokens[0]);
-                let of_first = kinds(first);
-                let is_single = SINGLE.contains(&of_first.iter().collect::<String>().as_str())
-                    && tokens.iter().all(|token| kinds(contact(token)) == of_first);
-                if is_single { Self::Gained(first, less.is_empty()) } else { Self::Other }
-            }
+            _ => Self::gained(&more, &less),
         }
+    }
+
+    /// By what one has `more` and `less` than the other.
+    fn gained(more: &[&str], less: &[&str]) -> Self {
+        // By contact and side: both sides of a symmetric orbit may change at once, and equal contacts.
+        let kinds = |tokens: &[&str], place: &str| {
+            let mut kinds: Vec<char> =
+                tokens.iter().filter(|token| &token[1..] == place).filter_map(|token| token.chars().next()).collect();
+            kinds.sort_unstable();
+            kinds.into_iter().collect::<String>()
+        };
+        let places: Vec<&str> = more.iter().chain(less).map(|token| &token[1..]).collect();
+        let first = (kinds(more, places[0]), kinds(less, places[0]));
+        let is_single = SINGLE.contains(&(first.0.as_str(), first.1.as_str()));
+        let is_reverse = SINGLE.contains(&(first.1.as_str(), first.0.as_str()));
+        let is_alike = places.iter().all(|place| (kinds(more, place), kinds(less, place)) == first);
+        let contact = places[0][..places[0].len() - 1].parse().unwrap_or(0);
+        if is_alike && (is_single || is_reverse) { Self::Gained(contact, is_single) } else { Self::Other }
     }
 
     /// Two neighbouring events of different contacts that stand the other way round in `b`.
@@ -148,7 +146,7 @@ impl Solver<'_> {
         let moved = b.unknowns.lifted(&b.tangent.y);
         let origin = vec![0.0; moved.len()];
         let y = a.unknowns.between(&origin, moved.as_slice());
-        let (dot, norm) = (y.dot(&a.tangent.y) + b.tangent.p * a.tangent.p, y.norm().hypot(b.tangent.p));
+        let (dot, norm) = (y.dot(&a.tangent.y) + b.tangent.p * a.tangent.p, libm::hypot(y.norm(), b.tangent.p));
         dot / norm
     }
 
@@ -204,7 +202,14 @@ impl Solver<'_> {
     pub fn follow(&self, start: &Node, most: usize, task: Task<'_>) -> Trace {
         let Family { from, to, .. } = *self.family;
         let range = self.family.range();
-        let mut trace = Trace { nodes: Vec::new(), before: Vec::new(), end: String::new(), is_closed: false, stalls: false, born: None };
+        let mut trace = Trace {
+            nodes: Vec::new(),
+            before: Vec::new(),
+            end: String::new(),
+            is_closed: false,
+            stalls: false,
+            born: None,
+        };
         let (mut here, mut h) = (start.clone(), FIRST);
         loop {
             if task.is_cancelled() || trace.nodes.len() >= most {
@@ -212,7 +217,13 @@ impl Solver<'_> {
                 return trace;
             }
             let ahead = here.value + h * here.tangent.p * range;
-            let end = if ahead >= to { Some(to) } else if ahead <= from { Some(from) } else { None };
+            let end = if ahead >= to {
+                Some(to)
+            } else if ahead <= from {
+                Some(from)
+            } else {
+                None
+            };
             let next = match end {
                 Some(end) => {
                     let distance = (end - here.value) / (here.tangent.p * range);
@@ -221,7 +232,8 @@ impl Solver<'_> {
                         return trace;
                     }
                     let (section, _) = here.guess(&here.tangent, range, distance);
-                    self.at((section, end), here.orbit.period, here.phase, None, here.tangent.p.signum()).ok()
+                    let end = self.at((section, end), here.orbit.period, here.phase, None, here.tangent.p.signum());
+                    end.ok().map(|node| Node { shift: here.shift, ..node })
                 }
                 None => self.step(&here, h),
             };
@@ -285,7 +297,7 @@ impl Solver<'_> {
             return false;
         }
         let off = start.unknowns.between(&start.orbit.section.x, &b.orbit.section.x).norm();
-        off.hypot((b.value - start.value) / range) <= 1.5 * h && b.tangent.p * start.tangent.p > 0.0
+        libm::hypot(off, (b.value - start.value) / range) <= 1.5 * h && b.tangent.p * start.tangent.p > 0.0
     }
 }
 

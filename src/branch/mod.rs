@@ -10,6 +10,8 @@ mod follow;
 mod locate;
 mod node;
 mod run;
+mod special;
 
 pub use family::Family;
-pub use run::{Branch, Continuation, Kind, Point, Special};
+pub use run::{Branch, Continuation, Point};
+pub use special::{Kind, Special};

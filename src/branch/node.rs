@@ -43,6 +43,8 @@ pub struct Node {
     pub value: f64,
     /// Where its section stands, as a part of the period.
     pub phase: f64,
+    /// Cycles by which the next phase 0 comes after the one that the branch's first orbit begins with.
+    pub shift: u64,
     /// The orbit.
     pub orbit: Orbit,
     /// What it passes.
@@ -97,15 +99,14 @@ impl Node {
 
     /// `Y − Y₀` along a direction of this node.
     pub fn along(&self, direction: &Direction, range: f64, x: &[f64], value: f64) -> f64 {
-        direction.y.dot(&self.unknowns.between(&self.orbit.section.x, x))
-            + direction.p * (value - self.value) / range
+        direction.y.dot(&self.unknowns.between(&self.orbit.section.x, x)) + direction.p * (value - self.value) / range
     }
 
     /// The chord to another point of the branch, of length one, and its length.
     pub fn chord(&self, to: &Self, range: f64) -> (Direction, f64) {
         let y = self.unknowns.between(&self.orbit.section.x, &to.orbit.section.x);
         let p = (to.value - self.value) / range;
-        let length = y.norm().hypot(p);
+        let length = libm::hypot(y.norm(), p);
         (Direction { y: y / length, p: p / length }, length)
     }
 
@@ -140,7 +141,8 @@ impl<'f> Solver<'f> {
         let course = Course::new(&map, &orbit.section, orbit.period)?;
         let there = map.at_phase(course.quiet(0.0));
         let section = map.lead(&orbit.section, &there)?;
-        self.at((section, value), orbit.period, there.phase(), None, 1.0)
+        let shift = u64::from(there.phase() > 0.0);
+        Ok(Node { shift, ..self.at((section, value), orbit.period, there.phase(), None, 1.0)? })
     }
 
     /// The same point with its section where its events are farthest from.
@@ -149,7 +151,9 @@ impl<'f> Solver<'f> {
         let map = SectionMap::new(&simulation)?.at_phase(node.phase);
         let there = map.at_phase(node.course.quiet(node.phase));
         let section = map.lead(&node.orbit.section, &there)?;
-        self.at((section, node.value), node.orbit.period, there.phase(), None, node.tangent.p.signum())
+        let shift = node.shift + u64::from(there.phase() < node.phase);
+        let sign = node.tangent.p.signum();
+        Ok(Node { shift, ..self.at((section, node.value), node.orbit.period, there.phase(), None, sign)? })
     }
 
     /// The orbit of `guess` at its value of the parameter; its tangent goes to where the parameter rises, or falls where `sign` does.
@@ -179,8 +183,7 @@ impl<'f> Solver<'f> {
             };
             if is_slow {
                 by = image.by_number.column(0).into_owned();
-            } else if let Some((from, at, old)) =
-                before.take().filter(|(_, at, _)| (value - at).abs() > SECANT * range)
+            } else if let Some((from, at, old)) = before.take().filter(|(_, at, _)| (value - at).abs() > SECANT * range)
             {
                 let moved = DVector::from_fn(by.len(), |i, _| section.x[i] - from.x[i]);
                 let explained = &old.jacobian * moved;
@@ -211,7 +214,7 @@ impl<'f> Solver<'f> {
                 })
             };
             let matrix = bordered(&by);
-            let residual = off.norm().hypot(missing);
+            let residual = libm::hypot(off.norm(), missing);
             if !residual.is_finite() || matrix.iter().any(|entry| !entry.is_finite()) {
                 return Err(missed(best, "the motion leaves the range of numbers"));
             }
@@ -244,7 +247,8 @@ impl<'f> Solver<'f> {
                 let (fold, flip) = ((&reduced - &unit).determinant(), (&reduced + &unit).determinant());
                 let course = Course::new(&map, &section, period)?;
                 let orbit = Orbit::of(section, image, &unknowns, period, residual, condition);
-                return Ok(Node { value, phase, orbit, course, unknowns, tangent, by, fold, flip, steps: step });
+                let shift = plane.map_or(0, |plane| plane.from.shift);
+                return Ok(Node { value, phase, shift, orbit, course, unknowns, tangent, by, fold, flip, steps: step });
             }
             if step > SLOW && residual > 0.5 * best || length > LONGEST {
                 return Err(missed(best, "Newton's method does not converge"));

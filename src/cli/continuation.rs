@@ -78,8 +78,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         return Err(GridError(vec![Fault::new(&arguments.vary, found, allowed)]).into());
     }
     let files = [TABLE, SPECIAL, PICTURE].map(String::from).to_vec();
-    let request = request(Some(arguments.out.as_path()), "continue", arguments.scene.as_deref(), arguments.force, files)?;
-    let name = std::path::Path::new(scene.name()).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let request =
+        request(Some(arguments.out.as_path()), "continue", arguments.scene.as_deref(), arguments.force, files)?;
+    let name =
+        std::path::Path::new(scene.name()).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let branches = RefCell::new(Branches::new(&scene, parameter.clone(), ends)?);
     let mut folder = request.map(|request| request.open()).transpose()?;
     let bar = running(arguments.quiet);
@@ -122,7 +124,14 @@ fn write(folder: &mut Folder, branches: &Branches, name: &str) -> Result<(), Out
 fn text(branches: &Branches) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
     for (i, branch) in branches.branches.iter().enumerate() {
-        writeln!(out, "branch {i}, level {}: {} points, from {} to {}", branch.level, branch.points.len(), branch.ends[0], branch.ends[1])?;
+        writeln!(
+            out,
+            "branch {i}, level {}: {} points, from {} to {}",
+            branch.level,
+            branch.points.len(),
+            branch.ends[0],
+            branch.ends[1]
+        )?;
     }
     let rows = branches.specials().map(|special| {
         vec![

@@ -42,8 +42,11 @@ impl Parameter {
             Ok::<_, String>(((*pointer).to_owned(), value, is_period(pointer)))
         };
         let mut all = pointers.iter().map(number).collect::<Result<Vec<_>, _>>()?;
-        let Some((pointer, value, inverse)) = all.first().cloned() else { return Err("no pointer is given".to_owned()) };
-        let others: Vec<_> = all.drain(1..).map(|(other, value, is_period)| (other, value, is_period != inverse)).collect();
+        let Some((pointer, value, inverse)) = all.first().cloned() else {
+            return Err("no pointer is given".to_owned());
+        };
+        let others: Vec<_> =
+            all.drain(1..).map(|(other, value, is_period)| (other, value, is_period != inverse)).collect();
         if value == 0.0 && !others.is_empty() {
             return Err(format!("{pointer} is zero in the scene: the others cannot follow it by a factor"));
         }
@@ -65,9 +68,10 @@ impl Parameter {
     /// The values of all numbers with the first at `value`.
     fn values(&self, value: f64) -> Vec<(&str, f64)> {
         let factor = value / self.value;
-        let others = self.others.iter().map(|(pointer, own, inverse)| {
-            (pointer.as_str(), own * if *inverse { factor.recip() } else { factor })
-        });
+        let others = self
+            .others
+            .iter()
+            .map(|(pointer, own, inverse)| (pointer.as_str(), own * if *inverse { factor.recip() } else { factor }));
         std::iter::once((self.pointer.as_str(), value)).chain(others).collect()
     }
 

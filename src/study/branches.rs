@@ -7,6 +7,13 @@ use super::{
     steady::{Steady, of_orbit},
     steady_sweep::{contact_cells, contact_columns, named},
 };
+#[cfg(feature = "plot")]
+use super::{figures::families, steady::ContactSteady};
+#[cfg(feature = "plot")]
+use crate::{
+    branch::Kind,
+    plot::{Axis, Figure, Panel, Series, Style},
+};
 use crate::{
     branch::{Branch, Family, Point, Special},
     orbit::{self, Motion, components},
@@ -15,13 +22,6 @@ use crate::{
     simulation::Parameter,
     task::Task,
 };
-#[cfg(feature = "plot")]
-use crate::{
-    branch::Kind,
-    plot::{Axis, Figure, Panel, Series, Style},
-};
-#[cfg(feature = "plot")]
-use super::{figures::families, steady::ContactSteady};
 
 /// Families of contacts drawn.
 #[cfg(feature = "plot")]
@@ -176,7 +176,11 @@ impl Branches {
         let counted = |kind: Kind| (kind, self.specials().filter(|special| special.kind == kind).count());
         let counts = KINDS.map(counted).into_iter().filter(|(_, count)| *count > 0);
         let counts: Vec<String> = counts.map(|(kind, count)| format!("{count} {}", kind.word())).collect();
-        let levels = if self.branches.len() > 1 { "Colours: levels of branches, from doublings and broken symmetries. " } else { "" };
+        let levels = if self.branches.len() > 1 {
+            "Colours: levels of branches, from doublings and broken symmetries. "
+        } else {
+            ""
+        };
         Figure {
             id: "branches".to_owned(),
             title: format!("Orbits of {name} against {}", self.family.parameter.pointer()),
@@ -199,7 +203,8 @@ impl Branches {
             ..Panel::default()
         };
         for (branch, measures) in self.branches.iter().zip(&self.measures) {
-            let values: Vec<Option<f64>> = branch.points.iter().zip(measures).map(|(point, m)| value(point, m)).collect();
+            let values: Vec<Option<f64>> =
+                branch.points.iter().zip(measures).map(|(point, m)| value(point, m)).collect();
             let level = branch.level as usize;
             let mut from = 0;
             while from < values.len() {

@@ -5,11 +5,11 @@
 //! what a train does. [`advise`] compares a scene with simpler models of itself.
 
 pub mod advise;
+pub mod branches;
 mod changes;
 pub mod claims;
 mod error;
 mod expression;
-pub mod branches;
 mod figures;
 pub mod identify;
 mod kind;

@@ -133,7 +133,12 @@ pub fn steady(scene: impl Into<Scene>, seed: Option<&Seed>, rule: &Rule, task: T
 }
 
 /// Measures of an orbit over its period.
-pub(super) fn of_orbit(simulation: &Simulation, section: &Section, motion: Motion, task: Task<'_>) -> Result<Steady, StudyError> {
+pub(super) fn of_orbit(
+    simulation: &Simulation,
+    section: &Section,
+    motion: Motion,
+    task: Task<'_>,
+) -> Result<Steady, StudyError> {
     let map = SectionMap::new(simulation)?;
     let mut engine = simulation.engine(map.state(section)?)?;
     let rule = Rule { measured_cycles: 1, ..Rule::default() };

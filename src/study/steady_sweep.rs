@@ -221,7 +221,8 @@ pub(super) fn contact_columns(contacts: &[String], dimensionless: bool) -> Vec<S
 /// Their cells of a row, empty where it has no such contact.
 pub(super) fn contact_cells(contacts: &[String], steady: Option<&Steady>) -> Vec<String> {
     let of = |name: &String| {
-        let contact = steady.and_then(|steady| named(steady).find(|(other, _)| other == name)).map(|(_, contact)| contact);
+        let contact =
+            steady.and_then(|steady| named(steady).find(|(other, _)| other == name)).map(|(_, contact)| contact);
         COLUMNS.map(|(_, _, measure)| contact.and_then(measure).map_or_else(String::new, number))
     };
     contacts.iter().flat_map(of).collect()
