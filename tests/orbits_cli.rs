@@ -110,3 +110,50 @@ fn exponents_are_a_file_and_a_picture() {
     assert!(found["finite"]["cycles"] == 5 && found["without_saltation"]["exponents"].is_array());
     assert!(out.join("figures/exponents.svg").is_file());
 }
+
+/// Three files; a point of a branch starts a scene; what cannot be followed ends with code 2.
+#[test]
+fn a_branch_is_two_tables_and_a_picture() {
+    const FREQUENCY: &str = "/train/transmission_error/0/frequency";
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("branches");
+    let axis = format!("{FREQUENCY}=0.55:0.75");
+    flank(&["continue", PAIR, "--vary", &axis, "--doublings", "0"], &out).code(0);
+    let table = fs::read_to_string(out.join("branches.csv")).unwrap();
+    let head: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+    assert_eq!(head[..6], ["branch", "parameter", "period_cycles", "word", "stable", "multiplier"]);
+    assert!(head.contains(&"mesh apart_fraction"));
+    let rows: Vec<Vec<&str>> = table.lines().skip(1).map(|line| line.split(',').collect()).collect();
+    assert!(rows.len() > 20 && rows.iter().all(|row| row.len() == head.len()));
+    assert_eq!((rows[0][1], rows[rows.len() - 1][1]), ("0.55", "0.75"));
+    let special = fs::read_to_string(out.join("special.csv")).unwrap();
+    assert!(special.starts_with("kind,parameter,period_cycles,word,residual,multiplier_re,multiplier_im"));
+    assert!(fs::read_to_string(out.join("branches.svg")).unwrap().starts_with("<svg"));
+    // The same bytes for any number of threads.
+    let again = folder.path().join("again");
+    flank(&["continue", PAIR, "--vary", &axis, "--doublings", "0", "--threads", "2"], &again).code(0);
+    assert_eq!(fs::read(again.join("branches.csv")).unwrap(), fs::read(out.join("branches.csv")).unwrap());
+    // A point is a start.
+    let mut scene = json(&Path::new(env!("CARGO_MANIFEST_DIR")).join(PAIR));
+    let last = &rows[rows.len() - 1];
+    let number = |cell: &str| cell.parse::<f64>().unwrap();
+    *scene.pointer_mut(FREQUENCY).unwrap() = number(last[1]).into();
+    scene["initial"] = serde_json::json!({ "q": [number(last[6])], "v": [number(last[7])] });
+    let there = folder.path().join("scene.json");
+    fs::write(&there, scene.to_string()).unwrap();
+    let orbit = folder.path().join("orbit");
+    flank(&["orbit", there.to_str().unwrap()], &orbit).code(0);
+    let found = &json(&orbit.join("orbit.json"))["orbits"][0];
+    assert!((found["x"][0].as_f64().unwrap() - number(last[6])).abs() <= 1e-10);
+    for (axis, reason) in [
+        (format!("{FREQUENCY}=1.2:1.3"), "own value"),
+        (FREQUENCY.to_owned(), "no equals sign"),
+        ("/train/none=0:1".to_owned(), "no number"),
+        (format!("{FREQUENCY}=1:1"), "without length"),
+    ] {
+        let refused = flank(&["continue", PAIR, "--vary", &axis], &folder.path().join("none")).code(2);
+        let text = String::from_utf8(refused.get_output().stderr.clone()).unwrap();
+        assert!(text.contains(reason), "{text}");
+        assert!(!folder.path().join("none").exists());
+    }
+}

@@ -32,6 +32,8 @@ const SINGLE: [(&str, &str); 7] =
 const TOGETHER: f64 = 1e-9;
 /// Cycles by which events move along a step, in its length.
 const MOVES: f64 = 10.0;
+/// Share of a tangent along the parameter below which a fold may be so near that its sense is not clear.
+const TURNS: f64 = 1e-3;
 /// Cycles that events are kept away from the section, if they can be.
 const CLEAR: f64 = 0.02;
 
@@ -279,12 +281,12 @@ impl Solver<'_> {
             }
             here = node;
             // Away from a fold the sense of the tangent is that of the parameter.
-            if here.course.clearance() < CLEAR.min(MOVES * h) && here.tangent.p.abs() > 1e-3 {
-                if let Ok(turned) = self.turned(&here) {
-                    if turned.course.clearance() > 1.5 * here.course.clearance() {
-                        here = turned;
-                    }
-                }
+            if here.course.clearance() < CLEAR.min(MOVES * h)
+                && here.tangent.p.abs() > TURNS
+                && let Ok(turned) = self.turned(&here)
+                && turned.course.clearance() > 1.5 * here.course.clearance()
+            {
+                here = turned;
             }
         }
     }

@@ -104,14 +104,14 @@ impl Solver<'_> {
             let is_last = value == 0.0 || error <= 4.0 * f64::EPSILON * node.value.abs() && is_small;
             if is_last || (high.0 - low.0) <= 1e-15 * length {
                 let error = if error.is_nan() { 0.0 } else { error };
-                return is_small.then(|| Located { value: node.value, error, residual: node.orbit.residual, node });
+                return is_small.then_some(Located { value: node.value, error, residual: node.orbit.residual, node });
             }
             best = Some(node);
         }
         let node = best?;
         let is_small = f(&node).abs() <= 1e-6 * size;
         let error = (high.0 - low.0) * self.family.range();
-        is_small.then(|| Located { value: node.value, error, residual: node.orbit.residual, node })
+        is_small.then_some(Located { value: node.value, error, residual: node.orbit.residual, node })
     }
 
     /// The limit of the branch from `a` towards `b`, and up to `reach` times as far, as `g`, positive at `a`, falls to zero; `g` is `None`

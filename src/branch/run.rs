@@ -78,6 +78,8 @@ struct Begun {
     level: u32,
     node: Node,
     both: bool,
+    /// Value and period of the orbit that it is born from.
+    origin: Option<(f64, u64)>,
 }
 
 impl Continuation {
@@ -105,7 +107,7 @@ impl Continuation {
         let start = solver.start(&simulation, value, orbit).map_err(|missed| simulation.missing(missed.reason))?;
         let mut branches: Vec<Branch> = Vec::new();
         let mut known: Vec<Special> = Vec::new();
-        let mut waiting = std::collections::VecDeque::from([Begun { level: 0, node: start, both: true }]);
+        let mut waiting = std::collections::VecDeque::from([Begun { level: 0, node: start, both: true, origin: None }]);
         let mut left = CYCLES_OF_ALL;
         while let Some(begun) = waiting.pop_front() {
             if task.is_cancelled() || left == 0 {
@@ -114,11 +116,21 @@ impl Continuation {
             if solver.is_known(&begun.node, &branches) {
                 continue;
             }
-            let (branch, passed, count) = solver.branch(&begun, branches.len(), left, &known, task);
+            let (branch, passed, births, count) = solver.branch(&begun, branches.len(), left, &known, task);
             left = left.saturating_sub(count);
+            // A branch that ends where another one is to begin is that one, from its other end.
+            let is_born = |(value, period): (f64, u64)| {
+                births.iter().any(|(v, p)| *p == period && (v - value).abs() <= SAME * family.range())
+            };
+            waiting.retain(|begun| !begun.origin.is_some_and(is_born));
             known.extend(branch.specials.iter().cloned());
             let parents = passed.iter().filter(|passed| passed.is_birth);
-            waiting.extend(parents.map(|p| Begun { level: branch.level, node: p.node.clone(), both: true }));
+            waiting.extend(parents.map(|p| Begun {
+                level: branch.level,
+                node: p.node.clone(),
+                both: true,
+                origin: None,
+            }));
             if branch.level < self.doublings {
                 for passed in passed.iter().filter(|passed| !passed.is_birth) {
                     let begins = match passed.special.kind {
@@ -126,7 +138,8 @@ impl Continuation {
                         Kind::Symmetry => solver.aside(&passed.node, 1.0),
                         _ => None,
                     };
-                    waiting.extend(begins.map(|node| Begun { level: branch.level + 1, node, both: false }));
+                    let origin = Some((passed.special.value, passed.special.period));
+                    waiting.extend(begins.map(|node| Begun { level: branch.level + 1, node, both: false, origin }));
                 }
             }
             branches.push(branch);
@@ -197,7 +210,7 @@ impl Solver<'_> {
         left: usize,
         known: &[Special],
         task: Task<'_>,
-    ) -> (Branch, Vec<Passed>, usize) {
+    ) -> (Branch, Vec<Passed>, Vec<(f64, u64)>, usize) {
         let start = &begun.node;
         let period = start.orbit.period as usize;
         let most = OF_BRANCH.min(CYCLES_OF_BRANCH.min(left).div_ceil(period));
@@ -222,6 +235,7 @@ impl Solver<'_> {
             ends[0].clone_from(&behind.end);
         }
         passed.sort_by(|a, b| a.place.total_cmp(&b.place));
+        let births = passed.iter().filter(|p| p.is_birth).map(|p| (p.special.value, p.special.period)).collect();
         let range = self.family.range();
         let mut seen: Vec<Special> = known.to_vec();
         passed.retain_mut(|passed| {
@@ -249,7 +263,7 @@ impl Solver<'_> {
         let count = points.len() * period;
         let points = points.into_iter().map(|(_, point)| point).collect();
         let specials = passed.iter().map(|passed| passed.special.clone()).collect();
-        (Branch { level: begun.level, points, specials, ends }, passed, count)
+        (Branch { level: begun.level, points, specials, ends }, passed, births, count)
     }
 
     /// A point of the branch that begins at a node with the multiplier `at`, −1 or 1.

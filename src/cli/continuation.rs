@@ -1,6 +1,6 @@
 //! `flank continue`.
 
-use std::{cell::RefCell, fmt::Write, path::PathBuf};
+use std::{fmt::Write, path::PathBuf};
 
 use flank::{
     branch::{Branch, Continuation},
@@ -82,7 +82,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         request(Some(arguments.out.as_path()), "continue", arguments.scene.as_deref(), arguments.force, files)?;
     let name =
         std::path::Path::new(scene.name()).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-    let branches = RefCell::new(Branches::new(&scene, parameter.clone(), ends)?);
+    let mut branches = Branches::new(&scene, parameter.clone(), ends)?;
     let mut folder = request.map(|request| request.open()).transpose()?;
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);
@@ -90,34 +90,36 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let asked = Continuation { period: arguments.period, doublings: arguments.doublings };
     let mut failed = None;
     let mut each = |all: &[Branch]| -> Result<(), SimulationError> {
-        let mut branches = branches.borrow_mut();
         branches.take(all, cancellable(&progress));
         if let Some(folder) = &mut folder {
-            failed = write(folder, &branches, &name).err();
+            failed = failed.take().or(write(folder, &branches, &name).err());
         }
         Ok(())
     };
     let pool = threads(arguments.threads)?;
-    let _ = &pool;
-    let done = asked.run(&scene, parameter, ends, &mut each, cancellable(&progress));
+    let done = pool.install(|| asked.run(&scene, parameter, ends, &mut each, cancellable(&progress)));
     bar.finish_and_clear();
     if let Some(error) = failed {
         return Err(error.into());
     }
     done?;
     if !arguments.quiet {
-        print(&text(&branches.borrow()).unwrap_or_default())?;
+        print(&text(&branches).unwrap_or_default())?;
+    }
+    if cancellable(&progress).is_cancelled() {
+        print("interrupted: the branches so far are kept\n")?;
+        return Ok(Done::Partly);
     }
     Ok(Done::Completely)
 }
 
 /// Writes all files anew.
+#[cfg_attr(not(feature = "plot"), allow(unused_variables))]
 fn write(folder: &mut Folder, branches: &Branches, name: &str) -> Result<(), OutputError> {
     folder.bytes(TABLE, branches.table())?;
     folder.bytes(SPECIAL, branches.special_table())?;
     #[cfg(feature = "plot")]
     folder.bytes(PICTURE, branches.figure(name).svg(flank::plot::Theme::Light))?;
-    let _ = name;
     Ok(())
 }
 

@@ -4,7 +4,7 @@ use crate::output::{Fault, OutputError};
 
 /// Axes that make no grid, with everything that is wrong with them.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the axes of the sweep cannot be used{}", self.0.iter().map(|fault| format!("\n{fault}")).collect::<String>())]
+#[error("the axes cannot be used{}", self.0.iter().map(|fault| format!("\n{fault}")).collect::<String>())]
 pub struct GridError(
     /// All faults found, at least one.
     pub Vec<Fault>,
