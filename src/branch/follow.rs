@@ -42,8 +42,8 @@ const CLEAR: f64 = 0.02;
 pub enum Change {
     /// Not at all.
     None,
-    /// Two events have changed places: their places in the first one's course.
-    Swapped(usize, usize),
+    /// Two events have changed places: the place of the later one in the first one's course.
+    Swapped(usize),
     /// One of them has more, of one contact or of equal ones: which of the contacts, and whether it is the second one.
     Gained(usize, bool),
     /// In some other way.
@@ -82,14 +82,13 @@ fn groups(course: &Course) -> Vec<Vec<&str>> {
 /// Tokens of `a` that `b` does not have.
 fn surplus<'a>(a: &[&'a str], b: &[&str]) -> Vec<&'a str> {
     let mut left = b.to_vec();
-    let is_more = |token: &&str| match left.iter().position(|other| other == token) {
+    let mut is_more = |token: &&str| match left.iter().position(|other| other == token) {
         Some(i) => {
             left.swap_remove(i);
             false
         }
         None => true,
     };
-    let mut is_more = is_more;
     a.iter().filter(|token| is_more(token)).copied().collect()
 }
 
@@ -137,7 +136,7 @@ impl Change {
         });
         let gap = |i: &usize| a.times[*i] - a.times[i - 1];
         let nearest = swapped.min_by(|i, j| gap(i).total_cmp(&gap(j)));
-        nearest.map_or(Self::Other, |i| Self::Swapped(i - 1, i))
+        nearest.map_or(Self::Other, Self::Swapped)
     }
 }
 
@@ -214,7 +213,11 @@ impl Solver<'_> {
         };
         let (mut here, mut h) = (start.clone(), FIRST);
         loop {
-            if task.is_cancelled() || trace.nodes.len() >= most {
+            if task.is_cancelled() {
+                trace.end = "it is interrupted".to_owned();
+                return trace;
+            }
+            if trace.nodes.len() >= most {
                 trace.end = format!("{most} points are computed; take a shorter range");
                 return trace;
             }

@@ -13,5 +13,5 @@ mod run;
 mod special;
 
 pub use family::Family;
-pub use run::{Branch, Continuation, Point};
+pub use run::{Branch, Continuation, Followed, Point};
 pub use special::{Kind, Special};

@@ -56,6 +56,17 @@ pub struct Branch {
     pub specials: Vec<Special>,
     /// How it ends at its two ends, first point first.
     pub ends: [String; 2],
+    /// What was passed and could not be located, in words.
+    pub unlocated: Vec<String>,
+}
+
+/// What was followed.
+#[derive(Clone, Debug)]
+pub struct Followed {
+    /// The branches.
+    pub branches: Vec<Branch>,
+    /// Branches that begin at special points and were not followed, as the limit of cycles was reached or the work broken off.
+    pub left_out: usize,
 }
 
 /// What is followed.
@@ -94,7 +105,7 @@ impl Continuation {
         ends: [f64; 2],
         each: &mut dyn FnMut(&[Branch]) -> Result<(), SimulationError>,
         task: Task<'_>,
-    ) -> Result<Vec<Branch>, SimulationError> {
+    ) -> Result<Followed, SimulationError> {
         let family = Family::new(scene, parameter, ends)?;
         let value = family.parameter.value();
         let simulation = family.own()?;
@@ -109,10 +120,8 @@ impl Continuation {
         let mut known: Vec<Special> = Vec::new();
         let mut waiting = std::collections::VecDeque::from([Begun { level: 0, node: start, both: true, origin: None }]);
         let mut left = CYCLES_OF_ALL;
-        while let Some(begun) = waiting.pop_front() {
-            if task.is_cancelled() || left == 0 {
-                break;
-            }
+        while !task.is_cancelled() && left > 0 {
+            let Some(begun) = waiting.pop_front() else { break };
             if solver.is_known(&begun.node, &branches) {
                 continue;
             }
@@ -146,7 +155,8 @@ impl Continuation {
             each(&branches)?;
             task.report(Progress::Share(1.0 - waiting.len() as f64 / (waiting.len() + branches.len()) as f64));
         }
-        Ok(branches)
+        waiting.retain(|begun| !solver.is_known(&begun.node, &branches));
+        Ok(Followed { branches, left_out: waiting.len() })
     }
 }
 
@@ -221,7 +231,7 @@ impl Solver<'_> {
             back.tangent = Direction { y: -&start.tangent.y, p: -start.tangent.p };
             behind = Some(self.follow(&back, most, task));
         }
-        let mut passed = self.specials(&ahead, 1.0);
+        let (mut passed, mut unlocated) = self.specials(&ahead, 1.0);
         let mut ends = ["its start".to_owned(), ahead.end.clone()];
         let numbered = |trace: &Trace, sign: f64| -> Vec<(f64, Point)> {
             let nodes = trace.nodes.iter().enumerate();
@@ -230,7 +240,9 @@ impl Solver<'_> {
         let mut points = numbered(&ahead, 1.0);
         points.extend(self.point(start).map(|point| (0.0, point)));
         if let Some(behind) = &behind {
-            passed.extend(self.specials(behind, -1.0));
+            let (others, further) = self.specials(behind, -1.0);
+            passed.extend(others);
+            unlocated.extend(further);
             points.extend(numbered(behind, -1.0));
             ends[0].clone_from(&behind.end);
         }
@@ -263,7 +275,7 @@ impl Solver<'_> {
         let count = points.len() * period;
         let points = points.into_iter().map(|(_, point)| point).collect();
         let specials = passed.iter().map(|passed| passed.special.clone()).collect();
-        (Branch { level: begun.level, points, specials, ends }, passed, births, count)
+        (Branch { level: begun.level, points, specials, ends, unlocated }, passed, births, count)
     }
 
     /// A point of the branch that begins at a node with the multiplier `at`, −1 or 1.

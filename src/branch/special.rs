@@ -105,9 +105,9 @@ pub struct Passed {
 }
 
 impl Solver<'_> {
-    /// The special points of a branch in one direction.
-    pub fn specials(&self, trace: &Trace, sign: f64) -> Vec<Passed> {
-        let mut all = Vec::new();
+    /// The special points of a branch in one direction, and what was passed and could not be located.
+    pub fn specials(&self, trace: &Trace, sign: f64) -> (Vec<Passed>, Vec<String>) {
+        let (mut all, mut unlocated) = (Vec::new(), Vec::new());
         for (i, (a, b)) in trace.before.iter().zip(&trace.nodes).enumerate() {
             let place = |node: &Node| {
                 let (_, length) = a.chord(b, self.family.range());
@@ -116,6 +116,7 @@ impl Solver<'_> {
             };
             let mut take = |kind: Kind, located: Option<Located>, multiplier: Option<Complex<f64>>| {
                 let Some(located) = located.filter(|located| located.error <= LOCATED * self.family.range()) else {
+                    unlocated.push(format!("{} between {} and {}", kind.word(), a.value, b.value));
                     return;
                 };
                 let largest = located.node.orbit.telling().first().copied();
@@ -153,20 +154,20 @@ impl Solver<'_> {
             }
             match change {
                 Change::None => {}
-                Change::Other => {
-                    if let Some((kind, located)) = self.stick(a, b) {
-                        take(kind, Some(located), None);
-                    }
-                }
-                Change::Swapped(_, second) => {
+                Change::Other => match self.stick(a, b) {
+                    Some((kind, located)) => take(kind, Some(located), None),
+                    None => unlocated.push(format!("change of several events between {} and {}", a.value, b.value)),
+                },
+                Change::Swapped(second) => {
                     let is_same = |node: &Node| Change::of(&a.course, &node.course) == Change::None;
                     let time = |node: &Node| Vanishing::Between(second).at(node).filter(|_| is_same(node));
                     take(Kind::Coincidence, self.limit(a, b, 1.0, &time), None);
                 }
                 Change::Gained(contact, is_second) => {
                     let (free, other) = if is_second { (a, b) } else { (b, a) };
-                    if let Some((kind, located)) = self.graze(free, other, contact) {
-                        take(kind, Some(located), None);
+                    match self.graze(free, other, contact) {
+                        Some((kind, located)) => take(kind, Some(located), None),
+                        None => unlocated.push(format!("graze between {} and {}", a.value, b.value)),
                     }
                 }
             }
@@ -176,9 +177,12 @@ impl Solver<'_> {
             all.extend(end.filter(|passed| passed.special.residual <= LOCATED));
         }
         if let Some((a, b)) = &trace.born {
-            all.extend(self.birth(a, b).map(|passed| Passed { place: sign * trace.nodes.len() as f64, ..passed }));
+            match self.birth(a, b).filter(|passed| passed.special.residual <= LOCATED) {
+                Some(passed) => all.push(Passed { place: sign * trace.nodes.len() as f64, ..passed }),
+                None => unlocated.push(format!("birth of the branch between {} and {}", a.value, b.value)),
+            }
         }
-        all
+        (all, unlocated)
     }
 
     /// The orbit that a branch is born from between two neighbours that are the same orbit, begun elsewhere: one of half the period, at a

@@ -102,9 +102,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if let Some(error) = failed {
         return Err(error.into());
     }
-    done?;
+    let followed = done?;
     if !arguments.quiet {
-        print(&text(&branches).unwrap_or_default())?;
+        print(&text(&branches, followed.left_out).unwrap_or_default())?;
     }
     if cancellable(&progress).is_cancelled() {
         print("interrupted: the branches so far are kept\n")?;
@@ -123,7 +123,7 @@ fn write(folder: &mut Folder, branches: &Branches, name: &str) -> Result<(), Out
     Ok(())
 }
 
-fn text(branches: &Branches) -> Result<String, std::fmt::Error> {
+fn text(branches: &Branches, left_out: usize) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
     for (i, branch) in branches.branches.iter().enumerate() {
         writeln!(
@@ -134,6 +134,17 @@ fn text(branches: &Branches) -> Result<String, std::fmt::Error> {
             branch.ends[0],
             branch.ends[1]
         )?;
+    }
+    if left_out > 0 {
+        writeln!(
+            out,
+            "{left_out} further branches are not followed: the limit is reached; take a shorter range or fewer --doublings"
+        )?;
+    }
+    for (i, branch) in branches.branches.iter().enumerate() {
+        for passed in &branch.unlocated {
+            writeln!(out, "branch {i}: not located: {passed}")?;
+        }
     }
     let rows = branches.specials().map(|special| {
         vec![
