@@ -3,7 +3,7 @@
 
 use flank::{
     Simulation, Task,
-    branch::{Branch, Continuation, Kind, Special},
+    branch::{Branch, Continuation, Family, Kind, Special},
     orbit::{Search, SectionMap},
     scene::Scene,
     simulation::Parameter,
@@ -14,7 +14,8 @@ fn follow(scene: &Value, pointers: &[&str], ends: [f64; 2], doublings: u32) -> V
     let scene = Scene::from_value(scene.clone(), "test").unwrap();
     let parameter = Parameter::new(scene.resolved(), pointers).unwrap();
     let asked = Continuation { doublings, ..Continuation::default() };
-    asked.run(&scene, parameter, ends, &mut |_| Ok(()), Task::default()).unwrap().branches
+    let family = Family::new(&scene, parameter, ends).unwrap();
+    asked.run(&family, &mut |_| Ok(()), Task::default()).unwrap().branches
 }
 
 fn specials(branches: &[Branch]) -> Vec<&Special> {
@@ -266,7 +267,7 @@ fn what_has_no_branch_is_refused() {
     let scene = Scene::from_file("examples/scenes/reference-heavy.json").unwrap();
     let refused = |pointer: &str, ends: [f64; 2], reason: &str| {
         let parameter = Parameter::new(scene.resolved(), &[pointer]).unwrap();
-        let error = Continuation::default().run(&scene, parameter, ends, &mut |_| Ok(()), Task::default());
+        let error = Family::new(&scene, parameter, ends);
         let text = error.unwrap_err().to_string();
         assert!(text.contains(reason), "{text}");
     };

@@ -3,7 +3,7 @@
 use super::{
     course::Course,
     family::Family,
-    node::{Node, Plane, Solver},
+    node::{Guess, Node, Plane, Solver},
 };
 use crate::{hybrid::Watch, orbit::words::Letter, task::Task};
 
@@ -153,9 +153,8 @@ impl Solver<'_> {
 
     /// A step of length `h` along the tangent.
     fn step(&self, from: &Node, h: f64) -> Option<Node> {
-        let range = self.family.range();
-        let plane = Plane { from, row: from.tangent.clone(), target: h, goes_on: true };
-        self.at(from.guess(&from.tangent, range, h), from.orbit.period, from.phase, Some(&plane), 1.0).ok()
+        let plane = Plane::through(from, &from.tangent, h);
+        self.at(from.guess(&from.tangent, self.family.ranges(), h), Some(&plane), 1.0).ok()
     }
 
     /// Drops the last points of a branch that have lost their way behind a corner at once.
@@ -164,7 +163,7 @@ impl Solver<'_> {
         let is_same = |node: &&Node| Change::of(&last.course, &node.course) == Change::None;
         let count = trace.nodes.iter().rev().take_while(is_same).count();
         let Some(before) = trace.nodes.len().checked_sub(count + 1).map(|i| &trace.nodes[i]) else { return };
-        let is_near = before.phase == last.phase && before.chord(last, self.family.range()).1 <= SEVERAL;
+        let is_near = before.phase == last.phase && before.chord(last, self.family.ranges()).1 <= SEVERAL;
         if count <= LOST && is_near {
             let kept = trace.nodes.len() - count;
             trace.nodes.truncate(kept);
@@ -176,7 +175,7 @@ impl Solver<'_> {
     fn leap(&self, from: &Node) -> Option<(Node, f64)> {
         LEAPS.iter().find_map(|length| {
             let node = self.step(from, *length)?;
-            let (_, apart) = from.chord(&node, self.family.range());
+            let (_, apart) = from.chord(&node, self.family.ranges());
             let is_other = Change::of(&from.course, &node.course) != Change::None;
             let goes_on = self.family.contains(node.value) && node.tangent.p * from.tangent.p > 0.0;
             (is_other && goes_on && apart <= NEAR * length).then_some((node, *length))
@@ -186,7 +185,7 @@ impl Solver<'_> {
     /// Whether the next point is a neighbour: it follows without a jump, and what changes is one thing.
     fn follows(&self, a: &Node, b: &Node, h: f64) -> bool {
         let change = Change::of(&a.course, &b.course);
-        let (_, length) = a.chord(b, self.family.range());
+        let (_, length) = a.chord(b, self.family.ranges());
         if length > 1.2 * h && length > 2.0 * SHORTEST || b.has_shorter_period() {
             return false;
         }
@@ -236,9 +235,9 @@ impl Solver<'_> {
                         trace.end = "the end of the range".to_owned();
                         return trace;
                     }
-                    let (section, _) = here.guess(&here.tangent, range, distance);
-                    let end = self.at((section, end), here.orbit.period, here.phase, None, here.tangent.p.signum());
-                    end.ok().map(|node| Node { shift: here.shift, ..node })
+                    let guess = here.guess(&here.tangent, self.family.ranges(), distance);
+                    let place = [end, here.second];
+                    self.at(Guess { place, ..guess }, None, here.tangent.p.signum()).ok()
                 }
                 None => self.step(&here, h),
             };
@@ -352,6 +351,16 @@ pub enum Vanishing {
 }
 
 impl Vanishing {
+    /// The same where events have other places in the course.
+    pub fn moved(self, to: &dyn Fn(usize) -> Option<usize>) -> Option<Self> {
+        Some(match self {
+            Self::Low(..) => self,
+            Self::Speed(i) => Self::Speed(to(i)?),
+            Self::Stay(i) => Self::Stay(to(i)?),
+            Self::Between(i) => Self::Between(to(i)?),
+        })
+    }
+
     /// Its value at a point.
     pub fn at(self, node: &Node) -> Option<f64> {
         vanishing(node).into_iter().find(|(key, _)| *key == self).map(|(_, value)| value)

@@ -1,7 +1,6 @@
 //! Special points: the orbit on a branch at which a function of it is zero.
 
-use super::node::{Direction, Node, Plane, Solver};
-use crate::orbit::Section;
+use super::node::{Direction, Guess, Node, Place, Plane, Solver};
 
 /// Orbits solved for at most.
 const MOST: usize = 40;
@@ -17,12 +16,20 @@ const SHARE: f64 = 0.75;
 pub struct Located {
     /// The value of the parameter.
     pub value: f64,
+    /// The value of the second number.
+    pub second: f64,
     /// The orbit there, or the last one before.
     pub node: Node,
-    /// How far the value may be off.
+    /// How far the values may be off, in ranges.
     pub error: f64,
     /// Distance between the ends of the orbit, in scales; none of a limit.
     pub residual: f64,
+}
+
+impl Located {
+    fn of(node: Node, error: f64) -> Self {
+        Self { value: node.value, second: node.second, error, residual: node.orbit.residual, node }
+    }
 }
 
 /// The value of the polynomial through `points = (g, value)` at g = 0 (Neville).
@@ -37,8 +44,8 @@ pub fn at_zero(points: &[(f64, f64)]) -> f64 {
     values[0]
 }
 
-/// The state and value at `s` of the polynomial through some points of a branch.
-fn extended(nodes: &[(f64, Node)], s: f64) -> Option<(Section, f64)> {
+/// The guess at `s` by the polynomial through some points of a branch.
+fn extended(nodes: &[(f64, Node)], s: f64) -> Option<Guess> {
     if nodes.len() < 2 {
         return None;
     }
@@ -46,8 +53,10 @@ fn extended(nodes: &[(f64, Node)], s: f64) -> Option<(Section, f64)> {
         at_zero(&nodes.iter().map(|(place, node)| (place - s, of(node))).collect::<Vec<_>>())
     };
     let (_, last) = &nodes[nodes.len() - 1];
-    let x = (0..last.orbit.section.x.len()).map(|i| along(&|node| node.orbit.section.x[i])).collect();
-    Some((Section { x, contacts: last.orbit.section.contacts.clone() }, along(&|node| node.value)))
+    let mut guess = last.at();
+    (0..guess.section.x.len()).for_each(|i| guess.section.x[i] = along(&|node| node.orbit.section.x[i]));
+    guess.place = [along(&|node| node.value), along(&|node| node.second)];
+    Some(guess)
 }
 
 /// The limit of the values of a sequence as g falls to zero, and the change by its last point.
@@ -66,24 +75,29 @@ pub fn limit(points: &[(f64, f64)]) -> Option<(f64, f64)> {
 }
 
 impl Solver<'_> {
-    fn on(&self, from: &Node, row: &Direction, target: f64, guess: f64) -> Option<Node> {
-        let plane = Plane { from, row: row.clone(), target, goes_on: false };
-        let guess = from.guess(row, self.family.range(), guess);
-        self.at(guess, from.orbit.period, from.phase, Some(&plane), 1.0).ok()
+    /// The orbit at a distance from a node along a direction, without a tangent of its own.
+    fn on(&self, from: &Node, row: &Direction, distance: f64, guess: Option<Guess>) -> Option<Node> {
+        let plane = Plane { goes_on: false, ..Plane::through(from, row, distance) };
+        let guess = guess.unwrap_or_else(|| from.guess(row, self.family.ranges(), distance));
+        self.at(guess, Some(&plane), 1.0).ok()
     }
 
     /// The orbit between two neighbours on a branch at which `f`, of opposite signs at both, is zero. `None` where it jumps.
     pub fn root(&self, a: &Node, b: &Node, f: &dyn Fn(&Node) -> f64) -> Option<Located> {
-        let (row, length) = a.chord(b, self.family.range());
+        let (row, length) = a.chord(b, self.family.ranges());
         let (mut low, mut high) = ((0.0, f(a)), (length, f(b)));
         let size = low.1.abs().max(high.1.abs());
-        let (mut best, mut before): (Option<Node>, f64) = (None, f64::NAN);
+        let ranges = self.family.ranges();
+        let far = |place: Place, from: Place| {
+            libm::fmax((place[0] - from[0]).abs() / ranges[0], (place[1] - from[1]).abs() / ranges[1])
+        };
+        let (mut best, mut before): (Option<Node>, Place) = (None, [f64::NAN; 2]);
         let mut kept = 0;
         for step in 0..MOST {
             // The method of Illinois; a bisection at times.
             let secant = (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1);
             let s = if step % 8 == 7 || !(secant > low.0 && secant < high.0) { 0.5 * (low.0 + high.0) } else { secant };
-            let node = self.on(a, &row, s, s)?;
+            let node = self.on(a, &row, s, None)?;
             let value = f(&node);
             if value * low.1 > 0.0 {
                 low = (s, value);
@@ -98,37 +112,45 @@ impl Solver<'_> {
                 }
                 kept = -1;
             }
-            let error = (node.value - before).abs();
-            before = node.value;
+            let error = far(node.place(), before);
+            before = node.place();
             let is_small = value.abs() <= 1e-6 * size;
-            let is_last = value == 0.0 || error <= 4.0 * f64::EPSILON * node.value.abs() && is_small;
+            let is_last = value == 0.0 || error <= 4.0 * f64::EPSILON * far(node.place(), [0.0; 2]) && is_small;
             if is_last || (high.0 - low.0) <= 1e-15 * length {
                 let error = if error.is_nan() { 0.0 } else { error };
-                return is_small.then_some(Located { value: node.value, error, residual: node.orbit.residual, node });
+                return is_small.then(|| Located::of(node, error));
             }
             best = Some(node);
         }
         let node = best?;
         let is_small = f(&node).abs() <= 1e-6 * size;
-        let error = (high.0 - low.0) * self.family.range();
-        is_small.then_some(Located { value: node.value, error, residual: node.orbit.residual, node })
+        is_small.then(|| Located::of(node, high.0 - low.0))
     }
 
-    /// The limit of the branch from `a` towards `b`, and up to `reach` times as far, as `g`, positive at `a`, falls to zero; `g` is `None`
-    /// where it is passed.
-    pub fn limit(&self, a: &Node, b: &Node, reach: f64, g: &dyn Fn(&Node) -> Option<f64>) -> Option<Located> {
-        // Along the tangent: at a rigid graze the branch has a corner.
-        let (chord, length) = a.chord(b, self.family.range());
-        let sense = (a.tangent.y.dot(&chord.y) + a.tangent.p * chord.p).signum();
-        let row = Direction { y: &a.tangent.y * sense, p: a.tangent.p * sense };
-        let length = reach * length;
+    /// The way from `a` towards `b`, and its length: along the tangent, as at a rigid graze the branch has a corner.
+    pub fn towards(&self, a: &Node, b: &Node) -> (Direction, f64) {
+        let (chord, length) = a.chord(b, self.family.ranges());
+        let tangent = &a.tangent;
+        let sense = (tangent.y.dot(&chord.y) + tangent.p * chord.p + tangent.s * chord.s).signum();
+        (Direction { y: &tangent.y * sense, p: tangent.p * sense, s: tangent.s * sense }, length)
+    }
+
+    /// The limit of the branch from `a` along `row`, up to a distance `length`, as `g`, positive at `a`, falls to zero; `g` is `None` where
+    /// it is passed.
+    pub fn limit(
+        &self,
+        a: &Node,
+        (row, length): &(Direction, f64),
+        g: &dyn Fn(&Node) -> Option<f64>,
+    ) -> Option<Located> {
+        let (length, ranges) = (*length, self.family.ranges());
         let mut places: Vec<(f64, f64)> = vec![(g(a)?, 0.0)];
-        let mut values: Vec<(f64, f64)> = vec![(places[0].0, a.value)];
+        let mut values: [Vec<(f64, f64)>; 2] = [vec![(places[0].0, a.value)], vec![(places[0].0, a.second)]];
         let mut last = a.clone();
         let mut nodes = vec![(0.0, a.clone())];
         // Where it seems to be passed, and where the last orbit was not found. From better guesses neither need be so.
         let (mut high, mut failed) = (length, f64::INFINITY);
-        let (mut found, mut before): (Option<(f64, f64)>, f64) = (None, f64::INFINITY);
+        let (mut found, mut before): (Option<(Place, f64)>, Place) = (None, [f64::INFINITY; 2]);
         for _ in 0..MOST {
             let low = places[places.len() - 1].1;
             let expected = at_zero(&places[places.len().saturating_sub(4)..]);
@@ -143,10 +165,7 @@ impl Solver<'_> {
             if s - low <= 1e-14 * length {
                 break;
             }
-            let plane = Plane { from: a, row: row.clone(), target: s, goes_on: false };
-            let guess = extended(&nodes[nodes.len().saturating_sub(4)..], s)
-                .unwrap_or_else(|| a.guess(&row, self.family.range(), s));
-            let Ok(node) = self.at(guess, a.orbit.period, a.phase, Some(&plane), 1.0) else {
+            let Some(node) = self.on(a, row, s, extended(&nodes[nodes.len().saturating_sub(4)..], s)) else {
                 failed = s;
                 continue;
             };
@@ -154,7 +173,8 @@ impl Solver<'_> {
                 Some((value, node)) if value > 0.0 && value < places[places.len() - 1].0 => {
                     failed = f64::INFINITY;
                     places.push((value, s));
-                    values.push((value, node.value));
+                    values[0].push((value, node.value));
+                    values[1].push((value, node.second));
                     nodes.push((s, node.clone()));
                     last = node;
                 }
@@ -163,13 +183,14 @@ impl Solver<'_> {
                     continue;
                 }
             }
-            let scale = last.value.abs().max(1e-3 * self.family.range());
-            if let Some((value, error)) = limit(&values) {
+            let scale = (last.value.abs() / ranges[0]).max(1e-3);
+            if let (Some((value, off)), Some((second, aside))) = (limit(&values[0]), limit(&values[1])) {
                 // Two in turn have to agree.
-                let error = error.max((value - before).abs());
-                before = value;
+                let off = off.max((value - before[0]).abs()) / ranges[0];
+                let error = off.max(aside.max((second - before[1]).abs()) / ranges[1]);
+                before = [value, second];
                 if found.is_none_or(|(_, least)| error < least) {
-                    found = Some((value, error));
+                    found = Some((before, error));
                 }
                 if error <= 4.0 * f64::EPSILON * scale {
                     break;
@@ -179,21 +200,19 @@ impl Solver<'_> {
                 break;
             }
         }
-        let (value, error) = found.filter(|(_, error)| error.is_finite())?;
-        Some(Located { value, error, residual: 0.0, node: last })
+        let ([value, second], error) = found.filter(|(_, error)| error.is_finite())?;
+        Some(Located { value, second, error, residual: 0.0, node: last })
     }
 
     /// The last orbit on the way from `a` to `b` for which `is_same` holds, by bisection.
     pub fn edge(&self, a: &Node, b: &Node, is_same: &dyn Fn(&Node) -> bool) -> Option<Located> {
-        let (row, length) = a.chord(b, self.family.range());
+        let (row, length) = a.chord(b, self.family.ranges());
         let (mut low, mut high) = (0.0, length);
         let mut nodes = vec![(0.0, a.clone())];
         for _ in 0..BISECTIONS {
             let s = 0.5 * (low + high);
-            let plane = Plane { from: a, row: row.clone(), target: s, goes_on: false };
-            let guess = extended(&nodes[nodes.len().saturating_sub(3)..], s)
-                .unwrap_or_else(|| a.guess(&row, self.family.range(), s));
-            match self.at(guess, a.orbit.period, a.phase, Some(&plane), 1.0).ok().filter(|node| is_same(node)) {
+            let guess = extended(&nodes[nodes.len().saturating_sub(3)..], s);
+            match self.on(a, &row, s, guess).filter(|node| is_same(node)) {
                 Some(node) => {
                     low = s;
                     nodes.push((s, node));
@@ -202,7 +221,6 @@ impl Solver<'_> {
             }
         }
         let (_, node) = nodes.pop()?;
-        let error = (high - low) * self.family.range();
-        Some(Located { value: node.value, error, residual: node.orbit.residual, node })
+        Some(Located::of(node, high - low))
     }
 }

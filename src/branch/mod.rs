@@ -5,6 +5,7 @@
 //! branch the tests of [`Kind`] say what has been passed; it is then located as the orbit at which its test is zero.
 
 mod course;
+mod curve;
 mod family;
 mod follow;
 mod locate;
@@ -12,6 +13,7 @@ mod node;
 mod run;
 mod special;
 
+pub use curve::{Codimension, Curve, CurvePoint, curves};
 pub use family::Family;
 pub use run::{Branch, Continuation, Followed, Point};
 pub use special::{Kind, Special};

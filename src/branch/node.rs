@@ -27,20 +27,45 @@ const SECANT: f64 = 1e-6;
 /// A singular value below this share of the largest one belongs to a direction in which nothing is decided.
 const NEUTRAL: f64 = 1e-11;
 
-/// A direction in the space of unknowns and parameter, the latter in ranges.
+/// Values of the parameter and of the second number; the latter is the scene's where there is none.
+pub type Place = [f64; 2];
+
+/// A direction in the space of unknowns and numbers, the latter in ranges.
 #[derive(Clone, Debug)]
 pub struct Direction {
     /// Over the unknowns.
     pub y: DVector<f64>,
     /// Along the parameter.
     pub p: f64,
+    /// Along the second number.
+    pub s: f64,
+}
+
+/// What Newton's method begins with.
+#[derive(Clone, Debug)]
+pub struct Guess {
+    /// A state near the orbit.
+    pub section: Section,
+    /// The numbers.
+    pub place: Place,
+    /// Period, cycles.
+    pub period: u64,
+    /// Where its section stands, as a part of the period of the forcing.
+    pub phase: f64,
+    /// As [`Node::shift`].
+    pub shift: u64,
+    /// How the end of the period moves with the numbers, in ranges, `[dim, numbers]`; only the way to the point depends on it. Taken
+    /// exactly if it is not known.
+    pub by: Option<DMatrix<f64>>,
 }
 
 /// An orbit at a value of the parameter, and how the branch goes on.
 #[derive(Clone, Debug)]
 pub struct Node {
-    /// The value.
+    /// Value of the parameter.
     pub value: f64,
+    /// Value of the second number.
+    pub second: f64,
     /// Where its section stands, as a part of the period.
     pub phase: f64,
     /// Cycles by which the next phase 0 comes after the one that the branch's first orbit begins with.
@@ -53,8 +78,8 @@ pub struct Node {
     pub unknowns: Unknowns,
     /// Unit tangent of the branch.
     pub tangent: Direction,
-    /// How the end of the period moves with the parameter, its start held.
-    pub by: DVector<f64>,
+    /// How the end of the period moves with the numbers, its start held; in ranges, `[dim, numbers]`.
+    pub by: DMatrix<f64>,
     /// `det(J − I)` and `det(J + I)` over the unknowns.
     pub fold: f64,
     /// The latter.
@@ -63,16 +88,56 @@ pub struct Node {
     pub steps: usize,
 }
 
-/// A hyperplane on which a point is looked for: `row · (Y − Y₀) = target`.
-pub struct Plane<'n> {
-    /// The point Y₀.
-    pub from: &'n Node,
-    /// Its row, a direction in that point's unknowns.
-    pub row: Direction,
-    /// Distance from the point.
+/// A hyperplane on which a point is looked for: `row · (x − x₀) + p (value − value₀) + s (second − second₀) = target`, numbers in ranges.
+#[derive(Clone, Debug)]
+pub struct Plane {
+    /// x₀.
+    pub x: Vec<f64>,
+    /// The numbers there.
+    pub place: Place,
+    /// Over states.
+    pub row: DVector<f64>,
+    /// Over the parameter.
+    pub p: f64,
+    /// Over the second number.
+    pub s: f64,
+    /// Distance.
     pub target: f64,
-    /// Whether the tangent at the new point is wanted.
+    /// Whether the tangent at the point is wanted.
     pub goes_on: bool,
+}
+
+/// An orbit that is solved for anew: it lies on a plane through the guess.
+#[derive(Clone, Debug)]
+pub struct Seed {
+    /// Where it is.
+    pub guess: Guess,
+    /// The plane.
+    pub plane: Plane,
+}
+
+impl Plane {
+    /// At a distance from a node along a direction.
+    pub fn through(node: &Node, direction: &Direction, target: f64) -> Self {
+        let Node { orbit, value, second, unknowns, .. } = node;
+        let row = unknowns.row(&direction.y);
+        let (x, place) = (orbit.section.x.clone(), [*value, *second]);
+        Self { x, place, row, p: direction.p, s: direction.s, target, goes_on: true }
+    }
+
+    /// The plane on which a number, the first or the second, is that of a guess.
+    pub fn of_number(guess: &Guess, i: usize) -> Self {
+        let (x, place, row) = (guess.section.x.clone(), guess.place, DVector::zeros(guess.section.x.len()));
+        let [p, s] = [0, 1].map(|l| f64::from(u8::from(l == i)));
+        Self { x, place, row, p, s, target: 0.0, goes_on: true }
+    }
+
+    /// What is missing of it.
+    fn missing(&self, x: &[f64], place: Place, ranges: [f64; 2]) -> f64 {
+        let along: f64 = (0..x.len()).map(|i| self.row[i] * (x[i] - self.x[i])).sum();
+        let [p, s] = [0, 1].map(|i| (place[i] - self.place[i]) / ranges[i]);
+        along + self.p * p + self.s * s - self.target
+    }
 }
 
 impl Node {
@@ -97,24 +162,38 @@ impl Node {
         (1..*period).filter(|k| period.is_multiple_of(*k)).any(|k| closes(&k))
     }
 
-    /// `Y − Y₀` along a direction of this node.
-    pub fn along(&self, direction: &Direction, range: f64, x: &[f64], value: f64) -> f64 {
-        direction.y.dot(&self.unknowns.between(&self.orbit.section.x, x)) + direction.p * (value - self.value) / range
+    /// The chord to another point of the branch, of length one, and its length.
+    pub fn chord(&self, to: &Self, ranges: [f64; 2]) -> (Direction, f64) {
+        let y = self.unknowns.between(&self.orbit.section.x, &to.orbit.section.x);
+        let (p, s) = ((to.value - self.value) / ranges[0], (to.second - self.second) / ranges[1]);
+        let length = libm::hypot(libm::hypot(y.norm(), p), s);
+        (Direction { y: y / length, p: p / length, s: s / length }, length)
     }
 
-    /// The chord to another point of the branch, of length one, and its length.
-    pub fn chord(&self, to: &Self, range: f64) -> (Direction, f64) {
-        let y = self.unknowns.between(&self.orbit.section.x, &to.orbit.section.x);
-        let p = (to.value - self.value) / range;
-        let length = libm::hypot(y.norm(), p);
-        (Direction { y: y / length, p: p / length }, length)
+    /// The guess that it is itself.
+    pub fn at(&self) -> Guess {
+        let (section, by) = (self.orbit.section.clone(), Some(self.by.clone()));
+        Guess { section, place: self.place(), period: self.orbit.period, phase: self.phase, shift: self.shift, by }
+    }
+
+    /// The seed of it, to be solved for across a direction.
+    pub fn seed(&self, across: &Direction) -> Seed {
+        Seed { guess: Guess { by: None, ..self.at() }, plane: Plane::through(self, across, 0.0) }
     }
 
     /// The guess at a distance along a direction.
-    pub fn guess(&self, direction: &Direction, range: f64, distance: f64) -> (Section, f64) {
+    pub fn guess(&self, direction: &Direction, ranges: [f64; 2], distance: f64) -> Guess {
+        let mut guess = self.at();
         let change = self.unknowns.lifted(&direction.y);
-        let x = self.orbit.section.x.iter().zip(&change).map(|(x, c)| x + distance * c).collect();
-        (Section { x, contacts: self.orbit.section.contacts.clone() }, self.value + distance * direction.p * range)
+        guess.section.x.iter_mut().zip(&change).for_each(|(x, c)| *x += distance * c);
+        guess.place[0] += distance * direction.p * ranges[0];
+        guess.place[1] += distance * direction.s * ranges[1];
+        guess
+    }
+
+    /// The numbers.
+    pub fn place(&self) -> Place {
+        [self.value, self.second]
     }
 }
 
@@ -127,12 +206,19 @@ pub struct Solver<'f> {
     /// The smallest singular values, as a share of the largest, that Newton's method goes along: larger on a symmetric branch, that the
     /// one that leaves it is left alone.
     pub neutral: f64,
+    /// A plane that all points lie on; with it, the second number is free as well.
+    pub slice: Option<Plane>,
 }
 
 impl<'f> Solver<'f> {
     /// Of a family.
     pub fn new(family: &'f Family, drift: Drift) -> Self {
-        Self { family, drift, neutral: NEUTRAL }
+        Self { family, drift, neutral: NEUTRAL, slice: None }
+    }
+
+    /// The point of a seed.
+    pub fn grown(&self, seed: &Seed) -> Result<Node, Missed> {
+        self.at(seed.guess.clone(), Some(&seed.plane), 1.0)
     }
 
     /// The point of `orbit`, whose map has its section at phase 0: at the phase that its events are farthest from.
@@ -140,54 +226,59 @@ impl<'f> Solver<'f> {
         let map = SectionMap::new(simulation)?;
         let course = Course::new(&map, &orbit.section, orbit.period)?;
         let there = map.at_phase(course.quiet(0.0));
-        let section = map.lead(&orbit.section, &there)?;
-        let shift = u64::from(there.phase() > 0.0);
-        Ok(Node { shift, ..self.at((section, value), orbit.period, there.phase(), None, 1.0)? })
+        let (section, phase) = (map.lead(&orbit.section, &there)?, there.phase());
+        let place = [value, self.family.own_place()[1]];
+        let shift = u64::from(phase > 0.0);
+        self.at(Guess { section, place, period: orbit.period, phase, shift, by: None }, None, 1.0)
     }
 
     /// The same point with its section where its events are farthest from.
     pub fn turned(&self, node: &Node) -> Result<Node, Missed> {
-        let simulation = self.family.at(node.value)?;
+        let simulation = self.family.train(node.place())?;
         let map = SectionMap::new(&simulation)?.at_phase(node.phase);
         let there = map.at_phase(node.course.quiet(node.phase));
-        let section = map.lead(&node.orbit.section, &there)?;
-        let shift = node.shift + u64::from(there.phase() < node.phase);
-        let sign = node.tangent.p.signum();
-        Ok(Node { shift, ..self.at((section, node.value), node.orbit.period, there.phase(), None, sign)? })
+        let (section, phase) = (map.lead(&node.orbit.section, &there)?, there.phase());
+        let shift = node.shift + u64::from(phase < node.phase);
+        let (place, period) = (node.place(), node.orbit.period);
+        self.at(Guess { section, place, period, phase, shift, by: None }, None, node.tangent.p.signum())
     }
 
-    /// The orbit of `guess` at its value of the parameter; its tangent goes to where the parameter rises, or falls where `sign` does.
-    pub fn at(
-        &self,
-        guess: (Section, f64),
-        period: u64,
-        phase: f64,
-        plane: Option<&Plane<'_>>,
-        sign: f64,
-    ) -> Result<Node, Missed> {
-        let range = self.family.range();
-        let (mut section, mut value) = guess;
+    /// The orbit near a guess, on a plane or at the guess's value of the parameter, where its tangent goes to where the parameter rises, or
+    /// falls if `sign` does.
+    pub fn at(&self, guess: Guess, plane: Option<&Plane>, sign: f64) -> Result<Node, Missed> {
+        let ranges = self.family.ranges();
+        let Guess { mut section, mut place, period, phase, shift, by } = guess;
+        let (numbers, is_free) = (1 + usize::from(self.slice.is_some()), plane.is_some() || self.slice.is_some());
         let (mut best, mut last) = (f64::INFINITY, f64::INFINITY);
-        // How the ends move with the parameter: as at the point before, and as the steps show. Only the way to the point depends on it.
-        let mut by = plane.map_or_else(|| DVector::zeros(section.x.len()), |plane| plane.from.by.clone());
-        let mut before: Option<(Section, f64, Image)> = None;
+        let mut by = by.filter(|by| by.ncols() == numbers);
+        let mut before: Option<(Section, Place, Image)> = None;
         for step in 0..STEPS {
-            let simulation = self.family.at(value)?;
+            let simulation = self.family.train(place)?;
             let map = SectionMap::new(&simulation)?.at_phase(phase);
-            let is_slow = step >= SLOW && plane.is_some();
-            let image = if is_slow {
-                let variation = self.family.variation(&simulation, value)?;
-                map.image_by(&section, period, &[variation])?
+            let exact = || -> Result<(Image, DMatrix<f64>), Missed> {
+                let variations = self.family.variations(&simulation, place, numbers)?;
+                let image = map.image_by(&section, period, &variations)?;
+                let by = DMatrix::from_fn(section.x.len(), numbers, |i, l| image.by_number[(i, l)] * ranges[l]);
+                Ok((image, by))
+            };
+            let is_exact = is_free && (by.is_none() || step >= SLOW);
+            let image = if is_exact {
+                let (image, exact) = exact()?;
+                by = Some(exact);
+                image
             } else {
                 map.image(&section, period)?
             };
-            if is_slow {
-                by = image.by_number.column(0).into_owned();
-            } else if let Some((from, at, old)) = before.take().filter(|(_, at, _)| (value - at).abs() > SECANT * range)
-            {
-                let moved = DVector::from_fn(by.len(), |i, _| section.x[i] - from.x[i]);
-                let explained = &old.jacobian * moved;
-                by = DVector::from_fn(by.len(), |i, _| (image.end.x[i] - old.end.x[i] - explained[i]) / (value - at));
+            let by = by.get_or_insert_with(|| DMatrix::zeros(section.x.len(), numbers));
+            if let Some((from, at, old)) = before.take().filter(|_| !is_exact) {
+                // As the last step shows (Broyden 1965).
+                let moved = DVector::from_fn(numbers, |l, _| (place[l] - at[l]) / ranges[l]);
+                if moved.norm() > SECANT {
+                    let steps = DVector::from_fn(section.x.len(), |i, _| section.x[i] - from.x[i]);
+                    let ends = DVector::from_fn(section.x.len(), |i, _| image.end.x[i] - old.end.x[i]);
+                    let unexplained = ends - &old.jacobian * steps - &*by * &moved;
+                    *by += unexplained * moved.transpose() / moved.norm_squared();
+                }
             }
             let unknowns = Unknowns::new(&map, &image, &self.drift);
             let count = unknowns.count();
@@ -196,31 +287,32 @@ impl<'f> Solver<'f> {
             }
             let off = unknowns.between(&section.x, &image.end.x);
             let reduced = unknowns.reduced(&image.jacobian);
-            let (row, missing) = match plane {
-                Some(plane) => {
-                    let row = unknowns.row_of(&plane.from.unknowns, &plane.row.y);
-                    let along = plane.from.along(&plane.row, range, &section.x, value);
-                    (Direction { y: row, p: plane.row.p }, along - plane.target)
-                }
-                None => (Direction { y: DVector::zeros(count), p: 1.0 }, 0.0),
-            };
-            let bordered = |by: &DVector<f64>| {
-                let column = unknowns.columns(&DMatrix::from_column_slice(by.len(), 1, by.as_slice())) * range;
-                DMatrix::from_fn(count + 1, count + 1, |i, j| match (i < count, j < count) {
+            let mut rows: Vec<(Direction, f64)> = Vec::new();
+            for plane in plane.iter().copied().chain(&self.slice) {
+                let row = Direction { y: unknowns.row_of(&plane.row), p: plane.p, s: plane.s };
+                rows.push((row, plane.missing(&section.x, place, ranges)));
+            }
+            if plane.is_none() {
+                rows.insert(0, (Direction { y: DVector::zeros(count), p: 1.0, s: 0.0 }, 0.0));
+            }
+            let bordered = |by: &DMatrix<f64>| {
+                let columns = unknowns.columns(by);
+                DMatrix::from_fn(count + numbers, count + numbers, |i, j| match (i < count, j < count) {
                     (true, true) => reduced[(i, j)] - f64::from(u8::from(i == j)),
-                    (true, false) => column[(i, 0)],
-                    (false, true) => row.y[j],
-                    (false, false) => row.p,
+                    (true, false) => columns[(i, j - count)],
+                    (false, true) => rows[i - count].0.y[j],
+                    (false, false) => [rows[i - count].0.p, rows[i - count].0.s][j - count],
                 })
             };
-            let matrix = bordered(&by);
+            let matrix = bordered(by);
+            let missing = rows.iter().map(|(_, missing)| missing * missing).sum::<f64>().sqrt();
             let residual = libm::hypot(off.norm(), missing);
             if !residual.is_finite() || matrix.iter().any(|entry| !entry.is_finite()) {
                 return Err(missed(best, "the motion leaves the range of numbers"));
             }
             let svd = matrix.svd(true, true);
             let cutoff = |svd: &Svd| self.neutral * svd.singular_values.max();
-            let right = DVector::from_fn(count + 1, |i, _| if i < count { -off[i] } else { -missing });
+            let right = DVector::from_fn(count + numbers, |i, _| if i < count { -off[i] } else { -rows[i - count].1 });
             let Ok(change) = svd.solve(&right, cutoff(&svd)) else {
                 return Err(missed(best, "the derivative cannot be inverted"));
             };
@@ -229,26 +321,38 @@ impl<'f> Solver<'f> {
             if residual <= CLOSED && (length <= SHORT || is_settled || step + 1 == STEPS) {
                 let condition = svd.singular_values.min().recip();
                 let tangent = if plane.is_none_or(|plane| plane.goes_on) {
-                    let variation = self.family.variation(&simulation, value)?;
-                    let exact = map.image_by(&section, period, &[variation])?;
-                    by = exact.by_number.column(0).into_owned();
-                    let svd = bordered(&by).svd(true, true);
-                    let ahead = DVector::from_fn(count + 1, |i, _| f64::from(u8::from(i == count)));
+                    *by = exact()?.1;
+                    let svd = bordered(by).svd(true, true);
+                    let ahead = DVector::from_fn(count + numbers, |i, _| f64::from(u8::from(i == count)));
                     let Ok(tangent) = svd.solve(&ahead, cutoff(&svd)) else {
                         return Err(missed(best, "the branch has no direction here"));
                     };
                     let sign = if plane.is_some() { 1.0 } else { sign };
                     let tangent = &tangent * (sign / tangent.norm());
-                    Direction { y: tangent.rows(0, count).into_owned(), p: tangent[count] }
+                    let s = tangent.get(count + 1).copied().unwrap_or_default();
+                    Direction { y: tangent.rows(0, count).into_owned(), p: tangent[count], s }
                 } else {
-                    row
+                    rows.swap_remove(0).0
                 };
                 let unit = DMatrix::identity(count, count);
                 let (fold, flip) = ((&reduced - &unit).determinant(), (&reduced + &unit).determinant());
                 let course = Course::new(&map, &section, period)?;
                 let orbit = Orbit::of(section, image, &unknowns, period, residual, condition);
-                let shift = plane.map_or(0, |plane| plane.from.shift);
-                return Ok(Node { value, phase, shift, orbit, course, unknowns, tangent, by, fold, flip, steps: step });
+                let ([value, second], by) = (place, std::mem::take(by));
+                return Ok(Node {
+                    value,
+                    second,
+                    phase,
+                    shift,
+                    orbit,
+                    course,
+                    unknowns,
+                    tangent,
+                    by,
+                    fold,
+                    flip,
+                    steps: step,
+                });
             }
             if step > SLOW && residual > 0.5 * best || length > LONGEST {
                 return Err(missed(best, "Newton's method does not converge"));
@@ -258,9 +362,9 @@ impl<'f> Solver<'f> {
             let moved = unknowns.lifted(&change.rows(0, count).into_owned());
             section.x.iter_mut().zip(&moved).for_each(|(x, c)| *x += c);
             section.contacts.clone_from(&image.end.contacts);
-            before = Some((from, value, image));
-            if plane.is_some() {
-                value += change[count] * range;
+            before = Some((from, place, image));
+            for l in 0..numbers {
+                place[l] += change[count + l] * ranges[l];
             }
         }
         Err(missed(best, "Newton's method does not converge"))

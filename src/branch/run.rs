@@ -5,13 +5,12 @@ use nalgebra::{DMatrix, DVector};
 use super::{
     family::Family,
     follow::Trace,
-    node::{Direction, Node, Plane, Solver},
+    node::{Direction, Guess, Node, Plane, Solver},
     special::{Kind, Passed, Special},
 };
 use crate::{
     orbit::{Search, Section, SectionMap},
-    scene::Scene,
-    simulation::{Parameter, SimulationError},
+    simulation::SimulationError,
     task::{Progress, Task},
 };
 
@@ -94,19 +93,16 @@ struct Begun {
 }
 
 impl Continuation {
-    /// Follows the orbit of `scene` along `parameter` between `ends`; `each` is told of every branch that is finished.
+    /// Follows the orbit of a scene along the parameter of `family`; `each` is told of every branch that is finished.
     ///
     /// # Errors
-    /// [`SimulationError`] if the scene has no orbit to start from, or the parameter no derivative.
+    /// [`SimulationError`] if the scene has no orbit to start from.
     pub fn run(
         &self,
-        scene: &Scene,
-        parameter: Parameter,
-        ends: [f64; 2],
+        family: &Family,
         each: &mut dyn FnMut(&[Branch]) -> Result<(), SimulationError>,
         task: Task<'_>,
     ) -> Result<Followed, SimulationError> {
-        let family = Family::new(scene, parameter, ends)?;
         let value = family.parameter.value();
         let simulation = family.own()?;
         let found = Search { period: self.period, starts: 0 }.run(&simulation, task)?;
@@ -114,7 +110,7 @@ impl Continuation {
             let reason = found.reason.unwrap_or_default();
             return Err(simulation.missing(format!("it has no orbit to start from: {reason}")));
         };
-        let solver = Solver::new(&family, found.drift.clone());
+        let solver = Solver::new(family, found.drift.clone());
         let start = solver.start(&simulation, value, orbit).map_err(|missed| simulation.missing(missed.reason))?;
         let mut branches: Vec<Branch> = Vec::new();
         let mut known: Vec<Special> = Vec::new();
@@ -163,7 +159,7 @@ impl Continuation {
 impl Solver<'_> {
     /// A point as others see it.
     fn point(&self, node: &Node) -> Option<Point> {
-        let simulation = self.family.at(node.value).ok()?;
+        let simulation = self.family.train(node.place()).ok()?;
         let map = SectionMap::new(&simulation).ok()?;
         let section = map.at_phase(node.phase).lead(&node.orbit.section, &map).ok()?;
         // An orbit of several cycles begins with the same one all along a branch.
@@ -186,7 +182,7 @@ impl Solver<'_> {
     /// Whether the orbit of a node lies on one of the branches.
     fn is_known(&self, node: &Node, branches: &[Branch]) -> bool {
         let Some(point) = self.point(node) else { return false };
-        let Ok(simulation) = self.family.at(node.value) else { return false };
+        let Ok(simulation) = self.family.train(node.place()) else { return false };
         let Ok(map) = SectionMap::new(&simulation) else { return false };
         // The same orbit may begin in any of its cycles.
         let mut sections = vec![point.section];
@@ -228,7 +224,7 @@ impl Solver<'_> {
         let mut behind = None;
         if begun.both && !ahead.is_closed {
             let mut back = start.clone();
-            back.tangent = Direction { y: -&start.tangent.y, p: -start.tangent.p };
+            back.tangent = Direction { y: -&start.tangent.y, p: -start.tangent.p, s: -start.tangent.s };
             behind = Some(self.follow(&back, most, task));
         }
         let (mut passed, mut unlocated) = self.specials(&ahead, 1.0);
@@ -285,13 +281,13 @@ impl Solver<'_> {
         let svd = (reduced - DMatrix::identity(count, count) * at).svd(false, true);
         let vectors = svd.v_t?;
         let w: DVector<f64> = vectors.row(count - 1).transpose();
-        let row = Direction { y: w, p: 0.0 };
+        let row = Direction { y: w, p: 0.0, s: 0.0 };
         let period = if at < 0.0 { 2 * node.orbit.period } else { node.orbit.period };
         ASIDE.iter().find_map(|distance| {
-            let plane = Plane { from: node, row: row.clone(), target: *distance, goes_on: true };
-            let guess = node.guess(&row, self.family.range(), *distance);
-            let found = self.at(guess, period, node.phase, Some(&plane), 1.0).ok()?;
-            let (_, length) = node.chord(&found, self.family.range());
+            let plane = Plane::through(node, &row, *distance);
+            let guess = node.guess(&row, self.family.ranges(), *distance);
+            let found = self.at(Guess { period, ..guess }, Some(&plane), 1.0).ok()?;
+            let (_, length) = node.chord(&found, self.family.ranges());
             (length <= 10.0 * distance && !found.has_shorter_period()).then_some(found)
         })
     }

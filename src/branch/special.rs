@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     follow::{Change, Trace, Vanishing, vanishing},
     locate::{Located, limit},
-    node::{Node, Plane, Solver},
+    node::{Guess, Node, Plane, Seed, Solver},
 };
 use crate::{gear::contact::Law, hybrid::Watch};
 
@@ -30,6 +30,7 @@ const TOWARDS: usize = 10;
 
 /// What changes at a special point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
     /// The branch turns back: a multiplier is 1.
@@ -68,6 +69,16 @@ impl Kind {
             Self::Coincidence => "coincidence",
         }
     }
+
+    /// The function that is zero at such a point, of the kinds that multipliers tell.
+    pub(super) fn test(self, node: &Node) -> f64 {
+        match self {
+            Self::Fold | Self::Symmetry => node.fold,
+            Self::PeriodDoubling => node.flip,
+            Self::Torus => on_circle(node).map_or(f64::NAN, |m| m.norm() - 1.0),
+            _ => f64::NAN,
+        }
+    }
 }
 
 /// A point at which the motion changes.
@@ -90,6 +101,28 @@ pub struct Special {
     pub branch: usize,
     /// Which of its points it is; the one beside it where the branch is born on another one.
     pub point: usize,
+    /// How it is found again with another number changed.
+    pub(super) trail: Trail,
+}
+
+/// How a special point was found.
+#[derive(Clone, Debug)]
+pub(super) struct Trail {
+    /// What is zero there.
+    pub sought: Sought,
+    /// The orbit there, or the last one before.
+    pub seed: Seed,
+}
+
+/// What is zero at a special point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sought {
+    /// The function of its kind, on a branch that goes on.
+    Root,
+    /// What vanishes, seen from the side on which it exists.
+    Limit(Vanishing),
+    /// The time that is left of a rest.
+    Edge,
 }
 
 /// A special point with the orbit there.
@@ -110,19 +143,17 @@ impl Solver<'_> {
         let (mut all, mut unlocated) = (Vec::new(), Vec::new());
         for (i, (a, b)) in trace.before.iter().zip(&trace.nodes).enumerate() {
             let place = |node: &Node| {
-                let (_, length) = a.chord(b, self.family.range());
-                let (_, part) = a.chord(node, self.family.range());
+                let (_, length) = a.chord(b, self.family.ranges());
+                let (_, part) = a.chord(node, self.family.ranges());
                 sign * (i as f64 + (part / length).clamp(1e-9, 1.0 - 1e-9))
             };
-            let mut take = |kind: Kind, located: Option<Located>, multiplier: Option<Complex<f64>>| {
-                let Some(located) = located.filter(|located| located.error <= LOCATED * self.family.range()) else {
+            let mut take = |kind: Kind, sought: Sought, located: Option<Located>| {
+                let Some(located) = located.filter(|located| located.error <= LOCATED) else {
                     unlocated.push(format!("{} between {} and {}", kind.word(), a.value, b.value));
                     return;
                 };
-                let largest = located.node.orbit.telling().first().copied();
-                let multiplier = multiplier.or(largest).unwrap_or_default();
                 all.push(Passed {
-                    special: self.special(kind, &located, multiplier),
+                    special: self.special(kind, sought, &located),
                     place: place(&located.node),
                     node: located.node,
                     is_birth: false,
@@ -130,43 +161,31 @@ impl Solver<'_> {
             };
             let change = Change::of(&a.course, &b.course);
             let (before, after) = (a.unstable(), b.unstable());
-            if a.fold * b.fold < 0.0 {
-                if a.tangent.p * b.tangent.p < 0.0 {
-                    let located = self.root(a, b, &|node| node.fold);
-                    let multiplier = located.as_ref().map(|l| nearest(&l.node, Complex::new(1.0, 0.0)));
-                    take(Kind::Fold, located, multiplier);
-                } else {
-                    let symmetric = Solver { neutral: SYMMETRIC, drift: self.drift.clone(), ..*self };
-                    let located = symmetric.root(a, b, &|node| node.fold);
-                    let multiplier = located.as_ref().map(|l| nearest(&l.node, Complex::new(1.0, 0.0)));
-                    take(Kind::Symmetry, located, multiplier);
-                }
-            }
-            if a.flip * b.flip < 0.0 {
-                let located = self.root(a, b, &|node| node.flip);
-                let multiplier = located.as_ref().map(|l| nearest(&l.node, Complex::new(-1.0, 0.0)));
-                take(Kind::PeriodDoubling, located, multiplier);
-            }
-            if before[2] != after[2] && before[..2] == after[..2] {
-                let located = self.root(a, b, &|node| on_circle(node).map_or(f64::NAN, |m| m.norm() - 1.0));
-                let multiplier = located.as_ref().and_then(|l| on_circle(&l.node));
-                take(Kind::Torus, located, multiplier);
+            let of_fold = if a.tangent.p * b.tangent.p < 0.0 { Kind::Fold } else { Kind::Symmetry };
+            let is_passed = [
+                (of_fold, a.fold * b.fold < 0.0),
+                (Kind::PeriodDoubling, a.flip * b.flip < 0.0),
+                (Kind::Torus, before[2] != after[2] && before[..2] == after[..2]),
+            ];
+            for (kind, _) in is_passed.into_iter().filter(|(_, is_passed)| *is_passed) {
+                take(kind, Sought::Root, self.of_kind(kind).root(a, b, &|node| kind.test(node)));
             }
             match change {
                 Change::None => {}
                 Change::Other => match self.stick(a, b) {
-                    Some((kind, located)) => take(kind, Some(located), None),
+                    Some((kind, located)) => take(kind, Sought::Edge, Some(located)),
                     None => unlocated.push(format!("change of several events between {} and {}", a.value, b.value)),
                 },
                 Change::Swapped(second) => {
                     let is_same = |node: &Node| Change::of(&a.course, &node.course) == Change::None;
-                    let time = |node: &Node| Vanishing::Between(second).at(node).filter(|_| is_same(node));
-                    take(Kind::Coincidence, self.limit(a, b, 1.0, &time), None);
+                    let key = Vanishing::Between(second);
+                    let time = |node: &Node| key.at(node).filter(|_| is_same(node));
+                    take(Kind::Coincidence, Sought::Limit(key), self.limit(a, &self.towards(a, b), &time));
                 }
                 Change::Gained(contact, is_second) => {
                     let (free, other) = if is_second { (a, b) } else { (b, a) };
                     match self.graze(free, other, contact) {
-                        Some((kind, located)) => take(kind, Some(located), None),
+                        Some((kind, key, located)) => take(kind, Sought::Limit(key), Some(located)),
                         None => unlocated.push(format!("graze between {} and {}", a.value, b.value)),
                     }
                 }
@@ -189,58 +208,70 @@ impl Solver<'_> {
     /// doubling, or a more symmetric one.
     fn birth(&self, a: &Node, b: &Node) -> Option<Passed> {
         let range = self.family.range();
-        let (row, length) = a.chord(b, range);
+        let (row, length) = a.chord(b, self.family.ranges());
         // The parameter is a parabola of the way.
         let at = a.tangent.p / (a.tangent.p - b.tangent.p);
-        let (section, _) = a.guess(&row, range, at * length);
+        let guess = a.guess(&row, self.family.ranges(), at * length);
         let turn = a.value + 0.5 * at * length * a.tangent.p * range;
-        let symmetric = Solver { neutral: SYMMETRIC, drift: self.drift.clone(), ..*self };
+        let symmetric = self.of_kind(Kind::Symmetry);
         let halves = a.orbit.period.is_multiple_of(2);
         let periods = [(a.orbit.period / 2, true), (a.orbit.period, false)];
         periods.into_iter().filter(|(_, is_half)| halves || !is_half).find_map(|(period, is_half)| {
             PARENT.iter().find_map(|step| {
                 // Beyond the turn there is the other one alone.
                 let beyond = turn + step * a.tangent.p.signum() * range;
-                let first =
-                    symmetric.at((section.clone(), beyond), period, a.phase, None, -a.tangent.p.signum()).ok()?;
-                let (_, apart) = a.chord(&first, range);
+                let guess = Guess { place: [beyond, a.second], period, ..guess.clone() };
+                let first = symmetric.at(guess, None, -a.tangent.p.signum()).ok()?;
+                let (_, apart) = a.chord(&first, self.family.ranges());
                 if apart > 10.0 * (length + step) {
                     return None;
                 }
                 let reach = 2.0 * step / first.tangent.p.abs().max(1e-3);
-                let plane = Plane { from: &first, row: first.tangent.clone(), target: reach, goes_on: true };
-                let guess = first.guess(&first.tangent, range, reach);
-                let second = symmetric.at(guess, period, a.phase, Some(&plane), 1.0).ok()?;
-                let test = |node: &Node| if is_half { node.flip } else { node.fold };
+                let plane = Plane::through(&first, &first.tangent, reach);
+                let guess = first.guess(&first.tangent, self.family.ranges(), reach);
+                let second = symmetric.at(guess, Some(&plane), 1.0).ok()?;
+                let kind = if is_half { Kind::PeriodDoubling } else { Kind::Symmetry };
+                let test = |node: &Node| kind.test(node);
                 if test(&first) * test(&second) > 0.0 || first.has_shorter_period() {
                     return None;
                 }
                 let located = symmetric.root(&first, &second, &test)?;
-                let (kind, place) = if is_half { (Kind::PeriodDoubling, -1.0) } else { (Kind::Symmetry, 1.0) };
-                let multiplier = nearest(&located.node, Complex::new(place, 0.0));
-                let special = self.special(kind, &located, multiplier);
+                let special = self.special(kind, Sought::Root, &located);
                 Some(Passed { special, node: first, place: 0.0, is_birth: true })
             })
         })
     }
 
-    fn special(&self, kind: Kind, located: &Located, multiplier: Complex<f64>) -> Special {
+    /// The same for what is located on symmetric branches.
+    pub fn of_kind(&self, kind: Kind) -> Self {
+        let neutral = if kind == Kind::Symmetry { SYMMETRIC } else { self.neutral };
+        Self { neutral, drift: self.drift.clone(), slice: self.slice.clone(), ..*self }
+    }
+
+    fn special(&self, kind: Kind, sought: Sought, located: &Located) -> Special {
         let node = &located.node;
+        let multiplier = match kind {
+            Kind::Fold | Kind::Symmetry => nearest(node, Complex::new(1.0, 0.0)),
+            Kind::PeriodDoubling => nearest(node, Complex::new(-1.0, 0.0)),
+            Kind::Torus => on_circle(node).unwrap_or_default(),
+            _ => node.orbit.telling().first().copied().unwrap_or_default(),
+        };
         Special {
             kind,
             value: located.value,
             period: node.orbit.period,
             word: node.orbit.word(),
-            residual: located.residual.max(located.error / self.family.range()),
+            residual: located.residual.max(located.error),
             multiplier,
             branch: 0,
             point: 0,
+            trail: Trail { sought, seed: node.seed(&node.tangent) },
         }
     }
 
     /// Which kind a graze is, by the law of the contact.
     fn kind_of(&self, node: &Node, contact: usize, watch: Watch, is_closed: bool) -> Kind {
-        let law = self.family.at(node.value).ok().map(|s| s.structure.spec().contacts[contact].law);
+        let law = self.family.train(node.place()).ok().map(|s| s.structure.spec().contacts[contact].law);
         match law {
             Some(Law::Rigid(_)) if is_closed => Kind::Stick,
             Some(Law::Rigid(_)) => Kind::GrazingRigid,
@@ -251,15 +282,19 @@ impl Solver<'_> {
     }
 
     /// The graze between a point and one with more events of `contact`.
-    fn graze(&self, free: &Node, other: &Node, contact: usize) -> Option<(Kind, Located)> {
+    fn graze(&self, free: &Node, other: &Node, contact: usize) -> Option<(Kind, Vanishing, Located)> {
         let is_same = |node: &Node| Change::of(&free.course, &node.course) == Change::None;
-        let mut found: Vec<(Kind, Located)> = Vec::new();
+        let mut found: Vec<(Kind, Vanishing, Located)> = Vec::new();
+        let reach = |a: &Node, b: &Node| {
+            let (row, length) = self.towards(a, b);
+            (row, REACH * length)
+        };
         // Without the events: the least values of the contact's guards.
         for (key, value) in vanishing(free) {
             let Vanishing::Low(j, watch, is_closed) = key else { continue };
             if j == contact && value > 0.0 {
-                let located = self.limit(free, other, REACH, &|node| key.at(node).filter(|_| is_same(node)));
-                found.extend(located.map(|located| (self.kind_of(free, j, watch, is_closed), located)));
+                let located = self.limit(free, &reach(free, other), &|node| key.at(node).filter(|_| is_same(node)));
+                found.extend(located.map(|located| (self.kind_of(free, j, watch, is_closed), key, located)));
             }
         }
         let range = self.family.range();
@@ -267,8 +302,8 @@ impl Solver<'_> {
         // A step can pass a fold as well.
         let slack = (high - low).max(SLACK * range);
         let is_between = |located: &Located| (low - slack..=high + slack).contains(&located.value);
-        found.retain(|(_, located)| is_between(located));
-        if found.iter().all(|(_, located)| located.error > WELL * range) {
+        found.retain(|(.., located)| is_between(located));
+        if found.iter().all(|(.., located)| located.error > WELL) {
             // With them: what vanishes there first.
             let is_same = |node: &Node| Change::of(&other.course, &node.course) == Change::None;
             let of_contact = |i: usize| other.course.letters[i].contact == contact;
@@ -276,17 +311,18 @@ impl Solver<'_> {
             all.retain(|(key, _)| matches!(key, Vanishing::Speed(i) | Vanishing::Stay(i) if of_contact(*i)));
             all.sort_by(|a, b| a.1.total_cmp(&b.1));
             if let Some((key, _)) = all.first() {
-                let located = self.limit(other, free, REACH, &|node| key.at(node).filter(|_| is_same(node)));
-                found.extend(located.filter(is_between).map(|located| (self.kind_of_events(other, *key), located)));
+                let located = self.limit(other, &reach(other, free), &|node| key.at(node).filter(|_| is_same(node)));
+                found.extend(
+                    located.filter(is_between).map(|located| (self.kind_of_events(other, *key), *key, located)),
+                );
             }
         }
-        found.into_iter().min_by(|a, b| a.1.error.total_cmp(&b.1.error))
+        found.into_iter().min_by(|a, b| a.2.error.total_cmp(&b.2.error))
     }
 
     /// The end of a rest between two points of which one has more rests. A sequence of impacts whose number grows without end leads to it:
     /// the time that is left of the rest is no smooth function of the parameter there.
     fn stick(&self, a: &Node, b: &Node) -> Option<(Kind, Located)> {
-        let rests = |node: &Node| node.course.letters.iter().filter(|letter| letter.token.starts_with('z')).count();
         let (rest, other) = match rests(a).cmp(&rests(b)) {
             std::cmp::Ordering::Less => (b, a),
             std::cmp::Ordering::Greater => (a, b),
@@ -322,7 +358,7 @@ impl Solver<'_> {
             if points.windows(2).any(|pair| pair[1].0 >= pair[0].0) || value <= 0.0 {
                 return None;
             }
-            let (limit, error) = limit(&points)?;
+            let (limit, error) = limit(&points).map(|(limit, error)| (limit, error / range))?;
             let is_near = (limit - last.value).abs() <= 1e-3 * range;
             is_near.then_some((key, limit, error))
         });
@@ -335,13 +371,20 @@ impl Solver<'_> {
         let far = same.iter().find(|node| key.at(node).is_some_and(|g| g >= FAR)).copied();
         let far = far.or(same.last().copied())?;
         let is_same = |node: &Node| Change::of(&last.course, &node.course) == Change::None;
-        let closer = self.limit(far, last, BEYOND, &|node| key.at(node).filter(|_| is_same(node)));
+        let (row, length) = self.towards(far, last);
+        let closer = self.limit(far, &(row, BEYOND * length), &|node| key.at(node).filter(|_| is_same(node)));
         let closer = closer.filter(|located| located.error < error && (located.value - value).abs() <= 1e-6 * range);
-        let located = closer.unwrap_or_else(|| Located { value, error, residual: 0.0, node: last.clone() });
-        let multiplier = last.orbit.telling().first().copied().unwrap_or_default();
+        let located =
+            closer.unwrap_or_else(|| Located { value, second: last.second, error, residual: 0.0, node: last.clone() });
         let place = sign * trace.nodes.len() as f64;
-        Some(Passed { special: self.special(kind, &located, multiplier), node: located.node, place, is_birth: false })
+        let special = self.special(kind, Sought::Limit(key), &located);
+        Some(Passed { special, node: located.node, place, is_birth: false })
     }
+}
+
+/// How many rests an orbit has.
+pub(super) fn rests(node: &Node) -> usize {
+    node.course.letters.iter().filter(|letter| letter.token.starts_with('z')).count()
 }
 
 /// The multiplier nearest to `place`.

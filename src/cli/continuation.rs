@@ -3,10 +3,11 @@
 use std::{fmt::Write, path::PathBuf};
 
 use flank::{
-    branch::{Branch, Continuation},
+    branch::{Branch, Continuation, Curve, Family, Kind, curves},
     output::{Fault, Folder, OutputError, Table, five_digits as number},
+    scene::Scene,
     simulation::{Parameter, SimulationError},
-    study::branches::Branches,
+    study::branches::{Branches, curve_table},
     sweep::GridError,
 };
 
@@ -19,6 +20,8 @@ use super::{
 const TABLE: &str = "branches.csv";
 const SPECIAL: &str = "special.csv";
 const PICTURE: &str = "branches.svg";
+const CURVES: &str = "curves.csv";
+const PLANE: &str = "curves.svg";
 
 /// Arguments of `flank continue`.
 #[derive(Debug, clap::Args)]
@@ -37,6 +40,12 @@ pub struct Arguments {
     /// Levels of branches beyond the first that are followed from doublings and broken symmetries
     #[arg(long, value_name = "N", default_value_t = 3)]
     doublings: u32,
+    /// A kind of special points that are followed in a second number
+    #[arg(long, value_name = "KIND", requires = "second", value_enum)]
+    follow: Option<Kind>,
+    /// The second number, by JSON pointer: POINTER=FROM:TO, as with --vary
+    #[arg(long, value_name = "AXIS", requires = "follow")]
+    second: Option<String>,
     /// Threads; as many as there are cores if left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -64,25 +73,37 @@ fn axis(text: &str) -> Result<(Vec<&str>, [f64; 2]), Vec<Fault>> {
     Ok((pointers.split(',').collect(), ends))
 }
 
-/// Follows branches of orbits.
-pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let scene = read_scene(arguments.scene.as_deref())?;
-    let (pointers, ends) = axis(&arguments.vary).map_err(GridError)?;
+/// The numbers of an axis, and their range with the scene's own value in it.
+fn number_of(scene: &Scene, text: &str) -> Result<(Parameter, [f64; 2]), CliError> {
+    let (pointers, ends) = axis(text).map_err(GridError)?;
     let parameter = Parameter::new(scene.resolved(), &pointers)
-        .map_err(|reason| vec![Fault::new(&arguments.vary, reason, "pointers to numbers of the scene")])
+        .map_err(|reason| vec![Fault::new(text, reason, "pointers to numbers of the scene")])
         .map_err(GridError)?;
     let value = parameter.value();
     if !(ends[0].min(ends[1])..=ends[0].max(ends[1])).contains(&value) {
         let found = format!("a range without the scene's own value, {value}");
         let allowed = "FROM:TO around it: the first orbit is that of the scene";
-        return Err(GridError(vec![Fault::new(&arguments.vary, found, allowed)]).into());
+        return Err(GridError(vec![Fault::new(text, found, allowed)]).into());
     }
-    let files = [TABLE, SPECIAL, PICTURE].map(String::from).to_vec();
+    Ok((parameter, ends))
+}
+
+/// Follows branches of orbits.
+pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let scene = read_scene(arguments.scene.as_deref())?;
+    let (parameter, ends) = number_of(&scene, &arguments.vary)?;
+    let mut family = Family::new(&scene, parameter, ends)?;
+    let mut files = [TABLE, SPECIAL, PICTURE].map(String::from).to_vec();
+    if let Some(second) = &arguments.second {
+        let (second, ends) = number_of(&scene, second)?;
+        family = family.with(second, ends)?;
+        files.extend([CURVES, PLANE].map(String::from));
+    }
     let request =
         request(Some(arguments.out.as_path()), "continue", arguments.scene.as_deref(), arguments.force, files)?;
     let name =
         std::path::Path::new(scene.name()).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-    let mut branches = Branches::new(&scene, parameter.clone(), ends)?;
+    let mut branches = Branches::new(family.clone())?;
     let mut folder = request.map(|request| request.open()).transpose()?;
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);
@@ -97,7 +118,16 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         Ok(())
     };
     let pool = threads(arguments.threads)?;
-    let done = pool.install(|| asked.run(&scene, parameter, ends, &mut each, cancellable(&progress)));
+    let done = pool.install(|| asked.run(&family, &mut each, cancellable(&progress)));
+    let mut found = Vec::new();
+    if let (Some(kind), Ok(followed)) = (arguments.follow, &done) {
+        found = pool.install(|| curves(&family, kind, &followed.branches, cancellable(&progress)))?;
+        if let Some(folder) = &mut folder {
+            folder.bytes(CURVES, curve_table(&found))?;
+            #[cfg(feature = "plot")]
+            folder.bytes(PLANE, branches.plane(&found, &name).svg(flank::plot::Theme::Light))?;
+        }
+    }
     bar.finish_and_clear();
     if let Some(error) = failed {
         return Err(error.into());
@@ -105,6 +135,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let followed = done?;
     if !arguments.quiet {
         print(&text(&branches, followed.left_out).unwrap_or_default())?;
+        print(&curves_text(&found).unwrap_or_default())?;
     }
     if cancellable(&progress).is_cancelled() {
         print("interrupted: the branches so far are kept\n")?;
@@ -121,6 +152,21 @@ fn write(folder: &mut Folder, branches: &Branches, name: &str) -> Result<(), Out
     #[cfg(feature = "plot")]
     folder.bytes(PICTURE, branches.figure(name).svg(flank::plot::Theme::Light))?;
     Ok(())
+}
+
+/// One line for each curve, one for each point that is special in its turn.
+fn curves_text(curves: &[Curve]) -> Result<String, std::fmt::Error> {
+    let mut out = String::new();
+    for (i, curve) in curves.iter().enumerate() {
+        let Curve { kind, points, ends } = curve;
+        writeln!(out, "curve {i}, {}: {} points, from {} to {}", kind.word(), points.len(), ends[0], ends[1])?;
+        for point in points {
+            if let Some(special) = point.codimension_two {
+                writeln!(out, "curve {i}: {} at {:?}, {:?}", special.word(), point.value, point.second)?;
+            }
+        }
+    }
+    Ok(out)
 }
 
 fn text(branches: &Branches, left_out: usize) -> Result<String, std::fmt::Error> {

@@ -191,11 +191,15 @@ impl Unknowns {
         x
     }
 
-    /// A row over the unknowns `of`, of another place of the motion, as a row over these.
-    pub fn row_of(&self, of: &Unknowns, row: &DVector<f64>) -> DVector<f64> {
-        let rows = DMatrix::from_fn(self.scales.len(), self.count(), |i, l| {
-            self.scales[i] * self.basis[(i, l)] / of.scales[i]
-        });
-        (of.basis.transpose() * rows).transpose() * row
+    /// A row over unknowns as a row over states: `S⁻¹ B r`.
+    pub fn row(&self, row: &DVector<f64>) -> DVector<f64> {
+        let mut over = &self.basis * row;
+        over.iter_mut().zip(&self.scales).for_each(|(r, scale)| *r /= scale);
+        over
+    }
+
+    /// A row over states as a row over unknowns: `Bᵀ S r`.
+    pub fn row_of(&self, row: &DVector<f64>) -> DVector<f64> {
+        self.basis.transpose() * DVector::from_fn(self.scales.len(), |i, _| row[i] * self.scales[i])
     }
 }

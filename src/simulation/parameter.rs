@@ -15,6 +15,8 @@ pub struct Parameter {
     others: Vec<(String, f64, bool)>,
     /// Values between which the scene is known to hold.
     holds: Option<[f64; 2]>,
+    /// Numbers that are not the scene's.
+    beside: Vec<(String, f64)>,
 }
 
 /// How far beyond a range a scene is checked, as a share of it or of its end: what differences of its numbers reach.
@@ -50,7 +52,7 @@ impl Parameter {
         if value == 0.0 && !others.is_empty() {
             return Err(format!("{pointer} is zero in the scene: the others cannot follow it by a factor"));
         }
-        Ok(Self { pointer, value, others, holds: None })
+        Ok(Self { pointer, value, others, holds: None, beside: Vec::new() })
     }
 
     /// The pointer of the first.
@@ -65,6 +67,18 @@ impl Parameter {
         self.value
     }
 
+    /// The pointers of all.
+    pub fn pointers(&self) -> impl Iterator<Item = &str> {
+        std::iter::once(self.pointer.as_str()).chain(self.others.iter().map(|(pointer, ..)| pointer.as_str()))
+    }
+
+    /// The same numbers with others at `value` of their own.
+    #[must_use]
+    pub fn beside(&self, other: &Self, value: f64) -> Self {
+        let beside = other.values(value).into_iter().map(|(pointer, value)| (pointer.to_owned(), value)).collect();
+        Self { beside, ..self.clone() }
+    }
+
     /// The values of all numbers with the first at `value`.
     fn values(&self, value: f64) -> Vec<(&str, f64)> {
         let factor = value / self.value;
@@ -72,7 +86,8 @@ impl Parameter {
             .others
             .iter()
             .map(|(pointer, own, inverse)| (pointer.as_str(), own * if *inverse { factor.recip() } else { factor }));
-        std::iter::once((self.pointer.as_str(), value)).chain(others).collect()
+        let beside = self.beside.iter().map(|(pointer, value)| (pointer.as_str(), *value));
+        std::iter::once((self.pointer.as_str(), value)).chain(others).chain(beside).collect()
     }
 
     /// The scene with the first at `value`, and the others moved with it.

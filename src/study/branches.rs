@@ -13,13 +13,12 @@ use super::{figures::families, steady::ContactSteady};
 use crate::{
     branch::Kind,
     plot::{Axis, Figure, Panel, Series, Style},
+    simulation::Parameter,
 };
 use crate::{
-    branch::{Branch, Family, Point, Special},
+    branch::{Branch, Codimension, Curve, Family, Point, Special},
     orbit::{self, Motion, components},
     output::{csv_line, number},
-    scene::Scene,
-    simulation::Parameter,
     task::Task,
 };
 
@@ -61,12 +60,11 @@ pub struct Branches {
 }
 
 impl Branches {
-    /// Without any branch yet, of `scene` along `parameter`.
+    /// Without any branch yet, of `family`.
     ///
     /// # Errors
     /// [`StudyError`] if the scene cannot be assembled.
-    pub fn new(scene: &Scene, parameter: Parameter, ends: [f64; 2]) -> Result<Self, StudyError> {
-        let family = Family::new(scene, parameter, ends)?;
+    pub fn new(family: Family) -> Result<Self, StudyError> {
         let simulation = family.own()?;
         let components = components(&simulation);
         let dimensionless = simulation.dimensionless;
@@ -193,6 +191,44 @@ impl Branches {
         }
     }
 
+    /// Curves of special points in the plane of both numbers.
+    #[cfg(feature = "plot")]
+    #[must_use]
+    pub fn plane(&self, curves: &[Curve], name: &str) -> Figure {
+        let [x, y] = self.family.borders();
+        let second = self.family.second().map_or("", Parameter::pointer);
+        let mut panel = Panel {
+            x: Axis::new(self.family.parameter.pointer(), "").between(x[0], x[1]),
+            y: Axis::new(second, "").between(y[0], y[1]),
+            ..Panel::default()
+        };
+        for curve in curves {
+            let period = curve.points.first().map_or(0, |point| point.period);
+            let (x, y) = curve.points.iter().map(|point| (point.value, point.second)).unzip();
+            let level = usize::try_from(period).unwrap_or_default() - 1;
+            panel.series.push(Series::line(format!("period {period}"), level, x, y));
+        }
+        let marks = [Codimension::Cusp, Codimension::Turn, Codimension::End];
+        for (colour, special) in marks.into_iter().enumerate() {
+            let all = curves.iter().flat_map(|curve| &curve.points);
+            let of_kind = all.filter(|point| point.codimension_two == Some(special));
+            let (x, y): (Vec<f64>, Vec<f64>) = of_kind.map(|point| (point.value, point.second)).unzip();
+            if !x.is_empty() {
+                panel.series.push(Series::line(special.word(), FIRST_COLOUR + colour, x, y).styled(Style::Marks));
+            }
+        }
+        let kind = curves.first().map_or("special point", |curve| curve.kind.word());
+        Figure {
+            id: "curves".to_owned(),
+            title: format!("{kind} of {name} in the plane of two numbers"),
+            caption: "Where special points of the motion lie. Marked: cusps, where both numbers turn; turns, where two points meet and \
+                      vanish; ends within the ranges."
+                .to_owned(),
+            columns: 1,
+            panels: vec![panel],
+        }
+    }
+
     /// A panel of one value of the points.
     #[cfg(feature = "plot")]
     fn panel(&self, label: &str, unit: &str, value: &dyn Fn(&Point, &Option<Steady>) -> Option<f64>) -> Panel {
@@ -232,4 +268,27 @@ impl Branches {
         }
         panel
     }
+}
+
+/// The table of curves: `curves.csv`.
+#[must_use]
+pub fn curve_table(curves: &[Curve]) -> String {
+    let head = ["curve", "kind", "parameter", "second", "period_cycles", "word", "codimension_two", "residual"];
+    let mut text = csv_line(head) + "\n";
+    for (i, curve) in curves.iter().enumerate() {
+        for point in &curve.points {
+            let cells = [
+                i.to_string(),
+                curve.kind.word().to_owned(),
+                number(point.value),
+                number(point.second),
+                point.period.to_string(),
+                point.word.clone(),
+                point.codimension_two.map(Codimension::word).unwrap_or_default().to_owned(),
+                number(point.residual),
+            ];
+            text += &(csv_line(cells) + "\n");
+        }
+    }
+    text
 }

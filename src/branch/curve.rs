@@ -1,0 +1,443 @@
+//! Special points followed in a second number: curves in the plane of both.
+
+use super::{
+    family::Family,
+    follow::Change,
+    node::{Direction, Guess, Node, Place, Plane, Solver},
+    run::Branch,
+    special::{Kind, Sought, Special, Trail, rests},
+};
+use crate::{
+    orbit::{Section, SectionMap},
+    simulation::SimulationError,
+    task::{Progress, Task},
+};
+
+/// Lengths of steps, in scales of states and ranges of both numbers: at first, at most, and the one below which a curve ends.
+const FIRST: f64 = 0.003;
+const LONGEST: f64 = 0.03;
+const SHORTEST: f64 = 1e-7;
+/// Factor after a step.
+const GROWTH: f64 = 1.3;
+/// How far aside of the guess a point is looked for, in steps: of the first step, whose direction is not known yet, and of the others.
+const ASIDE_FIRST: [f64; 3] = [1.0, 4.0, 15.0];
+const ASIDE: [f64; 3] = [0.3, 1.0, 3.0];
+/// Cosine of the turn that a step may make: 18°.
+const TURN: f64 = 0.95;
+/// Points of a curve in one direction at most.
+const MOST: usize = 500;
+/// Largest residual of a point that counts.
+const LOCATED: f64 = 1e-9;
+/// Two points nearer than this, in ranges, are one.
+const SAME: f64 = 1e-3;
+/// Cycles that events are kept away from the section, if they can be.
+const CLEAR: f64 = 0.02;
+/// Distance of the neighbour that shows where to look, in scales.
+const BESIDE: f64 = 1e-3;
+/// Steps of the search for the point at which a curve turns.
+const TURNS: usize = 12;
+/// Share of three points' length within which that point is found, and within which both numbers turn at a cusp.
+const TURNED: f64 = 1e-6;
+const CUSP: f64 = 1e-3;
+/// Points that a closed curve has at least.
+const FEWEST: usize = 3;
+/// How a closed curve ends.
+const CLOSED: &str = "it comes back to its start";
+
+/// What makes a point of a curve special in its turn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Codimension {
+    /// The curve has a cusp: both numbers turn at once.
+    Cusp,
+    /// The second number turns: two special points meet and vanish.
+    Turn,
+    /// The curve ends within the ranges.
+    End,
+}
+
+impl Codimension {
+    /// As files have it.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Cusp => "cusp",
+            Self::Turn => "turn",
+            Self::End => "end",
+        }
+    }
+}
+
+/// A point of a curve.
+#[derive(Clone, Debug)]
+pub struct CurvePoint {
+    /// Value of the parameter.
+    pub value: f64,
+    /// Value of the second number.
+    pub second: f64,
+    /// Period of the orbit, cycles.
+    pub period: u64,
+    /// Its word in normal form.
+    pub word: String,
+    /// As that of a special point.
+    pub residual: f64,
+    /// What it is besides.
+    pub codimension_two: Option<Codimension>,
+}
+
+/// Special points of one kind along a second number.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// What changes there.
+    pub kind: Kind,
+    /// Its points in order.
+    pub points: Vec<CurvePoint>,
+    /// How it ends at its two ends, first point first.
+    pub ends: [String; 2],
+}
+
+/// A state at numbers.
+#[derive(Clone, Debug)]
+struct Spot {
+    section: Section,
+    place: Place,
+}
+
+/// Where a curve has come to.
+#[derive(Clone)]
+struct Head {
+    node: Node,
+    place: Place,
+    residual: f64,
+    sought: Sought,
+    /// The point before; the way goes on away from it.
+    before: Spot,
+    /// A neighbour on the side to which the special point is passed.
+    beside: Spot,
+}
+
+impl Spot {
+    fn of(node: &Node) -> Self {
+        Self::at(node.at())
+    }
+
+    fn at(guess: Guess) -> Self {
+        Self { section: guess.section, place: guess.place }
+    }
+}
+
+impl Head {
+    /// The direction from one place to another, of length one, and its length.
+    fn chord(&self, from: &Spot, to: &Spot, ranges: [f64; 2]) -> (Direction, f64) {
+        let y = self.node.unknowns.between(&from.section.x, &to.section.x);
+        let [p, s] = [0, 1].map(|i| (to.place[i] - from.place[i]) / ranges[i]);
+        let length = libm::hypot(y.norm(), libm::hypot(p, s));
+        (Direction { y: y / length, p: p / length, s: s / length }, length)
+    }
+
+    /// Along the curve, and across it.
+    fn directions(&self, ranges: [f64; 2]) -> (Direction, Direction) {
+        let here = Spot::of(&self.node);
+        let (along, _) = self.chord(&self.before, &here, ranges);
+        let (aside, _) = self.chord(&here, &self.beside, ranges);
+        let dot = dot(&along, &aside);
+        let across = Direction { y: &aside.y - &along.y * dot, p: aside.p - along.p * dot, s: aside.s - along.s * dot };
+        let length = libm::hypot(across.y.norm(), libm::hypot(across.p, across.s));
+        (along, Direction { y: across.y / length, p: across.p / length, s: across.s / length })
+    }
+
+    fn point(&self) -> CurvePoint {
+        let Self { node, place: [value, second], residual, .. } = self;
+        let (period, word) = (node.orbit.period, node.orbit.word());
+        CurvePoint { value: *value, second: *second, period, word, residual: *residual, codimension_two: None }
+    }
+}
+
+fn dot(a: &Direction, b: &Direction) -> f64 {
+    a.y.dot(&b.y) + a.p * b.p + a.s * b.s
+}
+
+/// The special points of `kind` on `branches` of `family`, which has a second number, along that number.
+///
+/// # Errors
+/// [`SimulationError`] if the scene's own train cannot be built.
+pub fn curves(family: &Family, kind: Kind, branches: &[Branch], task: Task<'_>) -> Result<Vec<Curve>, SimulationError> {
+    let own = family.own()?;
+    let drift = SectionMap::new(&own)?.drift();
+    let solver = Solver::new(family, drift).of_kind(kind);
+    let starts: Vec<&Special> = branches.iter().flat_map(|b| &b.specials).filter(|s| s.kind == kind).collect();
+    let mut all: Vec<Curve> = Vec::new();
+    for (i, special) in starts.iter().enumerate() {
+        if task.is_cancelled() {
+            break;
+        }
+        let place = [special.value, family.own_place()[1]];
+        if !all.iter().any(|curve| solver.is_on(curve, place, special.period)) {
+            all.extend(solver.curve(special, task));
+        }
+        task.report(Progress::Share((i + 1) as f64 / starts.len() as f64));
+    }
+    Ok(all)
+}
+
+impl Solver<'_> {
+    /// Whether a place lies on a curve that is known.
+    fn is_on(&self, curve: &Curve, place: Place, period: u64) -> bool {
+        let ranges = self.family.ranges();
+        let passes = |pair: &[CurvePoint]| {
+            let [a, b] = pair else { return false };
+            let share = (place[1] - a.second) / (b.second - a.second);
+            let off = a.value + share * (b.value - a.value) - place[0];
+            (0.0..=1.0).contains(&share) && a.period == period && off.abs() <= SAME * ranges[0]
+        };
+        curve.points.windows(2).any(passes)
+    }
+
+    /// The curve through a special point, both ways.
+    fn curve(&self, special: &Special, task: Task<'_>) -> Option<Curve> {
+        let ranges = self.family.ranges();
+        let Trail { sought, seed } = &special.trail;
+        let node = self.within(Plane::of_number(&seed.guess, 1)).grown(seed).ok()?;
+        let beside = Spot::at(node.guess(&node.tangent, ranges, BESIDE));
+        let head = |sense: f64| {
+            let mut before = Spot::of(&node);
+            before.place[1] -= sense * ranges[1];
+            let (place, residual) = ([special.value, node.second], special.residual);
+            Head { node: node.clone(), place, residual, sought: *sought, before, beside: beside.clone() }
+        };
+        let (mut ahead, end, after) = self.advance(&head(1.0), special.kind, task);
+        let (mut points, mut ends) = (Vec::new(), [end.clone(), end.clone()]);
+        let mut turns = None;
+        if end != CLOSED {
+            let (behind, other, before) = self.advance(&head(-1.0), special.kind, task);
+            (points, ends[0]) = (behind, other);
+            points.reverse();
+            let three = before.as_ref().zip(after.as_ref());
+            turns = three.and_then(|(before, after)| self.extreme([before, &head(1.0), after], special.kind));
+        }
+        points.push(head(1.0).point());
+        if let Some((is_before, point)) = turns {
+            points.insert(points.len() - usize::from(is_before), point);
+        }
+        points.append(&mut ahead);
+        Some(Curve { kind: special.kind, points, ends })
+    }
+
+    /// The same on a plane.
+    fn within(&self, slice: Plane) -> Self {
+        Self { slice: Some(slice), drift: self.drift.clone(), ..*self }
+    }
+
+    /// Follows a curve from a point on: its points, how it ends, and the first of them.
+    fn advance(&self, start: &Head, kind: Kind, task: Task<'_>) -> (Vec<CurvePoint>, String, Option<Head>) {
+        let ranges = self.family.ranges();
+        let (mut points, mut first): (Vec<CurvePoint>, Option<Head>) = (Vec::new(), None);
+        let (mut head, mut h) = (start.clone(), FIRST);
+        let mut last: Option<Head> = None;
+        loop {
+            if task.is_cancelled() {
+                return (points, "it is interrupted".to_owned(), first);
+            }
+            if points.len() >= MOST {
+                return (points, format!("{MOST} points are computed; take shorter ranges"), first);
+            }
+            let (along, _) = head.directions(ranges);
+            let asides = if points.is_empty() { ASIDE_FIRST } else { ASIDE }.map(|aside| aside * h);
+            let slice = Plane::through(&head.node, &along, h);
+            let next = self.across(&head, kind, slice, head.node.guess(&along, ranges, h), asides).filter(|next| {
+                let (chord, length) = head.chord(&next.before, &Spot::of(&next.node), ranges);
+                points.is_empty() || length <= 2.0 * h && dot(&chord, &along) >= TURN
+            });
+            let Some(next) = next else {
+                h *= 0.5;
+                if h < SHORTEST {
+                    if let Some(point) = points.last_mut() {
+                        point.codimension_two = Some(Codimension::End);
+                    }
+                    return (points, "no such orbit is found beyond".to_owned(), first);
+                }
+                continue;
+            };
+            if !self.family.holds(next.place) {
+                points.extend(self.at_border(&head, &next, kind, asides).map(|head| head.point()));
+                return (points, "the end of the range".to_owned(), first);
+            }
+            let turns = last.as_ref().and_then(|last| self.extreme([last, &head, &next], kind));
+            if let Some((is_before, point)) = turns {
+                points.insert(points.len() - usize::from(is_before), point);
+            }
+            points.push(next.point());
+            first.get_or_insert_with(|| next.clone());
+            if points.len() > FEWEST && self.is_between(start, &head, &next) {
+                return (points, CLOSED.to_owned(), first);
+            }
+            h = (GROWTH * h).min(LONGEST);
+            last = Some(std::mem::replace(&mut head, next));
+            if head.node.course.clearance() < CLEAR {
+                let phase = head.node.course.quiet(head.node.phase);
+                if let Some(led) = self.led(&head, kind, phase) {
+                    head = led;
+                    last = last.and_then(|last| self.led(&last, kind, phase));
+                }
+            }
+        }
+    }
+
+    /// The special point on a slice, looked for across the curve on both sides of a guess.
+    fn across(&self, from: &Head, kind: Kind, slice: Plane, guess: Guess, asides: [f64; 3]) -> Option<Head> {
+        let ranges = self.family.ranges();
+        let (_, across) = from.directions(ranges);
+        let offset = {
+            let y = from.node.unknowns.between(&from.node.orbit.section.x, &guess.section.x);
+            let [p, s] = [0, 1].map(|i| (guess.place[i] - from.node.place()[i]) / ranges[i]);
+            y.dot(&across.y) + p * across.p + s * across.s
+        };
+        let solver = self.within(slice);
+        let at = |aside: f64| {
+            let change = from.node.unknowns.lifted(&across.y);
+            let mut guess = guess.clone();
+            guess.section.x.iter_mut().zip(&change).for_each(|(x, c)| *x += aside * c);
+            guess.place[0] += aside * across.p * ranges[0];
+            guess.place[1] += aside * across.s * ranges[1];
+            solver.at(guess, Some(&Plane::through(&from.node, &across, offset + aside)), 1.0).ok()
+        };
+        let located = asides.into_iter().find_map(|aside| {
+            let a = at(-aside)?;
+            let other = || at(aside);
+            match from.sought {
+                Sought::Root => {
+                    let b = other()?;
+                    let is_passed = kind.test(&a) * kind.test(&b) < 0.0;
+                    if is_passed { solver.root(&a, &b, &|node| kind.test(node)) } else { None }
+                }
+                Sought::Limit(key) => {
+                    let is_same = |node: &Node| Change::of(&from.node.course, &node.course) == Change::None;
+                    let way = (a.tangent.clone(), 3.0 * aside);
+                    solver.limit(&a, &way, &|node| key.at(node).filter(|_| is_same(node)))
+                }
+                Sought::Edge => {
+                    let b = other()?;
+                    let is_passed = rests(&a) == rests(&from.node) && rests(&b) != rests(&a);
+                    if is_passed { solver.edge(&a, &b, &|node| rests(node) == rests(&a)) } else { None }
+                }
+            }
+            .filter(|located| located.error <= LOCATED)
+        })?;
+        let residual = located.residual.max(located.error);
+        let (node, place) = (located.node, [located.value, located.second]);
+        let beside = Spot::at(node.guess(&node.tangent, ranges, BESIDE));
+        Some(Head { before: Spot::of(&from.node), beside, place, residual, sought: from.sought, node })
+    }
+
+    /// The point at which a curve leaves the ranges, between two of its points.
+    fn at_border(&self, from: &Head, to: &Head, kind: Kind, asides: [f64; 3]) -> Option<Head> {
+        let (inside, outside) = (from.place, to.place);
+        let borders = self.family.borders();
+        let share = |i: usize| {
+            let border = if outside[i] > inside[i] { borders[i][1] } else { borders[i][0] };
+            ((border - inside[i]) / (outside[i] - inside[i]), border)
+        };
+        let passed = (0..2).map(|i| (i, share(i))).filter(|(_, (share, _))| (0.0..=1.0).contains(share));
+        let (i, (share, border)) = passed.min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
+        let (chord, length) = from.chord(&Spot::of(&from.node), &Spot::of(&to.node), self.family.ranges());
+        let mut guess = from.node.guess(&chord, self.family.ranges(), share * length);
+        guess.place[i] = border;
+        let slice = Plane::of_number(&guess, i);
+        let mut head = self.across(from, kind, slice, guess, asides)?;
+        head.place[i] = border;
+        Some(head).filter(|head| self.family.holds(head.place))
+    }
+
+    /// The point at which the second number is largest or least, if it is so between the first and the last of three points; and whether it
+    /// lies before the second of them.
+    fn extreme(&self, [first, middle, last]: [&Head; 3], kind: Kind) -> Option<(bool, CurvePoint)> {
+        let rises = |a: &Head, b: &Head, i: usize| b.place[i] > a.place[i];
+        if rises(first, middle, 1) == rises(middle, last, 1) {
+            return None;
+        }
+        let ranges = self.family.ranges();
+        let (chord, length) = first.chord(&Spot::of(&first.node), &Spot::of(&last.node), ranges);
+        let (way, part) = first.chord(&Spot::of(&first.node), &Spot::of(&middle.node), ranges);
+        let mut known = vec![(0.0, first.clone()), (part * dot(&way, &chord), middle.clone()), (length, last.clone())];
+        // A parabola through the three points about the best one.
+        let vertex = |known: &[(f64, Head)], i: usize| {
+            let [(a, fa), (b, fb), (c, fc)] = [0, 1, 2].map(|k| (known[k].0, known[k].1.place[i]));
+            let (left, right) = ((fb - fa) / (b - a), (fc - fb) / (c - b));
+            0.5 * (a + b) - 0.5 * left * (c - a) / (right - left)
+        };
+        for _ in 0..TURNS {
+            let t = vertex(&known, 1);
+            let nearest = known.iter().map(|(place, _)| (place - t).abs()).fold(f64::INFINITY, f64::min);
+            if nearest <= TURNED * length || !(known[0].0..=known[2].0).contains(&t) {
+                break;
+            }
+            let slice = Plane::through(&first.node, &chord, t);
+            let guess = first.node.guess(&chord, ranges, t);
+            let Some(head) = self.across(first, kind, slice, guess, ASIDE.map(|aside| aside * length)) else { break };
+            known.push((t, head));
+            known.sort_by(|a, b| (a.0 - t).abs().total_cmp(&(b.0 - t).abs()));
+            known.truncate(3);
+            known.sort_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        let t = vertex(&known, 1);
+        let is_cusp = (vertex(&known, 0) - t).abs() <= CUSP * length;
+        let (_, head) = known.into_iter().min_by(|a, b| (a.0 - t).abs().total_cmp(&(b.0 - t).abs()))?;
+        let codimension_two = Some(if is_cusp { Codimension::Cusp } else { Codimension::Turn });
+        Some((t < part * dot(&way, &chord), CurvePoint { codimension_two, ..head.point() }))
+    }
+
+    /// Whether a curve passes its start between two points.
+    fn is_between(&self, start: &Head, a: &Head, b: &Head) -> bool {
+        let ranges = self.family.ranges();
+        let [at, from, to] = [start, a, b].map(|head| [head.place[0] / ranges[0], head.place[1] / ranges[1]]);
+        let (way, off) = ([to[0] - from[0], to[1] - from[1]], [at[0] - from[0], at[1] - from[1]]);
+        let squared = way[0] * way[0] + way[1] * way[1];
+        let share = (way[0] * off[0] + way[1] * off[1]) / squared;
+        let aside = (way[0] * off[1] - way[1] * off[0]).abs() / squared;
+        let is_near = || {
+            let (_, length) = start.chord(&Spot::of(&a.node), &Spot::of(&b.node), ranges);
+            let (_, apart) = start.chord(&Spot::of(&a.node), &Spot::of(&start.node), ranges);
+            a.node.phase != start.node.phase || apart <= 1.5 * length
+        };
+        (0.0..=1.0).contains(&share) && aside <= 0.1 && is_near()
+    }
+
+    /// The same point with its section at another phase.
+    fn led(&self, head: &Head, kind: Kind, phase: f64) -> Option<Head> {
+        let ranges = self.family.ranges();
+        let lead = |spot: &Spot| {
+            let simulation = self.family.train(spot.place).ok()?;
+            let map = SectionMap::new(&simulation).ok()?.at_phase(head.node.phase);
+            Some(Spot { section: map.lead(&spot.section, &map.at_phase(phase)).ok()?, place: spot.place })
+        };
+        // The neighbour has to be an orbit.
+        let (along, across) = head.directions(ranges);
+        let solver = self.within(Plane::through(&head.node, &along, 0.0));
+        let plane = Plane::through(&head.node, &across, BESIDE);
+        let beside = solver.at(head.node.guess(&across, ranges, BESIDE), Some(&plane), 1.0).ok()?;
+        let (here, before, beside) = (lead(&Spot::of(&head.node))?, lead(&head.before)?, lead(&Spot::of(&beside))?);
+        let (along, _) = head.chord(&before, &here, ranges);
+        let (across, _) = head.chord(&here, &beside, ranges);
+        let shift = head.node.shift + u64::from(phase < head.node.phase);
+        let guess = Guess { section: here.section, phase, shift, by: None, ..head.node.at() };
+        let plane =
+            |direction: &Direction| Plane { x: guess.section.x.clone(), ..Plane::through(&head.node, direction, 0.0) };
+        let solver = self.within(plane(&along)).of_kind(kind);
+        let node = solver.at(guess.clone(), Some(&plane(&across)), 1.0).ok()?;
+        // What vanishes has another place in the course.
+        let period = node.orbit.period as f64;
+        let moved = |i: usize| {
+            let at = (head.node.course.times[i] - (phase - head.node.phase).rem_euclid(1.0)).rem_euclid(period);
+            let off = |k: usize| {
+                let off = (node.course.times[k] - at).abs();
+                off.min(period - off)
+            };
+            let same = |k: &usize| node.course.letters[*k].token == head.node.course.letters[i].token;
+            (0..node.course.times.len()).filter(same).min_by(|a, b| off(*a).total_cmp(&off(*b)))
+        };
+        let sought = match head.sought {
+            Sought::Limit(key) => Sought::Limit(key.moved(&moved)?),
+            other => other,
+        };
+        Some(Head { node, before, beside, sought, ..head.clone() })
+    }
+}
