@@ -178,7 +178,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("accuracy", 2550),
     ("analysis", 1950),
     ("baseline", 1500),
-    ("branch", 1750),
+    ("branch", 2450),
     ("cli", 2100),
     ("engine", 1650),
     ("ensemble", 100),

@@ -3,7 +3,7 @@
 
 use flank::{
     Simulation, Task,
-    branch::{Branch, Continuation, Family, Kind, Special},
+    branch::{Branch, Codimension, Continuation, Curve, CurvePoint, Family, Kind, Special, curves},
     orbit::{Search, SectionMap},
     scene::Scene,
     simulation::Parameter,
@@ -322,4 +322,88 @@ fn minima_are_where_a_polynomial_begins_to_rise() {
     assert!((found[0] - 0.2).abs() <= 1e-9 && (found[1] - 0.7).abs() <= 1e-9, "{found:?}");
     assert!(flank::poly::minima(&[1.0, -1.0, -0.1, 0.02]).is_empty());
     assert!(flank::poly::minima(&[0.0, 1.0, -1.0]).is_empty());
+}
+
+/// The curves of `kind` of `scene` in the plane of two numbers.
+fn plane(scene: &Value, kind: Kind, first: (&str, [f64; 2]), second: (&str, [f64; 2])) -> Vec<Curve> {
+    let scene = Scene::from_value(scene.clone(), "test").unwrap();
+    let number = |pointer: &str| Parameter::new(scene.resolved(), &[pointer]).unwrap();
+    let family = Family::new(&scene, number(first.0), first.1).unwrap().with(number(second.0), second.1).unwrap();
+    let asked = Continuation { doublings: 0, ..Continuation::default() };
+    let branches = asked.run(&family, &mut |_| Ok(()), Task::default()).unwrap().branches;
+    curves(&family, kind, &branches, Task::default()).unwrap()
+}
+
+/// Grazes of free motions, on both sides of the resonance, in the plane of frequency and load: closed forms of the amplitude.
+#[test]
+fn grazes_have_the_curves_of_their_closed_forms() {
+    let (zeta, error) = (0.05f64, 0.05f64);
+    let scene = pair(zeta, 0.1, error, 0.6, [1.1, 0.0]);
+    let found = plane(&scene, Kind::GrazingSoft, (FREQUENCY, [0.5, 1.6]), ("/train/mean_load", [0.02, 0.4]));
+    assert_eq!(found.len(), 2);
+    let amplitude = |w: f64| error * w * w / (1.0 - w * w).hypot(2.0 * zeta * w);
+    for point in found.iter().flat_map(|curve| &curve.points) {
+        assert!((point.second - amplitude(point.value)).abs() <= 1e-11, "{point:?}");
+        assert!(point.codimension_two.is_none() && point.residual <= 1e-9);
+    }
+    for curve in &found {
+        let [first, last] = [curve.points[0].clone(), curve.points.last().unwrap().clone()];
+        let on_border = |p: &CurvePoint| [0.5, 1.6].contains(&p.value) || [0.02, 0.4].contains(&p.second);
+        assert!(on_border(&first) && on_border(&last), "{:?}", curve.ends);
+    }
+    // A rigid wall, from the free motion and from the impacts.
+    for (frequency, off) in [(1.9, 1e-11), (1.6, 1e-9)] {
+        let law = json!({ "kind": "rigid", "restitution": 0.7 });
+        let scene = wall(0.1, 0.5, 0.0, &law, frequency, [0.0, 0.0]);
+        let second = ("/train/wall/position_m", [0.4, 0.7]);
+        let found = plane(&scene, Kind::GrazingRigid, (FORCING, [1.4, 2.2]), second);
+        assert_eq!(found.len(), 1);
+        assert!(found[0].points.len() > 10);
+        for point in &found[0].points {
+            let amplitude = 1.0 / (1.0 - point.value * point.value).hypot(0.1 * point.value);
+            assert!((point.second - amplitude).abs() <= off, "{point:?} {amplitude}");
+        }
+    }
+}
+
+/// Both folds of a response lie on one curve with a cusp, where the response ceases to bend over. Beside the cusp there are two folds on one
+/// side and none on the other.
+#[test]
+fn folds_meet_at_a_cusp() {
+    let scene = pair(0.05, 0.1, 0.05, 0.6, [1.1, 0.0]);
+    let found = plane(&scene, Kind::Fold, (FREQUENCY, [0.6, 1.2]), ("/train/mean_load", [0.08, 0.6]));
+    assert_eq!(found.len(), 1);
+    let special: Vec<&CurvePoint> = found[0].points.iter().filter(|point| point.codimension_two.is_some()).collect();
+    let [cusp] = special[..] else { panic!("{special:?}") };
+    assert_eq!(cusp.codimension_two, Some(Codimension::Cusp));
+    let folds = |load: f64| {
+        let branches = follow(&pair(0.05, load, 0.05, 0.6, [1.1, 0.0]), &[FREQUENCY], [0.6, 1.2], 0);
+        specials(&branches).into_iter().filter(|special| special.kind == Kind::Fold).count()
+    };
+    assert_eq!((folds(cusp.second - 1e-3), folds(cusp.second + 1e-3)), (2, 0));
+}
+
+/// Points of the curves of a doubling and of the end of a rest are those that a branch at their second number has.
+#[test]
+fn points_of_curves_are_special_points_of_branches() {
+    let rigid = |restitution: f64| json!({ "kind": "rigid", "restitution": restitution });
+    let doubling = wall(0.0, 0.0, 0.0, &rigid(0.8), 2.5, [-0.7, 0.1]);
+    let rest = wall(0.2, 0.0, 0.0, &rigid(0.0), 1.0, [-0.3, 0.1]);
+    for (scene, kind, ends, (pointer, range)) in [
+        (doubling, Kind::PeriodDoubling, [2.4, 2.75], ("/train/law/restitution", [0.6, 0.9])),
+        (rest, Kind::Stick, [0.8, 2.4], ("/train/load_n", [-0.2, 0.1])),
+    ] {
+        let found = plane(&scene, kind, (FORCING, ends), (pointer, range));
+        assert_eq!(found.len(), 1, "{kind:?}");
+        let points = &found[0].points;
+        for point in [&points[1], &points[points.len() / 2], &points[points.len() - 2]] {
+            let mut other = scene.clone();
+            *other.pointer_mut(pointer).unwrap() = json!(point.second);
+            let branches = follow(&other, &[FORCING], ends, 0);
+            let off = |special: &&Special| (special.value - point.value).abs();
+            let nearest =
+                specials(&branches).into_iter().filter(|s| s.kind == kind).map(|s| off(&s)).fold(1.0, f64::min);
+            assert!(nearest <= 1e-11, "{kind:?} {point:?} {nearest}");
+        }
+    }
 }

@@ -3,12 +3,12 @@
 use super::{
     family::Family,
     follow::Change,
-    node::{Direction, Guess, Node, Place, Plane, Solver},
+    node::{Direction, Guess, Node, Place, Plane, Solver, Spot},
     run::Branch,
     special::{Kind, Sought, Special, Trail, rests},
 };
 use crate::{
-    orbit::{Section, SectionMap},
+    orbit::SectionMap,
     simulation::SimulationError,
     task::{Progress, Task},
 };
@@ -22,12 +22,16 @@ const GROWTH: f64 = 1.3;
 /// How far aside of the guess a point is looked for, in steps: of the first step, whose direction is not known yet, and of the others.
 const ASIDE_FIRST: [f64; 3] = [1.0, 4.0, 15.0];
 const ASIDE: [f64; 3] = [0.3, 1.0, 3.0];
+/// Distance of the orbit that a limit is taken from, in that of the one before.
+const FROM: [f64; 3] = [1.0, 4.0, 0.3];
 /// Cosine of the turn that a step may make: 18°.
 const TURN: f64 = 0.95;
 /// Points of a curve in one direction at most.
 const MOST: usize = 500;
 /// Largest residual of a point that counts.
 const LOCATED: f64 = 1e-9;
+/// Distance, in ranges, of the last orbit before a limit from it.
+const NEAR: f64 = 1e-6;
 /// Two points nearer than this, in ranges, are one.
 const SAME: f64 = 1e-3;
 /// Cycles that events are kept away from the section, if they can be.
@@ -95,13 +99,6 @@ pub struct Curve {
     pub ends: [String; 2],
 }
 
-/// A state at numbers.
-#[derive(Clone, Debug)]
-struct Spot {
-    section: Section,
-    place: Place,
-}
-
 /// Where a curve has come to.
 #[derive(Clone)]
 struct Head {
@@ -113,16 +110,8 @@ struct Head {
     before: Spot,
     /// A neighbour on the side to which the special point is passed.
     beside: Spot,
-}
-
-impl Spot {
-    fn of(node: &Node) -> Self {
-        Self::at(node.at())
-    }
-
-    fn at(guess: Guess) -> Self {
-        Self { section: guess.section, place: guess.place }
-    }
+    /// The orbit that a limit was taken from.
+    from: Option<Spot>,
 }
 
 impl Head {
@@ -195,14 +184,15 @@ impl Solver<'_> {
     /// The curve through a special point, both ways.
     fn curve(&self, special: &Special, task: Task<'_>) -> Option<Curve> {
         let ranges = self.family.ranges();
-        let Trail { sought, seed } = &special.trail;
+        let Trail { sought, seed, from } = &special.trail;
         let node = self.within(Plane::of_number(&seed.guess, 1)).grown(seed).ok()?;
         let beside = Spot::at(node.guess(&node.tangent, ranges, BESIDE));
         let head = |sense: f64| {
             let mut before = Spot::of(&node);
             before.place[1] -= sense * ranges[1];
             let (place, residual) = ([special.value, node.second], special.residual);
-            Head { node: node.clone(), place, residual, sought: *sought, before, beside: beside.clone() }
+            let (beside, from) = (beside.clone(), from.clone());
+            Head { node: node.clone(), place, residual, sought: *sought, before, beside, from }
         };
         let (mut ahead, end, after) = self.advance(&head(1.0), special.kind, task);
         let (mut points, mut ends) = (Vec::new(), [end.clone(), end.clone()]);
@@ -292,12 +282,21 @@ impl Solver<'_> {
             y.dot(&across.y) + p * across.p + s * across.s
         };
         let solver = self.within(slice);
+        // A limit is taken from an orbit beside that of the last point, any other point lies between two across the curve.
+        let here = Spot::of(&from.node);
+        let back = from.from.as_ref().map(|spot| from.chord(&here, spot, ranges));
+        let back = back.map(|(way, length)| (dot(&way, &across).abs() * length, way)).filter(|(aside, _)| *aside > 0.0);
+        let asides = back.as_ref().map_or(asides, |(aside, _)| FROM.map(|share| share * aside.max(asides[0])));
         let at = |aside: f64| {
-            let change = from.node.unknowns.lifted(&across.y);
+            let (way, far) = match &back {
+                Some((_, way)) => (way, -aside / dot(way, &across).abs()),
+                None => (&across, aside),
+            };
+            let change = from.node.unknowns.lifted(&way.y);
             let mut guess = guess.clone();
-            guess.section.x.iter_mut().zip(&change).for_each(|(x, c)| *x += aside * c);
-            guess.place[0] += aside * across.p * ranges[0];
-            guess.place[1] += aside * across.s * ranges[1];
+            guess.section.x.iter_mut().zip(&change).for_each(|(x, c)| *x += far * c);
+            guess.place[0] += far * way.p * ranges[0];
+            guess.place[1] += far * way.s * ranges[1];
             solver.at(guess, Some(&Plane::through(&from.node, &across, offset + aside)), 1.0).ok()
         };
         let located = asides.into_iter().find_map(|aside| {
@@ -320,12 +319,14 @@ impl Solver<'_> {
                     if is_passed { solver.edge(&a, &b, &|node| rests(node) == rests(&a)) } else { None }
                 }
             }
-            .filter(|located| located.error <= LOCATED)
+            .filter(|located| {
+                located.error <= LOCATED && (located.value - located.node.value).abs() <= NEAR * ranges[0]
+            })
         })?;
         let residual = located.residual.max(located.error);
         let (node, place) = (located.node, [located.value, located.second]);
         let beside = Spot::at(node.guess(&node.tangent, ranges, BESIDE));
-        Some(Head { before: Spot::of(&from.node), beside, place, residual, sought: from.sought, node })
+        Some(Head { before: here, beside, place, residual, sought: from.sought, from: located.from, node })
     }
 
     /// The point at which a curve leaves the ranges, between two of its points.
@@ -438,6 +439,7 @@ impl Solver<'_> {
             Sought::Limit(key) => Sought::Limit(key.moved(&moved)?),
             other => other,
         };
-        Some(Head { node, before, beside, sought, ..head.clone() })
+        let from = head.from.as_ref().and_then(lead);
+        Some(Head { node, before, beside, sought, from, ..head.clone() })
     }
 }

@@ -1,6 +1,6 @@
 //! Special points: the orbit on a branch at which a function of it is zero.
 
-use super::node::{Direction, Guess, Node, Place, Plane, Solver};
+use super::node::{Direction, Guess, Node, Place, Plane, Solver, Spot};
 
 /// Orbits solved for at most.
 const MOST: usize = 40;
@@ -10,6 +10,8 @@ const BISECTIONS: usize = 44;
 const USED: usize = 7;
 /// Share of the way to an expected limit that the next orbit takes.
 const SHARE: f64 = 0.75;
+/// The same of the last one.
+const CLOSE: f64 = 1.0 - 1e-6;
 
 /// A point that is located.
 #[derive(Clone, Debug)]
@@ -20,6 +22,8 @@ pub struct Located {
     pub second: f64,
     /// The orbit there, or the last one before.
     pub node: Node,
+    /// The orbit that a limit was taken from.
+    pub from: Option<Spot>,
     /// How far the values may be off, in ranges.
     pub error: f64,
     /// Distance between the ends of the orbit, in scales; none of a limit.
@@ -28,7 +32,7 @@ pub struct Located {
 
 impl Located {
     fn of(node: Node, error: f64) -> Self {
-        Self { value: node.value, second: node.second, error, residual: node.orbit.residual, node }
+        Self { value: node.value, second: node.second, from: None, error, residual: node.orbit.residual, node }
     }
 }
 
@@ -201,7 +205,16 @@ impl Solver<'_> {
             }
         }
         let ([value, second], error) = found.filter(|(_, error)| error.is_finite())?;
-        Some(Located { value, second, error, residual: 0.0, node: last })
+        // The orbit itself is wanted too: one as near as can be.
+        let (low, expected) = (places[places.len() - 1].1, at_zero(&places[places.len().saturating_sub(USED)..]));
+        let s = low + CLOSE * (expected - low);
+        if s > low
+            && let Some(node) = self.on(a, row, s, extended(&nodes[nodes.len().saturating_sub(USED)..], s))
+            && g(&node).is_some_and(|value| value > 0.0 && value < places[places.len() - 1].0)
+        {
+            last = node;
+        }
+        Some(Located { value, second, from: Some(Spot::of(a)), error, residual: 0.0, node: last })
     }
 
     /// The last orbit on the way from `a` to `b` for which `is_same` holds, by bisection.

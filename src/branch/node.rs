@@ -80,7 +80,7 @@ pub struct Node {
     pub tangent: Direction,
     /// How the end of the period moves with the numbers, its start held; in ranges, `[dim, numbers]`.
     pub by: DMatrix<f64>,
-    /// `det(J − I)` and `det(J + I)` over the unknowns.
+    /// `det(I − J)` and `det(I + J)` over the unknowns.
     pub fold: f64,
     /// The latter.
     pub flip: f64,
@@ -105,6 +105,27 @@ pub struct Plane {
     pub target: f64,
     /// Whether the tangent at the point is wanted.
     pub goes_on: bool,
+}
+
+/// A state at numbers.
+#[derive(Clone, Debug)]
+pub struct Spot {
+    /// The state.
+    pub section: Section,
+    /// The numbers.
+    pub place: Place,
+}
+
+impl Spot {
+    /// That of a node.
+    pub fn of(node: &Node) -> Self {
+        Self::at(node.at())
+    }
+
+    /// That of a guess.
+    pub fn at(guess: Guess) -> Self {
+        Self { section: guess.section, place: guess.place }
+    }
 }
 
 /// An orbit that is solved for anew: it lies on a plane through the guess.
@@ -335,7 +356,8 @@ impl<'f> Solver<'f> {
                     rows.swap_remove(0).0
                 };
                 let unit = DMatrix::identity(count, count);
-                let (fold, flip) = ((&reduced - &unit).determinant(), (&reduced + &unit).determinant());
+                // What is latched adds a multiplier of zero to some orbits: it must not change a sign.
+                let (fold, flip) = ((&unit - &reduced).determinant(), (&unit + &reduced).determinant());
                 let course = Course::new(&map, &section, period)?;
                 let orbit = Orbit::of(section, image, &unknowns, period, residual, condition);
                 let ([value, second], by) = (place, std::mem::take(by));

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     follow::{Change, Trace, Vanishing, vanishing},
     locate::{Located, limit},
-    node::{Guess, Node, Plane, Seed, Solver},
+    node::{Guess, Node, Plane, Seed, Solver, Spot},
 };
 use crate::{gear::contact::Law, hybrid::Watch};
 
@@ -24,7 +24,7 @@ const BEYOND: f64 = 1.1;
 /// Largest residual of a point that counts as located, in scales and ranges.
 const LOCATED: f64 = 1e-9;
 /// Steps, in scales, in which the branch is looked for that another one is born from.
-const PARENT: [f64; 4] = [3e-3, 1e-3, 1e-2, 3e-4];
+const PARENT: [f64; 6] = [3e-3, 1e-3, 1e-2, 3e-4, 3e-5, 3e-6];
 /// Points before the end of a branch from which its limit is taken.
 const TOWARDS: usize = 10;
 
@@ -112,6 +112,8 @@ pub(super) struct Trail {
     pub sought: Sought,
     /// The orbit there, or the last one before.
     pub seed: Seed,
+    /// The orbit that a limit was taken from.
+    pub from: Option<Spot>,
 }
 
 /// What is zero at a special point.
@@ -147,48 +149,13 @@ impl Solver<'_> {
                 let (_, part) = a.chord(node, self.family.ranges());
                 sign * (i as f64 + (part / length).clamp(1e-9, 1.0 - 1e-9))
             };
-            let mut take = |kind: Kind, sought: Sought, located: Option<Located>| {
-                let Some(located) = located.filter(|located| located.error <= LOCATED) else {
-                    unlocated.push(format!("{} between {} and {}", kind.word(), a.value, b.value));
-                    return;
+            for (what, found) in self.between(a, b) {
+                let Some((kind, sought, located)) = found.filter(|(.., located)| located.error <= LOCATED) else {
+                    unlocated.push(format!("{what} between {} and {}", a.value, b.value));
+                    continue;
                 };
-                all.push(Passed {
-                    special: self.special(kind, sought, &located),
-                    place: place(&located.node),
-                    node: located.node,
-                    is_birth: false,
-                });
-            };
-            let change = Change::of(&a.course, &b.course);
-            let (before, after) = (a.unstable(), b.unstable());
-            let of_fold = if a.tangent.p * b.tangent.p < 0.0 { Kind::Fold } else { Kind::Symmetry };
-            let is_passed = [
-                (of_fold, a.fold * b.fold < 0.0),
-                (Kind::PeriodDoubling, a.flip * b.flip < 0.0),
-                (Kind::Torus, before[2] != after[2] && before[..2] == after[..2]),
-            ];
-            for (kind, _) in is_passed.into_iter().filter(|(_, is_passed)| *is_passed) {
-                take(kind, Sought::Root, self.of_kind(kind).root(a, b, &|node| kind.test(node)));
-            }
-            match change {
-                Change::None => {}
-                Change::Other => match self.stick(a, b) {
-                    Some((kind, located)) => take(kind, Sought::Edge, Some(located)),
-                    None => unlocated.push(format!("change of several events between {} and {}", a.value, b.value)),
-                },
-                Change::Swapped(second) => {
-                    let is_same = |node: &Node| Change::of(&a.course, &node.course) == Change::None;
-                    let key = Vanishing::Between(second);
-                    let time = |node: &Node| key.at(node).filter(|_| is_same(node));
-                    take(Kind::Coincidence, Sought::Limit(key), self.limit(a, &self.towards(a, b), &time));
-                }
-                Change::Gained(contact, is_second) => {
-                    let (free, other) = if is_second { (a, b) } else { (b, a) };
-                    match self.graze(free, other, contact) {
-                        Some((kind, key, located)) => take(kind, Sought::Limit(key), Some(located)),
-                        None => unlocated.push(format!("graze between {} and {}", a.value, b.value)),
-                    }
-                }
+                let (special, place) = (self.special(kind, sought, &located), place(&located.node));
+                all.push(Passed { special, place, node: located.node, is_birth: false });
             }
         }
         if trace.stalls {
@@ -202,6 +169,40 @@ impl Solver<'_> {
             }
         }
         (all, unlocated)
+    }
+
+    /// What is passed between two neighbours, in words, and where it is if that was found.
+    fn between(&self, a: &Node, b: &Node) -> Vec<(&'static str, Option<(Kind, Sought, Located)>)> {
+        let is_same = |node: &Node| Change::of(&a.course, &node.course) == Change::None;
+        let by_contact = match Change::of(&a.course, &b.course) {
+            Change::None => None,
+            Change::Other => Some(("change of several events", self.stick(a, b))),
+            Change::Swapped(second) => {
+                let key = Vanishing::Between(second);
+                let time = |node: &Node| key.at(node).filter(|_| is_same(node));
+                let located = self.limit(a, &self.towards(a, b), &time);
+                Some(("coincidence", located.map(|located| (Kind::Coincidence, Sought::Limit(key), located))))
+            }
+            Change::Gained(contact, is_second) => {
+                let (free, other) = if is_second { (a, b) } else { (b, a) };
+                Some(("graze", self.graze(free, other, contact)))
+            }
+        };
+        // Where the derivative jumps, a multiplier can pass a value without taking it.
+        let jumps = [Kind::GrazingRigid, Kind::GrazingDamped, Kind::Stick];
+        let jumps = by_contact.iter().filter_map(|(_, found)| found.as_ref()).any(|(kind, ..)| jumps.contains(kind));
+        let (before, after) = (a.unstable(), b.unstable());
+        let of_fold = if a.tangent.p * b.tangent.p < 0.0 { Kind::Fold } else { Kind::Symmetry };
+        let is_passed = [
+            (of_fold, a.fold * b.fold < 0.0),
+            (Kind::PeriodDoubling, a.flip * b.flip < 0.0),
+            (Kind::Torus, before[2] != after[2] && before[..2] == after[..2]),
+        ];
+        let by_multipliers = is_passed.into_iter().filter(|(_, is_passed)| *is_passed).map(|(kind, _)| {
+            let located = self.of_kind(kind).root(a, b, &|node| kind.test(node));
+            (kind.word(), located.map(|located| (kind, Sought::Root, located)))
+        });
+        by_multipliers.filter(|(_, found)| found.is_some() || !jumps).chain(by_contact).collect()
     }
 
     /// The orbit that a branch is born from between two neighbours that are the same orbit, begun elsewhere: one of half the period, at a
@@ -265,7 +266,7 @@ impl Solver<'_> {
             multiplier,
             branch: 0,
             point: 0,
-            trail: Trail { sought, seed: node.seed(&node.tangent) },
+            trail: Trail { sought, seed: node.seed(&node.tangent), from: located.from.clone() },
         }
     }
 
@@ -282,9 +283,9 @@ impl Solver<'_> {
     }
 
     /// The graze between a point and one with more events of `contact`.
-    fn graze(&self, free: &Node, other: &Node, contact: usize) -> Option<(Kind, Vanishing, Located)> {
+    fn graze(&self, free: &Node, other: &Node, contact: usize) -> Option<(Kind, Sought, Located)> {
         let is_same = |node: &Node| Change::of(&free.course, &node.course) == Change::None;
-        let mut found: Vec<(Kind, Vanishing, Located)> = Vec::new();
+        let mut found: Vec<(Kind, Sought, Located)> = Vec::new();
         let reach = |a: &Node, b: &Node| {
             let (row, length) = self.towards(a, b);
             (row, REACH * length)
@@ -294,7 +295,9 @@ impl Solver<'_> {
             let Vanishing::Low(j, watch, is_closed) = key else { continue };
             if j == contact && value > 0.0 {
                 let located = self.limit(free, &reach(free, other), &|node| key.at(node).filter(|_| is_same(node)));
-                found.extend(located.map(|located| (self.kind_of(free, j, watch, is_closed), key, located)));
+                found.extend(
+                    located.map(|located| (self.kind_of(free, j, watch, is_closed), Sought::Limit(key), located)),
+                );
             }
         }
         let range = self.family.range();
@@ -312,9 +315,8 @@ impl Solver<'_> {
             all.sort_by(|a, b| a.1.total_cmp(&b.1));
             if let Some((key, _)) = all.first() {
                 let located = self.limit(other, &reach(other, free), &|node| key.at(node).filter(|_| is_same(node)));
-                found.extend(
-                    located.filter(is_between).map(|located| (self.kind_of_events(other, *key), *key, located)),
-                );
+                let kind = self.kind_of_events(other, *key);
+                found.extend(located.filter(is_between).map(|located| (kind, Sought::Limit(*key), located)));
             }
         }
         found.into_iter().min_by(|a, b| a.2.error.total_cmp(&b.2.error))
@@ -322,7 +324,7 @@ impl Solver<'_> {
 
     /// The end of a rest between two points of which one has more rests. A sequence of impacts whose number grows without end leads to it:
     /// the time that is left of the rest is no smooth function of the parameter there.
-    fn stick(&self, a: &Node, b: &Node) -> Option<(Kind, Located)> {
+    fn stick(&self, a: &Node, b: &Node) -> Option<(Kind, Sought, Located)> {
         let (rest, other) = match rests(a).cmp(&rests(b)) {
             std::cmp::Ordering::Less => (b, a),
             std::cmp::Ordering::Greater => (a, b),
@@ -330,7 +332,7 @@ impl Solver<'_> {
         };
         // How many impacts stand before a rest may change on the way.
         let located = self.edge(rest, other, &|node| rests(node) == rests(rest))?;
-        Some((Kind::Stick, located))
+        Some((Kind::Stick, Sought::Edge, located))
     }
 
     fn kind_of_events(&self, node: &Node, key: Vanishing) -> Kind {
@@ -374,8 +376,9 @@ impl Solver<'_> {
         let (row, length) = self.towards(far, last);
         let closer = self.limit(far, &(row, BEYOND * length), &|node| key.at(node).filter(|_| is_same(node)));
         let closer = closer.filter(|located| located.error < error && (located.value - value).abs() <= 1e-6 * range);
+        let (second, from) = (last.second, Some(Spot::of(far)));
         let located =
-            closer.unwrap_or_else(|| Located { value, second: last.second, error, residual: 0.0, node: last.clone() });
+            closer.unwrap_or_else(|| Located { value, second, from, error, residual: 0.0, node: last.clone() });
         let place = sign * trace.nodes.len() as f64;
         let special = self.special(kind, Sought::Limit(key), &located);
         Some(Passed { special, node: located.node, place, is_birth: false })
