@@ -3,7 +3,7 @@
 
 use flank::{
     Simulation, Task,
-    branch::{Branch, Codimension, Continuation, Curve, CurvePoint, Family, Kind, Special, curves},
+    branch::{Branch, Codimension, Continuation, Curve, CurvePoint, Family, Followed, Kind, Special, curves},
     orbit::{Search, SectionMap},
     scene::Scene,
     simulation::Parameter,
@@ -15,7 +15,7 @@ fn follow(scene: &Value, pointers: &[&str], ends: [f64; 2], doublings: u32) -> V
     let parameter = Parameter::new(scene.resolved(), pointers).unwrap();
     let asked = Continuation { doublings, ..Continuation::default() };
     let family = Family::new(&scene, parameter, ends).unwrap();
-    asked.run(&family, &mut |_| Ok(()), Task::default()).unwrap().branches
+    asked.run(&family, None, &mut |_| Ok(()), Task::default()).unwrap().branches
 }
 
 fn specials(branches: &[Branch]) -> Vec<&Special> {
@@ -330,8 +330,8 @@ fn plane(scene: &Value, kind: Kind, first: (&str, [f64; 2]), second: (&str, [f64
     let number = |pointer: &str| Parameter::new(scene.resolved(), &[pointer]).unwrap();
     let family = Family::new(&scene, number(first.0), first.1).unwrap().with(number(second.0), second.1).unwrap();
     let asked = Continuation { doublings: 0, ..Continuation::default() };
-    let branches = asked.run(&family, &mut |_| Ok(()), Task::default()).unwrap().branches;
-    curves(&family, kind, &branches, Task::default()).unwrap()
+    let branches = asked.run(&family, None, &mut |_| Ok(()), Task::default()).unwrap().branches;
+    curves(&family, kind, &branches, Vec::new(), &mut |_| Ok(()), Task::default()).unwrap()
 }
 
 /// Grazes of free motions, on both sides of the resonance, in the plane of frequency and load: closed forms of the amplitude.
@@ -405,5 +405,26 @@ fn points_of_curves_are_special_points_of_branches() {
                 specials(&branches).into_iter().filter(|s| s.kind == kind).map(|s| off(&s)).fold(1.0, f64::min);
             assert!(nearest <= 1e-11, "{kind:?} {point:?} {nearest}");
         }
+    }
+}
+
+/// Work that is broken off after any branch, kept as a file and gone on with, gives the same numbers to the last bit.
+#[test]
+fn work_that_is_broken_off_goes_on() {
+    let scene = Scene::from_value(pair(0.05, 0.1, 0.2, 0.9, [1.1, 0.0]), "test").unwrap();
+    let parameter = Parameter::new(scene.resolved(), &[FREQUENCY]).unwrap();
+    let family = Family::new(&scene, parameter, [0.75, 1.0]).unwrap();
+    let asked = Continuation { doublings: 2, ..Continuation::default() };
+    let mut kept: Vec<String> = Vec::new();
+    let mut each = |so_far: &Followed| {
+        kept.push(serde_json::to_string(so_far).unwrap());
+        Ok(())
+    };
+    let whole = asked.run(&family, None, &mut each, Task::default()).unwrap();
+    assert!(whole.branches.len() >= 3, "{}", whole.branches.len());
+    for text in &kept[..kept.len() - 1] {
+        let earlier: Followed = serde_json::from_str(text).unwrap();
+        let again = asked.run(&family, Some(earlier), &mut |_| Ok(()), Task::default()).unwrap();
+        assert_eq!(format!("{:?}", again.branches), format!("{:?}", whole.branches));
     }
 }

@@ -157,3 +157,43 @@ fn a_branch_is_two_tables_and_a_picture() {
         assert!(!folder.path().join("none").exists());
     }
 }
+
+/// Curves are a table and a picture; a command that was broken off goes on where it was, and another one does not.
+#[test]
+fn curves_are_a_table_and_a_picture_and_work_goes_on() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("curves");
+    let axes = ["--vary", "/train/transmission_error/0/frequency=0.6:0.9", "--doublings", "0"];
+    let second = ["--follow", "period-doubling", "--second", "/train/mean_load=0.05:0.2"];
+    let words: Vec<&str> = ["continue", PAIR].into_iter().chain(axes).chain(second).collect();
+    flank(&words, &out).code(0);
+    let table = fs::read_to_string(out.join("curves.csv")).unwrap();
+    assert!(table.starts_with("curve,kind,parameter,second,period_cycles,word,codimension_two"));
+    assert!(table.lines().count() > 10 && table.lines().skip(1).all(|line| line.contains(",period-doubling,")));
+    assert!(fs::read_to_string(out.join("curves.svg")).unwrap().starts_with("<svg"));
+    // What an interrupt leaves: branches, and neither curves nor an end.
+    let files = ["branches.csv", "special.csv", "branches.svg", "curves.csv", "curves.svg", "continue.json"];
+    let whole: Vec<Vec<u8>> = files.iter().map(|name| fs::read(out.join(name)).unwrap()).collect();
+    let mut state = json(&out.join("continue.json"));
+    (state["finished"], state["curves"]) = (false.into(), Value::Array(Vec::new()));
+    fs::write(out.join("continue.json"), state.to_string()).unwrap();
+    fs::write(out.join("curves.csv.part"), "half a li").unwrap();
+    let resumed: Vec<&str> = words.iter().copied().chain(["--resume"]).collect();
+    flank(&resumed, &out).code(0);
+    for (name, bytes) in files.iter().zip(&whole) {
+        assert_eq!(&fs::read(out.join(name)).unwrap(), bytes, "{name}");
+    }
+    let again = flank(&resumed, &out).code(0);
+    assert!(String::from_utf8_lossy(&again.get_output().stdout).contains("whole"));
+    let other: Vec<&str> = resumed.iter().map(|word| if *word == "0" { "1" } else { word }).collect();
+    let refused = flank(&other, &out).code(2);
+    assert!(String::from_utf8_lossy(&refused.get_output().stderr).contains("doublings"));
+    for (second, reason) in [
+        ("/train/transmission_error/0/frequency=0.6:0.9", "one of the first numbers"),
+        ("/train/mean_load=0.2:0.3", "own value"),
+    ] {
+        let words = ["continue", PAIR, axes[0], axes[1], "--follow", "fold", "--second", second];
+        let refused = flank(&words, &folder.path().join("none")).code(2);
+        assert!(String::from_utf8_lossy(&refused.get_output().stderr).contains(reason), "{reason}");
+    }
+}

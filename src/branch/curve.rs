@@ -1,5 +1,7 @@
 //! Special points followed in a second number: curves in the plane of both.
 
+use serde::{Deserialize, Serialize};
+
 use super::{
     family::Family,
     follow::Change,
@@ -49,7 +51,7 @@ const FEWEST: usize = 3;
 const CLOSED: &str = "it comes back to its start";
 
 /// What makes a point of a curve special in its turn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Codimension {
     /// The curve has a cusp: both numbers turn at once.
     Cusp,
@@ -72,7 +74,7 @@ impl Codimension {
 }
 
 /// A point of a curve.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct CurvePoint {
     /// Value of the parameter.
     pub value: f64,
@@ -89,7 +91,7 @@ pub struct CurvePoint {
 }
 
 /// Special points of one kind along a second number.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Curve {
     /// What changes there.
     pub kind: Kind,
@@ -145,23 +147,36 @@ fn dot(a: &Direction, b: &Direction) -> f64 {
     a.y.dot(&b.y) + a.p * b.p + a.s * b.s
 }
 
-/// The special points of `kind` on `branches` of `family`, which has a second number, along that number.
+/// The special points of `kind` on `branches` of `family`, which has a second number, along that number; or what is left of that after
+/// `earlier` curves. `each` is told of every curve that is finished.
 ///
 /// # Errors
-/// [`SimulationError`] if the scene's own train cannot be built.
-pub fn curves(family: &Family, kind: Kind, branches: &[Branch], task: Task<'_>) -> Result<Vec<Curve>, SimulationError> {
+/// [`SimulationError`] if the scene's own train cannot be built, or what `each` returns.
+pub fn curves(
+    family: &Family,
+    kind: Kind,
+    branches: &[Branch],
+    earlier: Vec<Curve>,
+    each: &mut dyn FnMut(&[Curve]) -> Result<(), SimulationError>,
+    task: Task<'_>,
+) -> Result<Vec<Curve>, SimulationError> {
     let own = family.own()?;
-    let drift = SectionMap::new(&own)?.drift();
-    let solver = Solver::new(family, drift).of_kind(kind);
+    let solver = Solver::new(family, SectionMap::new(&own)?.drift()).of_kind(kind);
     let starts: Vec<&Special> = branches.iter().flat_map(|b| &b.specials).filter(|s| s.kind == kind).collect();
-    let mut all: Vec<Curve> = Vec::new();
+    let mut all = earlier;
     for (i, special) in starts.iter().enumerate() {
         if task.is_cancelled() {
             break;
         }
         let place = [special.value, family.own_place()[1]];
-        if !all.iter().any(|curve| solver.is_on(curve, place, special.period)) {
-            all.extend(solver.curve(special, task));
+        if all.iter().any(|curve| solver.is_on(curve, place, special.period)) {
+            continue;
+        }
+        if let Some(curve) = solver.curve(special, task) {
+            all.push(curve);
+            if !task.is_cancelled() {
+                each(&all)?;
+            }
         }
         task.report(Progress::Share((i + 1) as f64 / starts.len() as f64));
     }

@@ -1,5 +1,7 @@
 //! A branch followed in one direction.
 
+use serde::{Deserialize, Serialize};
+
 use super::{
     course::Course,
     family::Family,
@@ -338,7 +340,7 @@ pub fn vanishing(node: &Node) -> Vec<(Vanishing, f64)> {
 }
 
 /// What can vanish along a branch.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Vanishing {
     /// The least value of a guard of a contact, closed or not.
     Low(usize, Watch, bool),

@@ -1,6 +1,7 @@
 //! Points of a branch: orbits on a line in the space of states and parameter.
 
 use nalgebra::{Complex, DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 use super::{course::Course, family::Family};
 use crate::{
@@ -42,7 +43,7 @@ pub struct Direction {
 }
 
 /// What Newton's method begins with.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Guess {
     /// A state near the orbit.
     pub section: Section,
@@ -56,6 +57,7 @@ pub struct Guess {
     pub shift: u64,
     /// How the end of the period moves with the numbers, in ranges, `[dim, numbers]`; only the way to the point depends on it. Taken
     /// exactly if it is not known.
+    #[serde(skip)]
     pub by: Option<DMatrix<f64>>,
 }
 
@@ -89,7 +91,7 @@ pub struct Node {
 }
 
 /// A hyperplane on which a point is looked for: `row · (x − x₀) + p (value − value₀) + s (second − second₀) = target`, numbers in ranges.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Plane {
     /// x₀.
     pub x: Vec<f64>,
@@ -108,7 +110,7 @@ pub struct Plane {
 }
 
 /// A state at numbers.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Spot {
     /// The state.
     pub section: Section,
@@ -129,7 +131,7 @@ impl Spot {
 }
 
 /// An orbit that is solved for anew: it lies on a plane through the guess.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Seed {
     /// Where it is.
     pub guess: Guess,

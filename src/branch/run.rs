@@ -1,16 +1,19 @@
 //! The whole of a continuation: branches, level by level, with their special points.
 
+use std::collections::VecDeque;
+
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 use super::{
     family::Family,
     follow::Trace,
-    node::{Direction, Guess, Node, Plane, Solver},
+    node::{Direction, Guess, Node, Plane, Seed, Solver},
     special::{Kind, Passed, Special},
 };
 use crate::{
     orbit::{Search, Section, SectionMap},
-    simulation::SimulationError,
+    simulation::{Simulation, SimulationError},
     task::{Progress, Task},
 };
 
@@ -26,7 +29,7 @@ const SAME: f64 = 1e-8;
 const NEIGHBOURS: f64 = 0.1;
 
 /// An orbit of a branch.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Point {
     /// Value of the parameter.
     pub value: f64,
@@ -45,7 +48,7 @@ pub struct Point {
 }
 
 /// A branch.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Branch {
     /// 0 for that of the scene's orbit, one more for each doubling or breaking of symmetry at which it began.
     pub level: u32,
@@ -59,12 +62,16 @@ pub struct Branch {
     pub unlocated: Vec<String>,
 }
 
-/// What was followed.
-#[derive(Clone, Debug)]
+/// What was followed, and what a continuation goes on with.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Followed {
     /// The branches.
     pub branches: Vec<Branch>,
-    /// Branches that begin at special points and were not followed, as the limit of cycles was reached or the work broken off.
+    /// Those that were not followed yet, in order.
+    waiting: VecDeque<Begun>,
+    /// Cycles that may still be run.
+    left: usize,
+    /// How many of the waiting ones are none of the branches: nothing but the limit of cycles, or an interrupt, leaves them out.
     pub left_out: usize,
 }
 
@@ -84,75 +91,97 @@ impl Default for Continuation {
 }
 
 /// Where a branch begins, and the special point that it comes from.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Begun {
     level: u32,
-    node: Node,
+    seed: Seed,
     both: bool,
     /// Value and period of the orbit that it is born from.
     origin: Option<(f64, u64)>,
 }
 
 impl Continuation {
-    /// Follows the orbit of a scene along the parameter of `family`; `each` is told of every branch that is finished.
+    /// Follows the orbit of a scene along the parameter of `family`, or goes on from `earlier` work of the same kind; `each` is told of every
+    /// branch that is finished. A branch in which the work is broken off is returned, but not told of: later work begins it anew.
     ///
     /// # Errors
-    /// [`SimulationError`] if the scene has no orbit to start from.
+    /// [`SimulationError`] if the scene has no orbit to start from, or what `each` returns.
     pub fn run(
         &self,
         family: &Family,
-        each: &mut dyn FnMut(&[Branch]) -> Result<(), SimulationError>,
+        earlier: Option<Followed>,
+        each: &mut dyn FnMut(&Followed) -> Result<(), SimulationError>,
         task: Task<'_>,
     ) -> Result<Followed, SimulationError> {
-        let value = family.parameter.value();
         let simulation = family.own()?;
-        let found = Search { period: self.period, starts: 0 }.run(&simulation, task)?;
-        let Some(orbit) = found.orbits.first() else {
-            let reason = found.reason.unwrap_or_default();
-            return Err(simulation.missing(format!("it has no orbit to start from: {reason}")));
+        let solver = Solver::new(family, SectionMap::new(&simulation)?.drift());
+        let mut all = match earlier {
+            Some(earlier) => earlier,
+            None => self.first(&solver, &simulation, task)?,
         };
-        let solver = Solver::new(family, found.drift.clone());
-        let start = solver.start(&simulation, value, orbit).map_err(|missed| simulation.missing(missed.reason))?;
-        let mut branches: Vec<Branch> = Vec::new();
-        let mut known: Vec<Special> = Vec::new();
-        let mut waiting = std::collections::VecDeque::from([Begun { level: 0, node: start, both: true, origin: None }]);
-        let mut left = CYCLES_OF_ALL;
-        while !task.is_cancelled() && left > 0 {
-            let Some(begun) = waiting.pop_front() else { break };
-            if solver.is_known(&begun.node, &branches) {
-                continue;
+        let mut known: Vec<Special> = all.branches.iter().flat_map(|branch| branch.specials.clone()).collect();
+        while !task.is_cancelled() && all.left > 0 {
+            let Some(begun) = all.waiting.pop_front() else { break };
+            // What goes on later has the same bytes as what goes on at once: both begin from the seed.
+            let node = match solver.grown(&begun.seed) {
+                Ok(node) if !solver.is_known(&node, &all.branches) => node,
+                _ => continue,
+            };
+            let (branch, passed, births, count) =
+                solver.branch(&begun, &node, all.branches.len(), all.left, &known, task);
+            if task.is_cancelled() {
+                all.waiting.push_front(begun);
+                all.branches.push(branch);
+                break;
             }
-            let (branch, passed, births, count) = solver.branch(&begun, branches.len(), left, &known, task);
-            left = left.saturating_sub(count);
+            all.left = all.left.saturating_sub(count);
             // A branch that ends where another one is to begin is that one, from its other end.
             let is_born = |(value, period): (f64, u64)| {
                 births.iter().any(|(v, p)| *p == period && (v - value).abs() <= SAME * family.range())
             };
-            waiting.retain(|begun| !begun.origin.is_some_and(is_born));
+            all.waiting.retain(|begun| !begun.origin.is_some_and(is_born));
             known.extend(branch.specials.iter().cloned());
+            let begins = |level: u32, node: &Node, both: bool, origin: Option<(f64, u64)>| Begun {
+                level,
+                seed: node.seed(&node.tangent),
+                both,
+                origin,
+            };
             let parents = passed.iter().filter(|passed| passed.is_birth);
-            waiting.extend(parents.map(|p| Begun {
-                level: branch.level,
-                node: p.node.clone(),
-                both: true,
-                origin: None,
-            }));
+            all.waiting.extend(parents.map(|passed| begins(branch.level, &passed.node, true, None)));
             if branch.level < self.doublings {
                 for passed in passed.iter().filter(|passed| !passed.is_birth) {
-                    let begins = match passed.special.kind {
+                    let aside = match passed.special.kind {
                         Kind::PeriodDoubling => solver.aside(&passed.node, -1.0),
                         Kind::Symmetry => solver.aside(&passed.node, 1.0),
                         _ => None,
                     };
                     let origin = Some((passed.special.value, passed.special.period));
-                    waiting.extend(begins.map(|node| Begun { level: branch.level + 1, node, both: false, origin }));
+                    all.waiting.extend(aside.map(|node| begins(branch.level + 1, &node, false, origin)));
                 }
             }
-            branches.push(branch);
-            each(&branches)?;
-            task.report(Progress::Share(1.0 - waiting.len() as f64 / (waiting.len() + branches.len()) as f64));
+            all.branches.push(branch);
+            let (done, to_do) = (all.branches.len() as f64, all.waiting.len() as f64);
+            task.report(Progress::Share(done / (done + to_do)));
+            each(&all)?;
         }
-        waiting.retain(|begun| !solver.is_known(&begun.node, &branches));
-        Ok(Followed { branches, left_out: waiting.len() })
+        let is_new =
+            |begun: &&Begun| solver.grown(&begun.seed).is_ok_and(|node| !solver.is_known(&node, &all.branches));
+        all.left_out = all.waiting.iter().filter(is_new).count();
+        Ok(all)
+    }
+
+    /// The work before the first branch.
+    fn first(&self, solver: &Solver<'_>, simulation: &Simulation, task: Task<'_>) -> Result<Followed, SimulationError> {
+        let found = Search { period: self.period, starts: 0 }.run(simulation, task)?;
+        let Some(orbit) = found.orbits.first() else {
+            let reason = found.reason.unwrap_or_default();
+            return Err(simulation.missing(format!("it has no orbit to start from: {reason}")));
+        };
+        let value = solver.family.parameter.value();
+        let start = solver.start(simulation, value, orbit).map_err(|missed| simulation.missing(missed.reason))?;
+        let begun = Begun { level: 0, seed: start.seed(&start.tangent), both: true, origin: None };
+        Ok(Followed { branches: Vec::new(), waiting: VecDeque::from([begun]), left: CYCLES_OF_ALL, left_out: 0 })
     }
 }
 
@@ -212,12 +241,12 @@ impl Solver<'_> {
     fn branch(
         &self,
         begun: &Begun,
+        start: &Node,
         number: usize,
         left: usize,
         known: &[Special],
         task: Task<'_>,
     ) -> (Branch, Vec<Passed>, Vec<(f64, u64)>, usize) {
-        let start = &begun.node;
         let period = start.orbit.period as usize;
         let most = OF_BRANCH.min(CYCLES_OF_BRANCH.min(left).div_ceil(period));
         let ahead = self.follow(start, most, task);

@@ -82,7 +82,7 @@ impl Kind {
 }
 
 /// A point at which the motion changes.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Special {
     /// What changes.
     pub kind: Kind,
@@ -106,7 +106,7 @@ pub struct Special {
 }
 
 /// How a special point was found.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Trail {
     /// What is zero there.
     pub sought: Sought,
@@ -117,7 +117,7 @@ pub(super) struct Trail {
 }
 
 /// What is zero at a special point.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Sought {
     /// The function of its kind, on a branch that goes on.
     Root,
@@ -126,6 +126,9 @@ pub enum Sought {
     /// The time that is left of a rest.
     Edge,
 }
+
+/// A special point that was looked for: its kind, what is zero there, and where.
+type Found = (Kind, Sought, Located);
 
 /// A special point with the orbit there.
 pub struct Passed {
@@ -172,7 +175,7 @@ impl Solver<'_> {
     }
 
     /// What is passed between two neighbours, in words, and where it is if that was found.
-    fn between(&self, a: &Node, b: &Node) -> Vec<(&'static str, Option<(Kind, Sought, Located)>)> {
+    fn between(&self, a: &Node, b: &Node) -> Vec<(&'static str, Option<Found>)> {
         let is_same = |node: &Node| Change::of(&a.course, &node.course) == Change::None;
         let by_contact = match Change::of(&a.course, &b.course) {
             Change::None => None,
@@ -283,9 +286,9 @@ impl Solver<'_> {
     }
 
     /// The graze between a point and one with more events of `contact`.
-    fn graze(&self, free: &Node, other: &Node, contact: usize) -> Option<(Kind, Sought, Located)> {
+    fn graze(&self, free: &Node, other: &Node, contact: usize) -> Option<Found> {
         let is_same = |node: &Node| Change::of(&free.course, &node.course) == Change::None;
-        let mut found: Vec<(Kind, Sought, Located)> = Vec::new();
+        let mut found: Vec<Found> = Vec::new();
         let reach = |a: &Node, b: &Node| {
             let (row, length) = self.towards(a, b);
             (row, REACH * length)
@@ -324,7 +327,7 @@ impl Solver<'_> {
 
     /// The end of a rest between two points of which one has more rests. A sequence of impacts whose number grows without end leads to it:
     /// the time that is left of the rest is no smooth function of the parameter there.
-    fn stick(&self, a: &Node, b: &Node) -> Option<(Kind, Sought, Located)> {
+    fn stick(&self, a: &Node, b: &Node) -> Option<Found> {
         let (rest, other) = match rests(a).cmp(&rests(b)) {
             std::cmp::Ordering::Less => (b, a),
             std::cmp::Ordering::Greater => (a, b),

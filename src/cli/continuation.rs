@@ -1,15 +1,22 @@
 //! `flank continue`.
 
-use std::{fmt::Write, path::PathBuf};
+use std::{
+    fmt::Write,
+    fs, io,
+    path::{Path, PathBuf},
+};
 
 use flank::{
-    branch::{Branch, Continuation, Curve, Family, Kind, curves},
-    output::{Fault, Folder, OutputError, Table, five_digits as number},
+    branch::{Continuation, Curve, Family, Followed, Kind, curves},
+    output::{Fault, Folder, OutputError, Request, Table, five_digits as number},
     scene::Scene,
     simulation::{Parameter, SimulationError},
     study::branches::{Branches, curve_table},
     sweep::GridError,
 };
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
 
 use super::{
     CliError, Done, print,
@@ -22,6 +29,10 @@ const SPECIAL: &str = "special.csv";
 const PICTURE: &str = "branches.svg";
 const CURVES: &str = "curves.csv";
 const PLANE: &str = "curves.svg";
+/// Characters of a word in the table that is printed: eight events.
+const LONGEST: usize = 31;
+/// What a later command goes on with.
+const STATE: &str = "continue.json";
 
 /// Arguments of `flank continue`.
 #[derive(Debug, clap::Args)]
@@ -49,6 +60,9 @@ pub struct Arguments {
     /// Threads; as many as there are cores if left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    /// Go on with a command that was broken off
+    #[arg(long, conflicts_with = "force")]
+    resume: bool,
     /// Write into a folder that is not empty
     #[arg(long)]
     force: bool,
@@ -88,69 +102,141 @@ fn number_of(scene: &Scene, text: &str) -> Result<(Parameter, [f64; 2]), CliErro
     Ok((parameter, ends))
 }
 
+/// What was asked, and what came of it so far.
+#[derive(Serialize, Deserialize)]
+struct State {
+    asked: Map<String, Value>,
+    followed: Followed,
+    curves: Vec<Curve>,
+    finished: bool,
+}
+
+impl State {
+    /// What an earlier command left, if it was asked the same.
+    fn read(folder: &Path, asked: &Map<String, Value>) -> Result<Option<Self>, CliError> {
+        let path = folder.join(STATE);
+        let text = match fs::read_to_string(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            text => text.map_err(|error| CliError::file(path.display(), error))?,
+        };
+        let place = path.display().to_string();
+        let state: Self = serde_json::from_str(&text).map_err(|error| {
+            let fault = Fault::new(&place, error.to_string(), "what an earlier command wrote");
+            CliError::Arguments(vec![fault.remedy("write --force to begin anew")])
+        })?;
+        let mut names: Vec<&String> = asked.keys().chain(state.asked.keys()).collect();
+        names.sort_unstable();
+        names.dedup();
+        let said = |value: Option<&Value>| value.map_or_else(|| "nothing".to_owned(), Value::to_string);
+        let faults = names.into_iter().filter(|name| asked.get(*name) != state.asked.get(*name)).map(|name| {
+            let fault = Fault::new(&format!("{place}: {name}"), said(state.asked.get(name)), said(asked.get(name)));
+            fault.remedy("name another folder, or write --force to begin anew")
+        });
+        let faults: Vec<Fault> = faults.collect();
+        if faults.is_empty() { Ok(Some(state)) } else { Err(CliError::Arguments(faults)) }
+    }
+}
+
 /// Follows branches of orbits.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let scene = read_scene(arguments.scene.as_deref())?;
     let (parameter, ends) = number_of(&scene, &arguments.vary)?;
     let mut family = Family::new(&scene, parameter, ends)?;
-    let mut files = [TABLE, SPECIAL, PICTURE].map(String::from).to_vec();
+    let mut files = [STATE, TABLE, SPECIAL, PICTURE].map(String::from).to_vec();
     if let Some(second) = &arguments.second {
         let (second, ends) = number_of(&scene, second)?;
         family = family.with(second, ends)?;
         files.extend([CURVES, PLANE].map(String::from));
     }
-    let request =
-        request(Some(arguments.out.as_path()), "continue", arguments.scene.as_deref(), arguments.force, files)?;
-    let name =
-        std::path::Path::new(scene.name()).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let asked = json!({
+        "flank": env!("CARGO_PKG_VERSION"), "scene_sha256": scene.hash(), "vary": arguments.vary, "period": arguments.period,
+        "doublings": arguments.doublings, "follow": arguments.follow, "second": arguments.second,
+    });
+    let asked = asked.as_object().cloned().unwrap_or_default();
+    let force = arguments.force || arguments.resume;
+    let request = request(Some(arguments.out.as_path()), "continue", arguments.scene.as_deref(), force, files)?;
+    let name = Path::new(scene.name()).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let earlier = if arguments.resume { State::read(&arguments.out, &asked)? } else { None };
+    if earlier.as_ref().is_some_and(|state| state.finished) {
+        if !arguments.quiet {
+            print(&format!("{} holds the whole of it\n", arguments.out.display()))?;
+        }
+        return Ok(Done::Completely);
+    }
     let mut branches = Branches::new(family.clone())?;
-    let mut folder = request.map(|request| request.open()).transpose()?;
+    let open = |request: Request<'_>| if earlier.is_some() { request.reopen() } else { request.open() };
+    let mut folder = request.map(open).transpose()?;
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);
     catch_interrupt();
-    let asked = Continuation { period: arguments.period, doublings: arguments.doublings };
-    let mut failed = None;
-    let mut each = |all: &[Branch]| -> Result<(), SimulationError> {
-        branches.take(all, cancellable(&progress));
-        if let Some(folder) = &mut folder {
-            failed = failed.take().or(write(folder, &branches, &name).err());
+    let task = cancellable(&progress);
+    let method = Continuation { period: arguments.period, doublings: arguments.doublings };
+    let (earlier, known) = earlier.map_or((None, Vec::new()), |state| (Some(state.followed), state.curves));
+    let pool = threads(arguments.threads)?;
+    let mut keep = |followed: &Followed, curves: &[Curve], finished: Option<bool>| -> Result<(), CliError> {
+        branches.take(&followed.branches, task);
+        let Some(folder) = &mut folder else { return Ok(()) };
+        write(folder, &branches, &name)?;
+        if arguments.follow.is_some() {
+            write_curves(folder, &branches, curves, &name)?;
+        }
+        if let Some(finished) = finished {
+            let (asked, followed, curves) = (asked.clone(), followed.clone(), curves.to_vec());
+            folder.bytes(STATE, json!(State { asked, followed, curves, finished }).to_string() + "\n")?;
         }
         Ok(())
     };
-    let pool = threads(arguments.threads)?;
-    let done = pool.install(|| asked.run(&family, &mut each, cancellable(&progress)));
+    let mut failed = None;
+    let mut each = |followed: &Followed| -> Result<(), SimulationError> {
+        failed = failed.take().or(keep(followed, &known, Some(false)).err());
+        Ok(())
+    };
+    let followed = pool.install(|| method.run(&family, earlier, &mut each, task));
     let mut found = Vec::new();
-    if let (Some(kind), Ok(followed)) = (arguments.follow, &done) {
-        found = pool.install(|| curves(&family, kind, &followed.branches, cancellable(&progress)))?;
-        if let Some(folder) = &mut folder {
-            folder.bytes(CURVES, curve_table(&found))?;
-            #[cfg(feature = "plot")]
-            folder.bytes(PLANE, branches.plane(&found, &name).svg(flank::plot::Theme::Light))?;
-        }
+    if let (Some(kind), Ok(followed)) = (arguments.follow, &followed) {
+        let mut each = |curves: &[Curve]| -> Result<(), SimulationError> {
+            failed = failed.take().or(keep(followed, curves, Some(false)).err());
+            Ok(())
+        };
+        let branches = &followed.branches;
+        found = pool.install(|| curves(&family, kind, branches, known.clone(), &mut each, task))?;
     }
     bar.finish_and_clear();
     if let Some(error) = failed {
-        return Err(error.into());
+        return Err(error);
     }
-    let followed = done?;
+    let followed = followed?;
+    let is_whole = !task.is_cancelled();
+    // What was broken off is in the tables, and is begun anew later.
+    keep(&followed, &found, is_whole.then_some(true))?;
     if !arguments.quiet {
-        print(&text(&branches, followed.left_out).unwrap_or_default())?;
+        let left_out = if is_whole { followed.left_out } else { 0 };
+        print(&text(&branches, left_out).unwrap_or_default())?;
         print(&curves_text(&found).unwrap_or_default())?;
     }
-    if cancellable(&progress).is_cancelled() {
-        print("interrupted: the branches so far are kept\n")?;
-        return Ok(Done::Partly);
+    if is_whole {
+        return Ok(Done::Completely);
     }
-    Ok(Done::Completely)
+    print("interrupted: the branches so far are kept; the same command with --resume goes on\n")?;
+    Ok(Done::Partly)
 }
 
-/// Writes all files anew.
+/// Writes the tables and the picture anew.
 #[cfg_attr(not(feature = "plot"), allow(unused_variables))]
 fn write(folder: &mut Folder, branches: &Branches, name: &str) -> Result<(), OutputError> {
     folder.bytes(TABLE, branches.table())?;
     folder.bytes(SPECIAL, branches.special_table())?;
     #[cfg(feature = "plot")]
     folder.bytes(PICTURE, branches.figure(name).svg(flank::plot::Theme::Light))?;
+    Ok(())
+}
+
+/// The same for curves.
+#[cfg_attr(not(feature = "plot"), allow(unused_variables))]
+fn write_curves(folder: &mut Folder, branches: &Branches, curves: &[Curve], name: &str) -> Result<(), OutputError> {
+    folder.bytes(CURVES, curve_table(curves))?;
+    #[cfg(feature = "plot")]
+    folder.bytes(PLANE, branches.plane(curves, name).svg(flank::plot::Theme::Light))?;
     Ok(())
 }
 
@@ -167,6 +253,11 @@ fn curves_text(curves: &[Curve]) -> Result<String, std::fmt::Error> {
         }
     }
     Ok(out)
+}
+
+/// A word that leaves a line readable; the tables have the whole.
+fn shortened(word: &str) -> String {
+    if word.len() <= LONGEST { word.to_owned() } else { format!("{} …", &word[..LONGEST]) }
 }
 
 fn text(branches: &Branches, left_out: usize) -> Result<String, std::fmt::Error> {
@@ -198,7 +289,7 @@ fn text(branches: &Branches, left_out: usize) -> Result<String, std::fmt::Error>
             special.kind.word().to_owned(),
             format!("{:?}", special.value),
             special.period.to_string(),
-            special.word.clone(),
+            shortened(&special.word),
             number(special.residual),
         ]
     });

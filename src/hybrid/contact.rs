@@ -53,7 +53,7 @@ impl ContactMode {
 }
 
 /// What a guard of a contact watches.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Watch {
     /// The drive flank, `δ = b`.
     DriveFlank,

@@ -7,11 +7,12 @@ use crate::{
     system::{ContactMode, Variation, contact_mode, guard_id, set_contact},
 };
 use nalgebra::DMatrix;
+use serde::{Deserialize, Serialize};
 
 use super::{Tangent, words::Speller};
 
 /// A state at the start of a cycle: all that the motion goes on from.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Section {
     /// `(q, q̇, latched speeds)`, `[dim]`.
     pub x: Vec<f64>,

@@ -117,6 +117,20 @@ impl Request<'_> {
         folder.order.clone_from(&self.files);
         Ok(folder)
     }
+
+    /// Opens the folder with what an earlier run of the same command left, to go on with it; `force` has to be set.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check); [`OutputError::Occupied`] if another command wrote into it.
+    pub fn reopen(&self) -> Result<Folder, OutputError> {
+        let mut folder = self.check()?;
+        if folder.command != self.command {
+            return Err(OutputError::Occupied(self.folder.to_owned()));
+        }
+        folder.files.iter().try_for_each(|name| remove(&part(&folder.place(name)?)))?;
+        folder.order.clone_from(&self.files);
+        Ok(folder)
+    }
 }
 
 impl Folder {
