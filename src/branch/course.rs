@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use crate::{
     engine::{Jumped, Observer},
     event::EventRecord,
-    hybrid::{HybridSystem, Mode, Watch},
+    hybrid::{GuardId, HybridSystem, Mode, Watch},
     integrate::DenseStep,
     orbit::{
         Section, SectionMap,
@@ -49,23 +49,45 @@ struct Lowest<'s> {
     row: Vec<f64>,
     lows: Vec<Low>,
     events: usize,
+    /// Each guard with its value and slope at the end of the last step; none behind an event.
+    ends: Vec<(GuardId, f64, f64)>,
+}
+
+impl Lowest<'_> {
+    fn take(&mut self, mode: &Mode, id: GuardId, value: f64) {
+        let (contact, watch) = guard_of(id);
+        let is_closed = contact_mode(mode, contact).is_closed();
+        self.lows.push(Low { contact, watch, is_closed, after: self.events, value });
+    }
 }
 
 impl Observer for Lowest<'_> {
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let s = self.structure;
+        let before = std::mem::take(&mut self.ends);
         for (i, id) in step.guards().iter().enumerate() {
             self.row.clear();
             self.row.extend(step.guard(i));
             poly::shift(&mut self.row, 0.0, until);
+            // Between two steps a guard can jump, or have a corner: where the stiffness or a forcing does.
+            let (start, rise) = (self.row[0], self.row.get(1).copied().unwrap_or_default());
+            let last = before.iter().find(|(other, ..)| other == id);
+            if let Some((_, end, slope)) = last {
+                if *slope < 0.0 && (start > *end || rise > 0.0) {
+                    self.take(mode, *id, end.min(start));
+                } else if rise > 0.0 && start < *end {
+                    self.take(mode, *id, start);
+                }
+            }
+            let end: f64 = self.row.iter().sum();
+            let slope: f64 = self.row.iter().enumerate().map(|(k, c)| k as f64 * c).sum();
+            self.ends.push((*id, end, slope));
             for theta in poly::minima(&self.row) {
                 let theta = theta * until;
                 step.state(theta, &mut self.x);
-                let (contact, watch) = guard_of(*id);
                 let at = s.clock().advance(step.start(), step.time(theta));
                 let value = s.guard(mode, *id, at, &self.x);
-                let is_closed = contact_mode(mode, contact).is_closed();
-                self.lows.push(Low { contact, watch, is_closed, after: self.events, value });
+                self.take(mode, *id, value);
             }
         }
         ControlFlow::Continue(())
@@ -77,6 +99,7 @@ impl Observer for Lowest<'_> {
 
     fn jump(&mut self, _: &Jumped<'_>) {
         self.events += 1;
+        self.ends.clear();
     }
 
     fn event(&mut self, _: &EventRecord) -> ControlFlow<()> {
@@ -92,7 +115,8 @@ impl Course {
     pub fn new(map: &SectionMap<'_>, section: &Section, period: u64) -> Result<Self, SimulationError> {
         let structure = &map.simulation().structure;
         let mut speller = Speller::new(structure, &section.x);
-        let mut lowest = Lowest { structure, x: section.x.clone(), row: Vec::new(), lows: Vec::new(), events: 0 };
+        let mut lowest =
+            Lowest { structure, x: section.x.clone(), row: Vec::new(), lows: Vec::new(), events: 0, ends: Vec::new() };
         map.watch(section, period, &mut (&mut speller, &mut lowest))?;
         let clock = structure.clock();
         let (start, length) = (map.at(0), map.simulation().period()?);
@@ -104,6 +128,19 @@ impl Course {
     #[must_use]
     pub fn tokens(&self) -> Vec<&str> {
         self.letters.iter().map(|letter| letter.token.as_str()).collect()
+    }
+
+    /// The shortest time from an event of a contact to the next one of it, by the first letters of their tokens, cycles; no bound if there is
+    /// none.
+    #[must_use]
+    pub fn shortest(&self, contact: usize, from: char, to: char) -> f64 {
+        let own: Vec<usize> = (0..self.letters.len()).filter(|i| self.letters[*i].contact == contact).collect();
+        let next = own.iter().zip(own.iter().cycle().skip(1));
+        let pairs =
+            next.filter(|(i, k)| self.letters[**i].token.starts_with(from) && self.letters[**k].token.starts_with(to));
+        // The period is whole cycles, and longer than any stay.
+        let last = self.times.last().map_or(1.0, |time| time.ceil());
+        pairs.map(|(i, k)| (self.times[*k] - self.times[*i]).rem_euclid(last)).fold(f64::INFINITY, f64::min)
     }
 
     /// The middle of the longest part of the period of the forcing without an event in any cycle, as a part of it, from `phase` where the

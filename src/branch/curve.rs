@@ -42,6 +42,8 @@ const CLEAR: f64 = 0.02;
 const BESIDE: f64 = 1e-3;
 /// Steps of the search for the point at which a curve turns.
 const TURNS: usize = 12;
+/// Length of three points below which a turn is none.
+const NOISE: f64 = 1e-4;
 /// Share of three points' length within which that point is found, and within which both numbers turn at a cusp.
 const TURNED: f64 = 1e-6;
 const CUSP: f64 = 1e-3;
@@ -367,11 +369,12 @@ impl Solver<'_> {
     /// lies before the second of them.
     fn extreme(&self, [first, middle, last]: [&Head; 3], kind: Kind) -> Option<(bool, CurvePoint)> {
         let rises = |a: &Head, b: &Head, i: usize| b.place[i] > a.place[i];
-        if rises(first, middle, 1) == rises(middle, last, 1) {
-            return None;
-        }
         let ranges = self.family.ranges();
         let (chord, length) = first.chord(&Spot::of(&first.node), &Spot::of(&last.node), ranges);
+        // Near an end, steps of rounding's length go to and fro.
+        if rises(first, middle, 1) == rises(middle, last, 1) || length < NOISE {
+            return None;
+        }
         let (way, part) = first.chord(&Spot::of(&first.node), &Spot::of(&middle.node), ranges);
         let mut known = vec![(0.0, first.clone()), (part * dot(&way, &chord), middle.clone()), (length, last.clone())];
         // A parabola through the three points about the best one.

@@ -94,7 +94,25 @@ fn surplus<'a>(a: &[&'a str], b: &[&str]) -> Vec<&'a str> {
     a.iter().filter(|token| is_more(token)).copied().collect()
 }
 
+/// Whether a contact that was closed is left for the gap at once: on the way its force touches zero, and it is regained in its zone, first.
+/// A contact that was open and is touched has the same events, but stays closed for a short time, not open.
+fn skips(a: &Course, b: &Course) -> bool {
+    let more = surplus(&b.tokens(), &a.tokens());
+    let (rich, more) = if more.is_empty() { (a, surplus(&a.tokens(), &b.tokens())) } else { (b, more) };
+    let mut kinds: Vec<char> = more.iter().filter_map(|token| token.chars().next()).collect();
+    kinds.sort_unstable();
+    let Some(contact) = rich.letters.iter().find(|l| more.contains(&l.token.as_str())).map(|l| l.contact) else {
+        return false;
+    };
+    kinds == ['c', 'r', 'x'] && rich.shortest(contact, 'x', 'c') < rich.shortest(contact, 'c', 'r')
+}
+
 impl Change {
+    /// Whether two courses have the same tokens, in any order.
+    pub fn is_none(a: &[&str], b: &[&str]) -> bool {
+        surplus(a, b).is_empty() && surplus(b, a).is_empty()
+    }
+
     /// From `a` to `b`.
     pub fn of(a: &Course, b: &Course) -> Self {
         let (more, less) = (surplus(&b.tokens(), &a.tokens()), surplus(&a.tokens(), &b.tokens()));
@@ -197,7 +215,11 @@ impl Solver<'_> {
         let (before, after) = (a.unstable(), b.unstable());
         let changed: usize = before.iter().zip(&after).map(|(a, b)| a.abs_diff(*b)).sum();
         let is_one = changed <= 1 || changed == 2 && before[2].abs_diff(after[2]) == 2;
-        h <= SEVERAL || is_one && change != Change::Other && (changed == 0 || change == Change::None)
+        h <= SEVERAL
+            || is_one
+                && !skips(&a.course, &b.course)
+                && change != Change::Other
+                && (changed == 0 || change == Change::None)
     }
 
     /// Follows a branch from `start` along its tangent, up to `most` points.

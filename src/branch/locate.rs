@@ -63,6 +63,29 @@ fn extended(nodes: &[(f64, Node)], s: f64) -> Option<Guess> {
     Some(guess)
 }
 
+/// The guess at a share of the way from `a` to `b`, whose direction is `row`, by the cubic with the tangents of both.
+fn between(a: &Node, b: &Node, (row, length): (&Direction, f64), ranges: [f64; 2], share: f64) -> Guess {
+    // Changes of the state and of the numbers along the whole way, with the tangent of a node.
+    let slope = |node: &Node| {
+        let change = node.unknowns.lifted(&node.tangent.y);
+        let y = a.unknowns.between(&vec![0.0; change.len()], change.as_slice());
+        let along = row.y.dot(&y) + row.p * node.tangent.p + row.s * node.tangent.s;
+        let [p, s] = [node.tangent.p * ranges[0], node.tangent.s * ranges[1]];
+        (change * (length / along), [p * length / along, s * length / along])
+    };
+    let (t, u) = (share, 1.0 - share);
+    let cubic = |from: f64, to: f64, out: f64, into: f64| {
+        u * u * (1.0 + 2.0 * t) * from + t * t * (3.0 - 2.0 * t) * to + t * u * (u * out - t * into)
+    };
+    let (mut guess, (out, of_a), (into, of_b)) = (a.at(), slope(a), slope(b));
+    (0..out.len()).for_each(|i| {
+        let (from, to) = (a.orbit.section.x[i], b.orbit.section.x[i]);
+        guess.section.x[i] = cubic(from, to, out[i], into[i]);
+    });
+    (0..2).for_each(|i| guess.place[i] = cubic(a.place()[i], b.place()[i], of_a[i], of_b[i]));
+    guess
+}
+
 /// The limit of the values of a sequence as g falls to zero, and the change by its last point.
 pub fn limit(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     let last = &points[points.len().saturating_sub(USED)..];
@@ -101,7 +124,7 @@ impl Solver<'_> {
             // The method of Illinois; a bisection at times.
             let secant = (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1);
             let s = if step % 8 == 7 || !(secant > low.0 && secant < high.0) { 0.5 * (low.0 + high.0) } else { secant };
-            let node = self.on(a, &row, s, None)?;
+            let node = self.on(a, &row, s, Some(between(a, b, (&row, length), self.family.ranges(), s / length)))?;
             let value = f(&node);
             if value * low.1 > 0.0 {
                 low = (s, value);

@@ -229,6 +229,9 @@ pub struct Solver<'f> {
     /// The smallest singular values, as a share of the largest, that Newton's method goes along: larger on a symmetric branch, that the
     /// one that leaves it is left alone.
     pub neutral: f64,
+    /// Between two symmetric orbits that are near: the direction with the smallest singular value, which breaks the symmetry, is left out
+    /// altogether. What the guess has of it enters special points by its square.
+    pub is_symmetric: bool,
     /// A plane that all points lie on; with it, the second number is free as well.
     pub slice: Option<Plane>,
 }
@@ -236,7 +239,7 @@ pub struct Solver<'f> {
 impl<'f> Solver<'f> {
     /// Of a family.
     pub fn new(family: &'f Family, drift: Drift) -> Self {
-        Self { family, drift, neutral: NEUTRAL, slice: None }
+        Self { family, drift, neutral: NEUTRAL, is_symmetric: false, slice: None }
     }
 
     /// The point of a seed.
@@ -334,7 +337,10 @@ impl<'f> Solver<'f> {
                 return Err(missed(best, "the motion leaves the range of numbers"));
             }
             let svd = matrix.svd(true, true);
-            let cutoff = |svd: &Svd| self.neutral * svd.singular_values.max();
+            let cutoff = |svd: &Svd| match self.is_symmetric {
+                true => (1.0 + 1e-9) * svd.singular_values.min(),
+                false => self.neutral * svd.singular_values.max(),
+            };
             let right = DVector::from_fn(count + numbers, |i, _| if i < count { -off[i] } else { -rows[i - count].1 });
             let Ok(change) = svd.solve(&right, cutoff(&svd)) else {
                 return Err(missed(best, "the derivative cannot be inverted"));
@@ -378,7 +384,8 @@ impl<'f> Solver<'f> {
                     steps: step,
                 });
             }
-            if step > SLOW && residual > 0.5 * best || length > LONGEST {
+            let stagnates = residual > 0.5 * best && !(self.is_symmetric && residual <= CLOSED);
+            if step > SLOW && stagnates || length > LONGEST {
                 return Err(missed(best, "Newton's method does not converge"));
             }
             (best, last) = (best.min(residual), length);

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     family::Family,
-    follow::Trace,
+    follow::{Change, Trace},
     node::{Direction, Guess, Node, Plane, Seed, Solver},
     special::{Kind, Passed, Special},
 };
@@ -22,7 +22,7 @@ const OF_BRANCH: usize = 600;
 const CYCLES_OF_BRANCH: usize = 3000;
 const CYCLES_OF_ALL: usize = 20_000;
 /// Distances, in scales, at which a branch that begins at a special point is looked for.
-const ASIDE: [f64; 4] = [0.01, 0.003, 0.03, 0.001];
+const ASIDE: [f64; 6] = [0.01, 0.003, 1e-3, 3e-4, 1e-4, 3e-5];
 /// Two special points nearer than this, in ranges, are one.
 const SAME: f64 = 1e-8;
 /// Distance from a chord of a branch, in lengths of it, within which an orbit lies on the branch.
@@ -312,12 +312,27 @@ impl Solver<'_> {
         let w: DVector<f64> = vectors.row(count - 1).transpose();
         let row = Direction { y: w, p: 0.0, s: 0.0 };
         let period = if at < 0.0 { 2 * node.orbit.period } else { node.orbit.period };
-        ASIDE.iter().find_map(|distance| {
+        // Near enough the branch has the events of the orbit that it begins at, and no instability more than the critical multiplier's.
+        let (mut events, parent) = (node.course.tokens(), node.unstable());
+        if at < 0.0 {
+            events = [events.clone(), events].concat();
+        }
+        let is_near = |found: &Node| {
+            let (unstable, own) = (found.unstable(), found.unstable().iter().sum::<usize>());
+            let all = parent.iter().sum::<usize>();
+            // Over twice the period multipliers are squares.
+            let negative = if at < 0.0 { 0 } else { parent[1] };
+            let is_same = Change::is_none(&events, &found.course.tokens());
+            is_same && unstable[1] == negative && own <= all + 1 && all <= own + 1
+        };
+        let find = |distance: &f64| {
             let plane = Plane::through(node, &row, *distance);
             let guess = node.guess(&row, self.family.ranges(), *distance);
             let found = self.at(Guess { period, ..guess }, Some(&plane), 1.0).ok()?;
             let (_, length) = node.chord(&found, self.family.ranges());
             (length <= 10.0 * distance && !found.has_shorter_period()).then_some(found)
-        })
+        };
+        let found: Vec<Node> = ASIDE.iter().filter_map(find).collect();
+        found.iter().find(|found| is_near(found)).or(found.first()).cloned()
     }
 }

@@ -17,6 +17,8 @@ const REACH: f64 = 1.5;
 const SLACK: f64 = 1e-9;
 /// Residual from which on a graze is looked for from both sides.
 const WELL: f64 = 1e-12;
+/// Stays and speeds that are tried as what vanishes at a graze, the shortest first.
+const CANDIDATES: usize = 3;
 /// What a limit at the end of a branch is taken from: values that vanish from this size on, and orbits up to this many times as far as the
 /// last one.
 const FAR: f64 = 0.03;
@@ -97,6 +99,8 @@ pub struct Special {
     pub residual: f64,
     /// The critical multiplier; for kinds made by contact the largest.
     pub multiplier: Complex<f64>,
+    /// Whether the parameter turns there: at a fold, and where a graze makes the branch turn.
+    pub turns: bool,
     /// On which branch.
     pub branch: usize,
     /// Which of its points it is; the one beside it where the branch is born on another one.
@@ -152,12 +156,16 @@ impl Solver<'_> {
                 let (_, part) = a.chord(node, self.family.ranges());
                 sign * (i as f64 + (part / length).clamp(1e-9, 1.0 - 1e-9))
             };
-            for (what, found) in self.between(a, b) {
+            let all_found = self.between(a, b);
+            let is_fold = |found: &(&str, Option<Found>)| matches!(found.1, Some((Kind::Fold, ..)));
+            let turns = a.tangent.p * b.tangent.p < 0.0 && !all_found.iter().any(is_fold);
+            for (what, found) in all_found {
                 let Some((kind, sought, located)) = found.filter(|(.., located)| located.error <= LOCATED) else {
                     unlocated.push(format!("{what} between {} and {}", a.value, b.value));
                     continue;
                 };
-                let (special, place) = (self.special(kind, sought, &located), place(&located.node));
+                let (mut special, place) = (self.special(kind, sought, &located), place(&located.node));
+                special.turns |= turns && sought != Sought::Root;
                 all.push(Passed { special, place, node: located.node, is_birth: false });
             }
         }
@@ -202,7 +210,10 @@ impl Solver<'_> {
             (Kind::Torus, before[2] != after[2] && before[..2] == after[..2]),
         ];
         let by_multipliers = is_passed.into_iter().filter(|(_, is_passed)| *is_passed).map(|(kind, _)| {
-            let located = self.of_kind(kind).root(a, b, &|node| kind.test(node));
+            let is_symmetric = kind == Kind::Symmetry;
+            let solver = Self { is_symmetric, ..self.of_kind(kind) };
+            let located = solver.root(a, b, &|node| kind.test(node));
+            let located = located.filter(|located| located.error <= LOCATED);
             (kind.word(), located.map(|located| (kind, Sought::Root, located)))
         });
         by_multipliers.filter(|(_, found)| found.is_some() || !jumps).chain(by_contact).collect()
@@ -239,7 +250,8 @@ impl Solver<'_> {
                 if test(&first) * test(&second) > 0.0 || first.has_shorter_period() {
                     return None;
                 }
-                let located = symmetric.root(&first, &second, &test)?;
+                let solver = Self { is_symmetric: !is_half, ..self.of_kind(kind) };
+                let located = solver.root(&first, &second, &test)?;
                 let special = self.special(kind, Sought::Root, &located);
                 Some(Passed { special, node: first, place: 0.0, is_birth: true })
             })
@@ -267,6 +279,7 @@ impl Solver<'_> {
             word: node.orbit.word(),
             residual: located.residual.max(located.error),
             multiplier,
+            turns: kind == Kind::Fold,
             branch: 0,
             point: 0,
             trail: Trail { sought, seed: node.seed(&node.tangent), from: located.from.clone() },
@@ -316,7 +329,7 @@ impl Solver<'_> {
             let mut all = vanishing(other);
             all.retain(|(key, _)| matches!(key, Vanishing::Speed(i) | Vanishing::Stay(i) if of_contact(*i)));
             all.sort_by(|a, b| a.1.total_cmp(&b.1));
-            if let Some((key, _)) = all.first() {
+            for (key, _) in all.iter().take(CANDIDATES) {
                 let located = self.limit(other, &reach(other, free), &|node| key.at(node).filter(|_| is_same(node)));
                 let kind = self.kind_of_events(other, *key);
                 found.extend(located.filter(is_between).map(|located| (kind, Sought::Limit(*key), located)));

@@ -132,8 +132,17 @@ impl Branches {
     /// The table of special points: `special.csv`.
     #[must_use]
     pub fn special_table(&self) -> String {
-        let head =
-            ["kind", "parameter", "period_cycles", "word", "residual", "multiplier_re", "multiplier_im", "branch"];
+        let head = [
+            "kind",
+            "parameter",
+            "period_cycles",
+            "word",
+            "residual",
+            "multiplier_re",
+            "multiplier_im",
+            "branch",
+            "turns",
+        ];
         let mut text = csv_line(head) + "\n";
         for special in self.specials() {
             let cells = [
@@ -145,6 +154,7 @@ impl Branches {
                 number(special.multiplier.re),
                 number(special.multiplier.im),
                 special.branch.to_string(),
+                special.turns.to_string(),
             ];
             text += &(csv_line(cells) + "\n");
         }
@@ -170,7 +180,7 @@ impl Branches {
             panels.push(self.panel(&format!("{name}: amplitude of the deflection"), unit("m"), &amplitudes));
             panels.push(self.panel(&format!("{name}: time separated / period"), "", &apart));
         }
-        panels.push(self.panel("largest multiplier", "", &|point, _| Some(point.multiplier.min(LARGEST))));
+        panels.push(self.panel("largest multiplier", "", &|point, _| Some(point.multiplier).filter(|m| *m <= LARGEST)));
         let counted = |kind: Kind| (kind, self.specials().filter(|special| special.kind == kind).count());
         let counts = KINDS.map(counted).into_iter().filter(|(_, count)| *count > 0);
         let counts: Vec<String> = counts.map(|(kind, count)| format!("{count} {}", kind.word())).collect();
@@ -183,7 +193,7 @@ impl Branches {
             id: "branches".to_owned(),
             title: format!("Orbits of {name} against {}", self.family.parameter.pointer()),
             caption: format!(
-                "Full lines: stable; dashed: unstable. {levels}Special points: {}. Multipliers above {LARGEST} are drawn at it.",
+                "Full lines: stable; dashed: unstable. {levels}Special points: {}. Multipliers above {LARGEST} are not drawn.",
                 if counts.is_empty() { "none".to_owned() } else { counts.join(", ") }
             ),
             columns: 1,
@@ -195,18 +205,13 @@ impl Branches {
     #[cfg(feature = "plot")]
     #[must_use]
     pub fn plane(&self, curves: &[Curve], name: &str) -> Figure {
-        let [x, y] = self.family.borders();
         let second = self.family.second().map_or("", Parameter::pointer);
-        let mut panel = Panel {
-            x: Axis::new(self.family.parameter.pointer(), "").between(x[0], x[1]),
-            y: Axis::new(second, "").between(y[0], y[1]),
-            ..Panel::default()
-        };
-        for curve in curves {
+        let mut panel =
+            Panel { x: Axis::new(self.family.parameter.pointer(), ""), y: Axis::new(second, ""), ..Panel::default() };
+        for (i, curve) in curves.iter().enumerate() {
             let period = curve.points.first().map_or(0, |point| point.period);
             let (x, y) = curve.points.iter().map(|point| (point.value, point.second)).unzip();
-            let level = usize::try_from(period).unwrap_or_default() - 1;
-            panel.series.push(Series::line(format!("period {period}"), level, x, y));
+            panel.series.push(Series::line(format!("curve {i}, period {period}"), i, x, y));
         }
         let marks = [Codimension::Cusp, Codimension::Turn, Codimension::End];
         for (colour, special) in marks.into_iter().enumerate() {
