@@ -16,6 +16,9 @@ use crate::{
     system::{Structure, contact_mode, guard_of},
 };
 
+/// Share of the size of a guard that steps may differ by where they meet.
+const SMOOTH: f64 = 1e-9;
+
 /// A place at which a guard that does not fire is least.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Low {
@@ -73,9 +76,13 @@ impl Observer for Lowest<'_> {
             let (start, rise) = (self.row[0], self.row.get(1).copied().unwrap_or_default());
             let last = before.iter().find(|(other, ..)| other == id);
             if let Some((_, end, slope)) = last {
-                if *slope < 0.0 && (start > *end || rise > 0.0) {
-                    self.take(mode, *id, end.min(start));
-                } else if rise > 0.0 && start < *end {
+                // What differs by rounding alone is no jump.
+                let jump = start - end;
+                let size = self.row.iter().fold(end.abs(), |size, c| size.max(c.abs()));
+                let jump = if jump.abs() <= SMOOTH * size { 0.0 } else { jump };
+                if *slope < 0.0 && (jump > 0.0 || jump == 0.0 && rise > 0.0) {
+                    self.take(mode, *id, *end);
+                } else if rise > 0.0 && jump < 0.0 {
                     self.take(mode, *id, start);
                 }
             }

@@ -34,8 +34,8 @@ const MOST: usize = 500;
 const LOCATED: f64 = 1e-9;
 /// Distance, in ranges, of the last orbit before a limit from it.
 const NEAR: f64 = 1e-6;
-/// Two points nearer than this, in ranges, are one.
-const SAME: f64 = 1e-3;
+/// Distance, in ranges, from a chord of a curve within which a point with the same word lies on the curve.
+const SAME: f64 = 3e-4;
 /// Cycles that events are kept away from the section, if they can be.
 const CLEAR: f64 = 0.02;
 /// Distance of the neighbour that shows where to look, in scales.
@@ -170,8 +170,7 @@ pub fn curves(
         if task.is_cancelled() {
             break;
         }
-        let place = [special.value, family.own_place()[1]];
-        if all.iter().any(|curve| solver.is_on(curve, place, special.period)) {
+        if all.iter().any(|curve| solver.is_on(curve, special)) {
             continue;
         }
         if let Some(curve) = solver.curve(special, task) {
@@ -186,14 +185,15 @@ pub fn curves(
 }
 
 impl Solver<'_> {
-    /// Whether a place lies on a curve that is known.
-    fn is_on(&self, curve: &Curve, place: Place, period: u64) -> bool {
-        let ranges = self.family.ranges();
+    /// Whether a special point of a branch lies on a curve that is known.
+    fn is_on(&self, curve: &Curve, special: &Special) -> bool {
+        let (ranges, place) = (self.family.ranges(), [special.value, self.family.own_place()[1]]);
+        let is_alike = |point: &CurvePoint| point.period == special.period && point.word == special.word;
         let passes = |pair: &[CurvePoint]| {
             let [a, b] = pair else { return false };
             let share = (place[1] - a.second) / (b.second - a.second);
             let off = a.value + share * (b.value - a.value) - place[0];
-            (0.0..=1.0).contains(&share) && a.period == period && off.abs() <= SAME * ranges[0]
+            (0.0..=1.0).contains(&share) && (is_alike(a) || is_alike(b)) && off.abs() <= SAME * ranges[0]
         };
         curve.points.windows(2).any(passes)
     }

@@ -250,7 +250,8 @@ impl Branches {
             let mut from = 0;
             while from < values.len() {
                 let is_stable = branch.points[from].is_stable;
-                let run = branch.points[from..].iter().take_while(|point| point.is_stable == is_stable).count();
+                let is_alike = |i: &usize| branch.points[*i].is_stable == is_stable && values[*i].is_some();
+                let run = (from..values.len()).take_while(is_alike).count().max(1);
                 // Lines of both kinds meet.
                 let last = (from + run).min(values.len() - 1);
                 let all = (from..=last).filter_map(|i| Some((branch.points[i].value, values[i]?)));
