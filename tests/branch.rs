@@ -470,6 +470,9 @@ fn contact_is_lost_where_the_stiffness_jumps() {
     let thresholds = branches[0].specials.iter().filter(|special| special.word.is_empty());
     let [threshold] = thresholds.collect::<Vec<_>>()[..] else { panic!("{:?}", branches[0].specials) };
     assert_eq!(threshold.kind, Kind::GrazingDamped);
+    // Another pair of multipliers is always near the unit circle, inside: it is not taken for the one that passes.
+    let torus = branches[0].specials.iter().find(|special| special.kind == Kind::Torus).unwrap();
+    assert!((torus.multiplier.norm() - 1.0).abs() <= 1e-9 && branches[0].unlocated.is_empty(), "{torus:?}");
     let word = |load: f64| {
         let scene = scene.with("/train/torque_nm", json!(load)).unwrap();
         let simulation = Simulation::from_scene(&scene).unwrap();

@@ -322,8 +322,9 @@ impl Solver<'_> {
             match from.sought {
                 Sought::Root => {
                     let b = other()?;
-                    let is_passed = kind.test(&a) * kind.test(&b) < 0.0;
-                    if is_passed { solver.root(&a, &b, &|node| kind.test(node)) } else { None }
+                    let test = |node: &Node| kind.test(node, from.node.pair_on_circle());
+                    let is_passed = test(&a) * test(&b) < 0.0;
+                    if is_passed { solver.root(&a, &b, &test) } else { None }
                 }
                 Sought::Limit(key) => {
                     let is_same = |node: &Node| Change::of(&from.node.course, &node.course) == Change::None;

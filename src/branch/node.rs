@@ -178,6 +178,19 @@ impl Node {
         counts
     }
 
+    /// One multiplier of each complex pair, the largest first.
+    pub fn pairs(&self) -> Vec<Complex<f64>> {
+        let mut pairs: Vec<Complex<f64>> = self.multipliers().into_iter().filter(|m| m.im > 0.0).collect();
+        pairs.sort_by(|a, b| b.norm().total_cmp(&a.norm()));
+        pairs
+    }
+
+    /// Which of them is nearest to the unit circle.
+    pub fn pair_on_circle(&self) -> usize {
+        let off: Vec<f64> = self.pairs().iter().map(|m| (m.norm() - 1.0).abs()).collect();
+        (0..off.len()).min_by(|i, j| off[*i].total_cmp(&off[*j])).unwrap_or_default()
+    }
+
     /// Whether the orbit closes after a part of its period already.
     pub fn has_shorter_period(&self) -> bool {
         let Orbit { section, image, period, .. } = &self.orbit;

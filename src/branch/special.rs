@@ -72,12 +72,12 @@ impl Kind {
         }
     }
 
-    /// The function that is zero at such a point, of the kinds that multipliers tell.
-    pub(super) fn test(self, node: &Node) -> f64 {
+    /// The function that is zero at such a point, of the kinds that multipliers tell; `pair` is the place of a complex pair, the largest first.
+    pub(super) fn test(self, node: &Node, pair: usize) -> f64 {
         match self {
             Self::Fold | Self::Symmetry => node.fold,
             Self::PeriodDoubling => node.flip,
-            Self::Torus => on_circle(node).map_or(f64::NAN, |m| m.norm() - 1.0),
+            Self::Torus => node.pairs().get(pair).map_or(f64::NAN, |m| m.norm() - 1.0),
             _ => f64::NAN,
         }
     }
@@ -209,10 +209,12 @@ impl Solver<'_> {
             (Kind::PeriodDoubling, a.flip * b.flip < 0.0),
             (Kind::Torus, before[2] != after[2] && before[..2] == after[..2]),
         ];
+        // Of the pairs that are outside on one side the last is inside on the other.
+        let pair = (before[2].max(after[2]) / 2).saturating_sub(1);
         let by_multipliers = is_passed.into_iter().filter(|(_, is_passed)| *is_passed).map(|(kind, _)| {
             let is_symmetric = kind == Kind::Symmetry;
             let solver = Self { is_symmetric, ..self.of_kind(kind) };
-            let located = solver.root(a, b, &|node| kind.test(node));
+            let located = solver.root(a, b, &|node| kind.test(node, pair));
             let located = located.filter(|located| located.error <= LOCATED);
             (kind.word(), located.map(|located| (kind, Sought::Root, located)))
         });
@@ -246,7 +248,7 @@ impl Solver<'_> {
                 let guess = first.guess(&first.tangent, self.family.ranges(), reach);
                 let second = symmetric.at(guess, Some(&plane), 1.0).ok()?;
                 let kind = if is_half { Kind::PeriodDoubling } else { Kind::Symmetry };
-                let test = |node: &Node| kind.test(node);
+                let test = |node: &Node| kind.test(node, 0);
                 if test(&first) * test(&second) > 0.0 || first.has_shorter_period() {
                     return None;
                 }
@@ -414,6 +416,5 @@ fn nearest(node: &Node, place: Complex<f64>) -> Complex<f64> {
 
 /// The complex multiplier nearest to the unit circle.
 fn on_circle(node: &Node) -> Option<Complex<f64>> {
-    let off = |m: &Complex<f64>| (m.norm() - 1.0).abs();
-    node.multipliers().into_iter().filter(|m| m.im > 0.0).min_by(|a, b| off(a).total_cmp(&off(b)))
+    node.pairs().get(node.pair_on_circle()).copied()
 }
