@@ -466,7 +466,7 @@ fn symmetry_breaks_where_it_does() {
 fn contact_is_lost_where_the_stiffness_jumps() {
     let scene =
         Scene::from_file("examples/scenes/spur-pair.json").unwrap().with("/train/speed_rpm", json!(2700.0)).unwrap();
-    let branches = follow(scene.resolved(), &["/train/torque_nm"], [20.0, 150.0], 0);
+    let branches = follow(scene.resolved(), &["/train/torque_nm"], [5.0, 150.0], 0);
     let thresholds = branches[0].specials.iter().filter(|special| special.word.is_empty());
     let [threshold] = thresholds.collect::<Vec<_>>()[..] else { panic!("{:?}", branches[0].specials) };
     assert_eq!(threshold.kind, Kind::GrazingDamped);
