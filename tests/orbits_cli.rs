@@ -188,6 +188,11 @@ fn curves_are_a_table_and_a_picture_and_work_goes_on() {
     let other: Vec<&str> = resumed.iter().map(|word| if *word == "0" { "1" } else { word }).collect();
     let refused = flank(&other, &out).code(2);
     assert!(String::from_utf8_lossy(&refused.get_output().stderr).contains("doublings"));
+    // Another command's files stay.
+    let others = folder.path().join("orbit");
+    flank(&["orbit", PAIR], &others).code(0);
+    flank(&resumed, &others).code(2);
+    assert!(others.join("orbit.json").is_file());
     for (second, reason) in [
         ("/train/transmission_error/0/frequency=0.6:0.9", "one of the first numbers"),
         ("/train/mean_load=0.2:0.3", "own value"),

@@ -4,10 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     family::Family,
-    follow::Change,
+    follow::{CLEAR, Change, GROWTH, LONGEST, SHORTEST},
     node::{Direction, Guess, Node, Place, Plane, Solver, Spot},
     run::Branch,
-    special::{Kind, Sought, Special, Trail, rests},
+    special::{Kind, LOCATED, Sought, Special, Trail, rests},
 };
 use crate::{
     orbit::SectionMap,
@@ -15,12 +15,8 @@ use crate::{
     task::{Progress, Task},
 };
 
-/// Lengths of steps, in scales of states and ranges of both numbers: at first, at most, and the one below which a curve ends.
+/// Length of the first step, in scales of states and ranges of both numbers; the others are as on a branch.
 const FIRST: f64 = 0.003;
-const LONGEST: f64 = 0.03;
-const SHORTEST: f64 = 1e-7;
-/// Factor after a step.
-const GROWTH: f64 = 1.3;
 /// How far aside of the guess a point is looked for, in steps: of the first step, whose direction is not known yet, and of the others.
 const ASIDE_FIRST: [f64; 3] = [1.0, 4.0, 15.0];
 const ASIDE: [f64; 3] = [0.3, 1.0, 3.0];
@@ -30,14 +26,10 @@ const FROM: [f64; 3] = [1.0, 4.0, 0.3];
 const TURN: f64 = 0.95;
 /// Points of a curve in one direction at most.
 const MOST: usize = 500;
-/// Largest residual of a point that counts.
-const LOCATED: f64 = 1e-9;
 /// Distance, in ranges, of the last orbit before a limit from it.
 const NEAR: f64 = 1e-6;
 /// Distance, in ranges, from a chord of a curve within which a point with the same word lies on the curve.
 const SAME: f64 = 3e-4;
-/// Cycles that events are kept away from the section, if they can be.
-const CLEAR: f64 = 0.02;
 /// Distance of the neighbour that shows where to look, in scales.
 const BESIDE: f64 = 1e-3;
 /// Steps of the search for the point at which a curve turns.
@@ -119,23 +111,14 @@ struct Head {
 }
 
 impl Head {
-    /// The direction from one place to another, of length one, and its length.
-    fn chord(&self, from: &Spot, to: &Spot, ranges: [f64; 2]) -> (Direction, f64) {
-        let y = self.node.unknowns.between(&from.section.x, &to.section.x);
-        let [p, s] = [0, 1].map(|i| (to.place[i] - from.place[i]) / ranges[i]);
-        let length = libm::hypot(y.norm(), libm::hypot(p, s));
-        (Direction { y: y / length, p: p / length, s: s / length }, length)
-    }
-
     /// Along the curve, and across it.
     fn directions(&self, ranges: [f64; 2]) -> (Direction, Direction) {
         let here = Spot::of(&self.node);
-        let (along, _) = self.chord(&self.before, &here, ranges);
-        let (aside, _) = self.chord(&here, &self.beside, ranges);
-        let dot = dot(&along, &aside);
+        let (along, _) = self.node.direction(&self.before, &here, ranges);
+        let (aside, _) = self.node.direction(&here, &self.beside, ranges);
+        let dot = along.dot(&aside);
         let across = Direction { y: &aside.y - &along.y * dot, p: aside.p - along.p * dot, s: aside.s - along.s * dot };
-        let length = libm::hypot(across.y.norm(), libm::hypot(across.p, across.s));
-        (along, Direction { y: across.y / length, p: across.p / length, s: across.s / length })
+        (along, across.times(1.0 / across.length()))
     }
 
     fn point(&self) -> CurvePoint {
@@ -143,10 +126,6 @@ impl Head {
         let (period, word) = (node.orbit.period, node.orbit.word());
         CurvePoint { value: *value, second: *second, period, word, residual: *residual, codimension_two: None }
     }
-}
-
-fn dot(a: &Direction, b: &Direction) -> f64 {
-    a.y.dot(&b.y) + a.p * b.p + a.s * b.s
 }
 
 /// The special points of `kind` on `branches` of `family`, which has a second number, along that number; or what is left of that after
@@ -251,8 +230,8 @@ impl Solver<'_> {
             let asides = if points.is_empty() { ASIDE_FIRST } else { ASIDE }.map(|aside| aside * h);
             let slice = Plane::through(&head.node, &along, h);
             let next = self.across(&head, kind, slice, head.node.guess(&along, ranges, h), asides).filter(|next| {
-                let (chord, length) = head.chord(&next.before, &Spot::of(&next.node), ranges);
-                points.is_empty() || length <= 2.0 * h && dot(&chord, &along) >= TURN
+                let (chord, length) = head.node.direction(&next.before, &Spot::of(&next.node), ranges);
+                points.is_empty() || length <= 2.0 * h && chord.dot(&along) >= TURN
             });
             let Some(next) = next else {
                 h *= 0.5;
@@ -293,27 +272,20 @@ impl Solver<'_> {
     fn across(&self, from: &Head, kind: Kind, slice: Plane, guess: Guess, asides: [f64; 3]) -> Option<Head> {
         let ranges = self.family.ranges();
         let (_, across) = from.directions(ranges);
-        let offset = {
-            let y = from.node.unknowns.between(&from.node.orbit.section.x, &guess.section.x);
-            let [p, s] = [0, 1].map(|i| (guess.place[i] - from.node.place()[i]) / ranges[i]);
-            y.dot(&across.y) + p * across.p + s * across.s
-        };
+        let here = Spot::of(&from.node);
+        let (way, length) = from.node.direction(&here, &Spot::at(guess.clone()), ranges);
+        let offset = length * way.dot(&across);
         let solver = self.within(slice);
         // A limit is taken from an orbit beside that of the last point, any other point lies between two across the curve.
-        let here = Spot::of(&from.node);
-        let back = from.from.as_ref().map(|spot| from.chord(&here, spot, ranges));
-        let back = back.map(|(way, length)| (dot(&way, &across).abs() * length, way)).filter(|(aside, _)| *aside > 0.0);
+        let back = from.from.as_ref().map(|spot| from.node.direction(&here, spot, ranges));
+        let back = back.map(|(way, length)| (way.dot(&across).abs() * length, way)).filter(|(aside, _)| *aside > 0.0);
         let asides = back.as_ref().map_or(asides, |(aside, _)| FROM.map(|share| share * aside.max(asides[0])));
         let at = |aside: f64| {
             let (way, far) = match &back {
-                Some((_, way)) => (way, -aside / dot(way, &across).abs()),
+                Some((_, way)) => (way, -aside / way.dot(&across).abs()),
                 None => (&across, aside),
             };
-            let change = from.node.unknowns.lifted(&way.y);
-            let mut guess = guess.clone();
-            guess.section.x.iter_mut().zip(&change).for_each(|(x, c)| *x += far * c);
-            guess.place[0] += far * way.p * ranges[0];
-            guess.place[1] += far * way.s * ranges[1];
+            let guess = from.node.moved(guess.clone(), way, ranges, far);
             solver.at(guess, Some(&Plane::through(&from.node, &across, offset + aside)), 1.0).ok()
         };
         let located = asides.into_iter().find_map(|aside| {
@@ -355,9 +327,10 @@ impl Solver<'_> {
             let border = if outside[i] > inside[i] { borders[i][1] } else { borders[i][0] };
             ((border - inside[i]) / (outside[i] - inside[i]), border)
         };
-        let passed = (0..2).map(|i| (i, share(i))).filter(|(_, (share, _))| (0.0..=1.0).contains(share));
+        // A point on the border has none to go to.
+        let passed = (0..2).map(|i| (i, share(i))).filter(|(_, (share, _))| *share > 0.0 && *share <= 1.0);
         let (i, (share, border)) = passed.min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
-        let (chord, length) = from.chord(&Spot::of(&from.node), &Spot::of(&to.node), self.family.ranges());
+        let (chord, length) = from.node.chord(&to.node, self.family.ranges());
         let mut guess = from.node.guess(&chord, self.family.ranges(), share * length);
         guess.place[i] = border;
         let slice = Plane::of_number(&guess, i);
@@ -371,13 +344,13 @@ impl Solver<'_> {
     fn extreme(&self, [first, middle, last]: [&Head; 3], kind: Kind) -> Option<(bool, CurvePoint)> {
         let rises = |a: &Head, b: &Head, i: usize| b.place[i] > a.place[i];
         let ranges = self.family.ranges();
-        let (chord, length) = first.chord(&Spot::of(&first.node), &Spot::of(&last.node), ranges);
+        let (chord, length) = first.node.chord(&last.node, ranges);
         // Near an end, steps of rounding's length go to and fro.
         if rises(first, middle, 1) == rises(middle, last, 1) || length < NOISE {
             return None;
         }
-        let (way, part) = first.chord(&Spot::of(&first.node), &Spot::of(&middle.node), ranges);
-        let mut known = vec![(0.0, first.clone()), (part * dot(&way, &chord), middle.clone()), (length, last.clone())];
+        let (way, part) = first.node.chord(&middle.node, ranges);
+        let mut known = vec![(0.0, first.clone()), (part * way.dot(&chord), middle.clone()), (length, last.clone())];
         // A parabola through the three points about the best one.
         let vertex = |known: &[(f64, Head)], i: usize| {
             let [(a, fa), (b, fb), (c, fc)] = [0, 1, 2].map(|k| (known[k].0, known[k].1.place[i]));
@@ -402,7 +375,7 @@ impl Solver<'_> {
         let is_cusp = (vertex(&known, 0) - t).abs() <= CUSP * length;
         let (_, head) = known.into_iter().min_by(|a, b| (a.0 - t).abs().total_cmp(&(b.0 - t).abs()))?;
         let codimension_two = Some(if is_cusp { Codimension::Cusp } else { Codimension::Turn });
-        Some((t < part * dot(&way, &chord), CurvePoint { codimension_two, ..head.point() }))
+        Some((t < part * way.dot(&chord), CurvePoint { codimension_two, ..head.point() }))
     }
 
     /// Whether a curve passes its start between two points.
@@ -414,8 +387,8 @@ impl Solver<'_> {
         let share = (way[0] * off[0] + way[1] * off[1]) / squared;
         let aside = (way[0] * off[1] - way[1] * off[0]).abs() / squared;
         let is_near = || {
-            let (_, length) = start.chord(&Spot::of(&a.node), &Spot::of(&b.node), ranges);
-            let (_, apart) = start.chord(&Spot::of(&a.node), &Spot::of(&start.node), ranges);
+            let (_, length) = start.node.direction(&Spot::of(&a.node), &Spot::of(&b.node), ranges);
+            let (_, apart) = start.node.direction(&Spot::of(&a.node), &Spot::of(&start.node), ranges);
             a.node.phase != start.node.phase || apart <= 1.5 * length
         };
         (0.0..=1.0).contains(&share) && aside <= 0.1 && is_near()
@@ -435,8 +408,8 @@ impl Solver<'_> {
         let plane = Plane::through(&head.node, &across, BESIDE);
         let beside = solver.at(head.node.guess(&across, ranges, BESIDE), Some(&plane), 1.0).ok()?;
         let (here, before, beside) = (lead(&Spot::of(&head.node))?, lead(&head.before)?, lead(&Spot::of(&beside))?);
-        let (along, _) = head.chord(&before, &here, ranges);
-        let (across, _) = head.chord(&here, &beside, ranges);
+        let (along, _) = head.node.direction(&before, &here, ranges);
+        let (across, _) = head.node.direction(&here, &beside, ranges);
         let shift = head.node.shift + u64::from(phase < head.node.phase);
         let guess = Guess { section: here.section, phase, shift, by: None, ..head.node.at() };
         let plane =

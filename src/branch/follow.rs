@@ -11,10 +11,10 @@ use crate::{hybrid::Watch, orbit::words::Letter, task::Task};
 
 /// Lengths of steps, in scales of states and ranges of the parameter: at first, at most, and the one below which a branch ends.
 const FIRST: f64 = 0.01;
-const LONGEST: f64 = 0.03;
-const SHORTEST: f64 = 1e-7;
+pub const LONGEST: f64 = 0.03;
+pub const SHORTEST: f64 = 1e-7;
 /// Factor after a step that was solved in [`EASY`] Newton steps.
-const GROWTH: f64 = 1.3;
+pub const GROWTH: f64 = 1.3;
 const EASY: usize = 4;
 /// Lengths of steps across a place where the derivative has no bound, and the distance of the point behind it, in such lengths.
 const LEAPS: [f64; 5] = [1e-5, 1e-4, 3e-4, 1e-3, 3e-3];
@@ -37,7 +37,7 @@ const MOVES: f64 = 10.0;
 /// Share of a tangent along the parameter below which a fold may be so near that its sense is not clear.
 const TURNS: f64 = 1e-3;
 /// Cycles that events are kept away from the section, if they can be.
-const CLEAR: f64 = 0.02;
+pub const CLEAR: f64 = 0.02;
 
 /// How the events of two neighbours differ.
 #[derive(Clone, Debug, PartialEq)]
@@ -163,12 +163,8 @@ impl Change {
 impl Solver<'_> {
     /// The cosine of the angle between the tangents of two points.
     fn turn(&self, a: &Node, b: &Node) -> f64 {
-        // The tangent of b in the unknowns of a.
-        let moved = b.unknowns.lifted(&b.tangent.y);
-        let origin = vec![0.0; moved.len()];
-        let y = a.unknowns.between(&origin, moved.as_slice());
-        let (dot, norm) = (y.dot(&a.tangent.y) + b.tangent.p * a.tangent.p, libm::hypot(y.norm(), b.tangent.p));
-        dot / norm
+        let tangent = a.tangent_of(b);
+        tangent.dot(&a.tangent) / tangent.length()
     }
 
     /// A step of length `h` along the tangent.

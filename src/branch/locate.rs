@@ -67,9 +67,7 @@ fn extended(nodes: &[(f64, Node)], s: f64) -> Option<Guess> {
 fn between(a: &Node, b: &Node, (row, length): (&Direction, f64), ranges: [f64; 2], share: f64) -> Guess {
     // Changes of the state and of the numbers along the whole way, with the tangent of a node.
     let slope = |node: &Node| {
-        let change = node.unknowns.lifted(&node.tangent.y);
-        let y = a.unknowns.between(&vec![0.0; change.len()], change.as_slice());
-        let along = row.y.dot(&y) + row.p * node.tangent.p + row.s * node.tangent.s;
+        let (change, along) = (node.unknowns.lifted(&node.tangent.y), row.dot(&a.tangent_of(node)));
         let [p, s] = [node.tangent.p * ranges[0], node.tangent.s * ranges[1]];
         (change * (length / along), [p * length / along, s * length / along])
     };
@@ -157,9 +155,7 @@ impl Solver<'_> {
     /// The way from `a` towards `b`, and its length: along the tangent, as at a rigid graze the branch has a corner.
     pub fn towards(&self, a: &Node, b: &Node) -> (Direction, f64) {
         let (chord, length) = a.chord(b, self.family.ranges());
-        let tangent = &a.tangent;
-        let sense = (tangent.y.dot(&chord.y) + tangent.p * chord.p + tangent.s * chord.s).signum();
-        (Direction { y: &tangent.y * sense, p: tangent.p * sense, s: tangent.s * sense }, length)
+        (a.tangent.times(a.tangent.dot(&chord).signum()), length)
     }
 
     /// The limit of the branch from `a` along `row`, up to a distance `length`, as `g`, positive at `a`, falls to zero; `g` is `None` where

@@ -42,6 +42,23 @@ pub struct Direction {
     pub s: f64,
 }
 
+impl Direction {
+    /// The scalar product.
+    pub fn dot(&self, other: &Self) -> f64 {
+        self.y.dot(&other.y) + self.p * other.p + self.s * other.s
+    }
+
+    /// Its length.
+    pub fn length(&self) -> f64 {
+        libm::hypot(self.y.norm(), libm::hypot(self.p, self.s))
+    }
+
+    /// `factor` times it.
+    pub fn times(&self, factor: f64) -> Self {
+        Self { y: &self.y * factor, p: self.p * factor, s: self.s * factor }
+    }
+}
+
 /// What Newton's method begins with.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Guess {
@@ -200,10 +217,23 @@ impl Node {
 
     /// The chord to another point of the branch, of length one, and its length.
     pub fn chord(&self, to: &Self, ranges: [f64; 2]) -> (Direction, f64) {
-        let y = self.unknowns.between(&self.orbit.section.x, &to.orbit.section.x);
-        let (p, s) = ((to.value - self.value) / ranges[0], (to.second - self.second) / ranges[1]);
-        let length = libm::hypot(libm::hypot(y.norm(), p), s);
-        (Direction { y: y / length, p: p / length, s: s / length }, length)
+        self.direction(&Spot::of(self), &Spot::of(to), ranges)
+    }
+
+    /// The direction from one place to another in this node's unknowns, of length one, and its length.
+    pub fn direction(&self, from: &Spot, to: &Spot, ranges: [f64; 2]) -> (Direction, f64) {
+        let y = self.unknowns.between(&from.section.x, &to.section.x);
+        let [p, s] = [0, 1].map(|i| (to.place[i] - from.place[i]) / ranges[i]);
+        let direction = Direction { y, p, s };
+        let length = direction.length();
+        (direction.times(1.0 / length), length)
+    }
+
+    /// The tangent of another node in this one's unknowns.
+    pub fn tangent_of(&self, other: &Self) -> Direction {
+        let change = other.unknowns.lifted(&other.tangent.y);
+        let y = self.unknowns.between(&vec![0.0; change.len()], change.as_slice());
+        Direction { y, ..other.tangent }
     }
 
     /// The guess that it is itself.
@@ -219,7 +249,11 @@ impl Node {
 
     /// The guess at a distance along a direction.
     pub fn guess(&self, direction: &Direction, ranges: [f64; 2], distance: f64) -> Guess {
-        let mut guess = self.at();
+        self.moved(self.at(), direction, ranges, distance)
+    }
+
+    /// A guess, moved by a distance along a direction of this node.
+    pub fn moved(&self, mut guess: Guess, direction: &Direction, ranges: [f64; 2], distance: f64) -> Guess {
         let change = self.unknowns.lifted(&direction.y);
         guess.section.x.iter_mut().zip(&change).for_each(|(x, c)| *x += distance * c);
         guess.place[0] += distance * direction.p * ranges[0];

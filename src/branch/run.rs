@@ -253,7 +253,7 @@ impl Solver<'_> {
         let mut behind = None;
         if begun.both && !ahead.is_closed {
             let mut back = start.clone();
-            back.tangent = Direction { y: -&start.tangent.y, p: -start.tangent.p, s: -start.tangent.s };
+            back.tangent = start.tangent.times(-1.0);
             behind = Some(self.follow(&back, most, task));
         }
         let (mut passed, mut unlocated) = self.specials(&ahead, 1.0);

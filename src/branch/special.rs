@@ -24,7 +24,7 @@ const CANDIDATES: usize = 3;
 const FAR: f64 = 0.03;
 const BEYOND: f64 = 1.1;
 /// Largest residual of a point that counts as located, in scales and ranges.
-const LOCATED: f64 = 1e-9;
+pub(super) const LOCATED: f64 = 1e-9;
 /// Steps, in scales, in which the branch is looked for that another one is born from.
 const PARENT: [f64; 6] = [3e-3, 1e-3, 1e-2, 3e-4, 3e-5, 3e-6];
 /// Points before the end of a branch from which its limit is taken.

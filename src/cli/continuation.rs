@@ -164,7 +164,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         return Ok(Done::Completely);
     }
     let mut branches = Branches::new(family.clone())?;
-    let open = |request: Request<'_>| if earlier.is_some() { request.reopen() } else { request.open() };
+    // What another command wrote is not removed by --resume.
+    let open = |request: Request<'_>| if arguments.resume { request.reopen() } else { request.open() };
     let mut folder = request.map(open).transpose()?;
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);
