@@ -22,17 +22,67 @@
 //! # Ok::<(), flank::simulation::SimulationError>(())
 //! ```
 
-use rayon::prelude::*;
+use std::{
+    collections::BTreeMap,
+    ops::Range,
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicBool, AtomicUsize, Ordering},
+    },
+};
 
 use crate::{
     engine::{Engine, EngineError, State},
     simulation::{Simulation, SimulationError},
 };
 
-/// Members that are in memory at once.
-const BLOCK: usize = 8192;
 /// Members that share an engine at least: forming the motions of a train costs as much as some hundred cycles of it.
 const SHARE: usize = 64;
+
+/// Does `work` for all `items` on the threads of the pool it is called in, each `share` of them on one thread, with what it has from
+/// `begin`; hands what comes of it to `take`, in the order of the items. Where `work` gives nothing it ends: no later item is taken.
+///
+/// # Errors
+/// The first error of `take`; later items may have been worked on.
+pub fn in_order<C, T: Send, E: Send>(
+    items: Range<usize>,
+    share: usize,
+    begin: impl Fn() -> C + Sync,
+    work: impl Fn(&mut C, usize) -> Option<T> + Sync,
+    take: impl FnMut(usize, T) -> Result<(), E> + Send,
+) -> Result<(), E> {
+    let (claimed, ends) = (AtomicUsize::new(items.start), AtomicBool::new(false));
+    // The next item to be taken, what waits for items before it, who takes, and the first error.
+    let desk = Mutex::new((items.start, BTreeMap::<usize, Vec<T>>::new(), take, None));
+    rayon::broadcast(|_| {
+        let mut context = begin();
+        while !ends.load(Ordering::Relaxed) {
+            let first = claimed.fetch_add(share, Ordering::Relaxed);
+            if first >= items.end {
+                break;
+            }
+            let wanted = first..items.end.min(first + share);
+            let done: Vec<T> = wanted.clone().map_while(|i| work(&mut context, i)).collect();
+            if done.len() < wanted.len() {
+                ends.store(true, Ordering::Relaxed);
+            }
+            let mut desk = desk.lock().unwrap_or_else(PoisonError::into_inner);
+            let (next, waiting, take, failed) = &mut *desk;
+            waiting.insert(first, done);
+            while let Some(done) = waiting.remove(next).filter(|_| failed.is_none()) {
+                for item in done {
+                    if let Err(error) = take(*next, item) {
+                        *failed = Some(error);
+                        ends.store(true, Ordering::Relaxed);
+                        break;
+                    }
+                    *next += 1;
+                }
+            }
+        }
+    });
+    desk.into_inner().unwrap_or_else(PoisonError::into_inner).3.map_or(Ok(()), Err)
+}
 
 /// Many motions of one train, run in parallel on the threads of the pool it is called in.
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +107,7 @@ impl<'a> Ensemble<'a> {
         &self,
         start: impl Fn(usize) -> Result<State, SimulationError> + Sync,
         follow: impl Fn(usize, &mut Engine<'_>) -> Result<T, EngineError> + Sync,
-        mut take: impl FnMut(usize, Result<T, EngineError>) -> Result<(), SimulationError>,
+        mut take: impl FnMut(usize, Result<T, EngineError>) -> Result<(), SimulationError> + Send,
     ) -> Result<(), SimulationError> {
         let member = |engine: &mut Option<Engine<'a>>, i: usize| {
             let state = start(i)?;
@@ -70,12 +120,7 @@ impl<'a> Ensemble<'a> {
             };
             Ok(follow(i, engine))
         };
-        for first in (0..self.members).step_by(BLOCK) {
-            let block = first..self.members.min(first + BLOCK);
-            let seen = block.clone().into_par_iter().with_min_len(SHARE).map_init(|| None, member);
-            let seen: Vec<Result<_, SimulationError>> = seen.collect();
-            block.zip(seen).try_for_each(|(i, seen)| take(i, seen?))?;
-        }
-        Ok(())
+        let member = |engine: &mut _, i| Some(member(engine, i));
+        in_order(0..self.members, SHARE, || None, member, |i, seen: Result<_, SimulationError>| take(i, seen?))
     }
 }

@@ -62,6 +62,7 @@ pub mod gear;
 pub mod hybrid;
 pub mod integrate;
 mod kernel;
+pub mod map;
 pub mod orbit;
 pub mod scene;
 pub mod simulation;

@@ -4,6 +4,7 @@ use std::{fmt, process::ExitCode};
 
 use flank::{
     accuracy::AccuracyError,
+    map::PlaneError,
     output::{Fault, OutputError},
     scene::SceneError,
     simulation::SimulationError,
@@ -87,6 +88,18 @@ impl From<SimulationError> for CliError {
             SimulationError::Output(error) => error.into(),
             SimulationError::File(name, error) => Self::file(name, error),
             error => Self::Simulation(error),
+        }
+    }
+}
+
+impl From<PlaneError> for CliError {
+    fn from(error: PlaneError) -> Self {
+        match error {
+            PlaneError::Grid(error) => error.into(),
+            PlaneError::Simulation(error) => error.into(),
+            error => {
+                Self::Arguments(vec![flank::output::Fault::new("the axes", error.to_string(), "two axes of a scene")])
+            }
         }
     }
 }

@@ -1,12 +1,15 @@
 //! Commands, one file each. They print and write files; the library does neither.
 
 mod advise;
+mod basins;
 mod check;
 mod compare;
 mod continuation;
+mod diagram;
 mod error;
 mod identify;
 mod lyapunov;
+mod map;
 mod orbit;
 mod progress;
 mod run;
@@ -48,6 +51,12 @@ enum Command {
     Advise(advise::Arguments),
     /// Measure the steady motion at every point of a grid of scene numbers
     Sweep(sweep::Arguments),
+    /// Decide what the motion is in every cell over two numbers: periodic, chaotic, teeth apart, one flank or both
+    Map(map::Arguments),
+    /// Draw section points, impacts and exponents of motions against one number, on the way up and down
+    Diagram(diagram::Arguments),
+    /// Find where each start in a plane of starts ends: attractors, their basins, how their boundary looks
+    Basins(basins::Arguments),
     /// Solve for the periodic orbit that a scene starts on or approaches: stable or not, with its multipliers
     Orbit(orbit::Arguments),
     /// Follow periodic orbits along a number of the scene, and locate the points at which the motion changes
@@ -104,6 +113,9 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
         Command::Study(arguments) => return study::execute(&arguments),
         Command::Advise(arguments) => return advise::execute(&arguments),
         Command::Sweep(arguments) => return sweep::execute(&arguments),
+        Command::Diagram(arguments) => return diagram::execute(&arguments),
+        Command::Basins(arguments) => return basins::execute(&arguments),
+        Command::Map(arguments) => return map::execute(&arguments),
         Command::Orbit(arguments) => return orbit::execute(&arguments),
         Command::Continue(arguments) => return continuation::execute(&arguments),
         Command::Lyapunov(arguments) => return lyapunov::execute(&arguments),

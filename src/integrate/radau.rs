@@ -4,6 +4,8 @@
 //! coefficients tell how well it follows the motion: a free oscillation of amplitude δ that is stepped over shows as
 //! 0.185 δ in the last one.
 
+use std::sync::LazyLock;
+
 use nalgebra::{DMatrix, DVector, Dyn, LU, SMatrix};
 
 use crate::hybrid::{Instant, Mode, VectorField};
@@ -111,15 +113,25 @@ pub(super) struct From<'a> {
     pub x: &'a [f64],
 }
 
+/// Formed once: engines are many.
+static TABLEAU: LazyLock<Tableau> = LazyLock::new(Tableau::default);
+
 /// Steps and their working space.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Radau {
-    tableau: Tableau,
+    tableau: &'static Tableau,
     /// `X(c_i) − x`, stage by stage.
     z: DVector<f64>,
     slopes: Vec<f64>,
     scratch: Vec<f64>,
     lu: Option<LU<f64, Dyn, Dyn>>,
+}
+
+impl Default for Radau {
+    fn default() -> Self {
+        let (z, slopes, scratch) = (DVector::default(), Vec::new(), Vec::new());
+        Self { tableau: &TABLEAU, z, slopes, scratch, lu: None }
+    }
 }
 
 impl Radau {

@@ -10,7 +10,7 @@ use super::{
     Motion, SMALL_STRETCH,
     guards::ROUNDING,
     motion::Watched,
-    propagator::{COUNT, DEGREE, Input, MOST_INPUTS, Propagator, WHOLE},
+    propagator::{COUNT, DEGREE, Input, MOST_INPUTS, Propagator, WHOLE, load_size},
 };
 use crate::{
     hybrid::{JetRequest, Known, Leap, Passage},
@@ -26,7 +26,7 @@ const FEW: usize = 4;
 /// Widest fall that counts as decided, relative to the time to it.
 const SHARP: f64 = 1e-11;
 /// Shortest leap, in spans. A row is rounded, and cut, in units of what it is over the whole span; over much shorter times it is less.
-const SHORTEST: f64 = 1.0 / 256.0;
+pub(super) const SHORTEST: f64 = 1.0 / 256.0;
 /// Times their widths that two falls, or a fall and the bound, are apart.
 const APART: f64 = 8.0;
 /// Times the error of a row that values formed afresh at its ends may differ.
@@ -34,7 +34,7 @@ const AFRESH: f64 = 4.0;
 
 /// `Σ columns_i z_i`.
 #[inline(always)]
-fn combine<P: Path>(columns: &[[f64; COUNT]], z: &[f64]) -> Row {
+pub(super) fn combine<P: Path>(columns: &[[f64; COUNT]], z: &[f64]) -> Row {
     let mut sum = [0.0; COUNT];
     for (column, z) in columns.iter().zip(z) {
         for (sum, c) in sum.iter_mut().zip(column) {
@@ -47,16 +47,16 @@ fn combine<P: Path>(columns: &[[f64; COUNT]], z: &[f64]) -> Row {
 }
 
 /// Where a contact is at the start of a span.
-struct Start {
-    deflection: f64,
+pub(super) struct Start {
+    pub deflection: f64,
     /// `δ − σ b` from its own flank; of a separated contact from the flank that it has left, where that is known (else NaN).
-    stretch: f64,
+    pub stretch: f64,
     /// What the stretch is known to.
-    error: f64,
+    pub error: f64,
 }
 
 /// A guard on a span: Bernstein coefficients on the part of it that is looked at, of the guard over θ if it starts at an exact zero.
-struct Guard {
+pub(super) struct Guard {
     b: Row,
     degree: usize,
     /// Its value at the start, and the sign that its row has in it.
@@ -64,12 +64,12 @@ struct Guard {
     sign: f64,
     /// Error of the value at the start, and of the coefficients that are added to it.
     errors: [f64; 2],
-    pattern: Pattern,
+    pub pattern: Pattern,
 }
 
 impl Guard {
     #[inline(always)]
-    fn new(start: f64, sign: f64, row: &Row, errors: [f64; 2]) -> Self {
+    pub fn new(start: f64, sign: f64, row: &Row, errors: [f64; 2]) -> Self {
         let mut b = [0.0; LENGTH];
         let degree = if start == 0.0 { DEGREE } else { WHOLE };
         if start == 0.0 {
@@ -83,6 +83,20 @@ impl Guard {
         }
         let pattern = poly::pattern(&b[..=degree], errors[0] + errors[1]);
         Self { b, degree, start, sign, errors, pattern }
+    }
+
+    /// Halves the span until the signs of all tell what they do on it. The part that is left of it.
+    #[inline(always)]
+    pub fn sharpen(guards: &mut [Self]) -> f64 {
+        let mut part = 1.0;
+        for _ in 0..HALVINGS {
+            if guards.iter().all(|g| g.pattern != Pattern::Unclear) {
+                break;
+            }
+            guards.iter_mut().for_each(Self::halve);
+            part *= 0.5;
+        }
+        part
     }
 
     fn halve(&mut self) {
@@ -109,7 +123,7 @@ impl Guard {
 }
 
 /// `(i + 1)/WHOLE`.
-const SHARES: [f64; WHOLE] = {
+pub(super) const SHARES: [f64; WHOLE] = {
     let mut shares = [0.0; WHOLE];
     let mut i = 0;
     while i < WHOLE {
@@ -121,8 +135,8 @@ const SHARES: [f64; WHOLE] = {
 
 /// A guard falls through zero: value and slope by θ, and the error of the value.
 #[derive(Clone, Copy)]
-struct Fall {
-    index: usize,
+pub(super) struct Fall {
+    pub index: usize,
     theta: f64,
     value: f64,
     slope: f64,
@@ -137,7 +151,7 @@ impl Fall {
 
 /// The first fall on the first `part` of a span and before the `bound`, and where the leap ends; `None` if that is not decided.
 #[inline(always)]
-fn first_fall<P: Path>(guards: &[Guard], part: f64, bound: f64) -> Option<(Option<Fall>, f64)> {
+pub(super) fn first_fall<P: Path>(guards: &[Guard], part: f64, bound: f64) -> Option<(Option<Fall>, f64)> {
     let (mut first, mut later): (Option<Fall>, f64) = (None, f64::INFINITY);
     let earliest = |fall: &Fall| fall.theta - APART * fall.width();
     for (i, guard) in guards.iter().enumerate() {
@@ -173,7 +187,7 @@ impl Propagator {
     }
 
     /// Where contact `j` starts, `deflection` away from its middle by the state.
-    fn start(&self, motion: &Motion, request: &JetRequest<'_>, j: usize, deflection: f64) -> Start {
+    pub(super) fn start(&self, motion: &Motion, request: &JetRequest<'_>, j: usize, deflection: f64) -> Start {
         let (c, part) = (&motion.structure.contacts[j], &motion.parts[j]);
         let is_open = part.state == ContactMode::Separated;
         let flank = |watch: Watch| request.pinned.contains(guard_id(j, watch)).then_some(watch.side() * c.gap());
@@ -190,7 +204,7 @@ impl Propagator {
     }
 
     /// Value of a guard at the start, the sign of its row, and the error of the value.
-    fn guard(
+    pub(super) fn guard(
         &self,
         motion: &Motion,
         request: &JetRequest<'_>,
@@ -257,7 +271,7 @@ impl Propagator {
                 Input::Displacement(i) => x[i],
                 Input::Velocity(i) => x[n + i],
                 Input::Stretch(j) => starts[j].stretch,
-                Input::One => 1.0,
+                Input::Load => load_size(&s.load),
                 Input::Cosine(i) => oscillators[i][0],
                 Input::Sine(i) => oscillators[i][1],
             };
@@ -279,14 +293,7 @@ impl Propagator {
             }
             guards.push(Guard::new(start, sign, row, [rounding, *error]));
         }
-        let mut part = 1.0;
-        for _ in 0..HALVINGS {
-            if guards.iter().all(|g| g.pattern != Pattern::Unclear) {
-                break;
-            }
-            guards.iter_mut().for_each(Guard::halve);
-            part *= 0.5;
-        }
+        let part = Guard::sharpen(&mut guards);
         let bound = request.span / self.span;
         let decided = first_fall::<P>(&guards, part, bound).filter(|(_, end)| *end >= SHORTEST);
         let Some((fall, end)) = decided else { return false };

@@ -15,6 +15,7 @@ mod bound;
 mod defect;
 mod fours;
 mod guards;
+mod lane;
 mod leap;
 mod linear;
 mod low;
@@ -27,6 +28,8 @@ mod propagator;
 mod rooted;
 mod rows;
 mod sizes;
+
+pub(crate) use lane::{Lane, Noted, Passed};
 
 use bound::Tail;
 use motion::Motion;

@@ -1,6 +1,9 @@
 //! A mode, compiled: what every contact does, what is watched, and how fast it can move. An arc reads this and no law.
 
-use std::cell::{OnceCell, RefCell};
+use std::{
+    cell::{OnceCell, RefCell},
+    rc::Rc,
+};
 
 use super::{
     Layout,
@@ -80,7 +83,7 @@ pub(super) struct Motion<'s> {
     /// Room for series in a root clock.
     pub(super) scratch: RefCell<Vec<FourSeries>>,
     /// Formed when it is first asked for.
-    pub(super) propagator: OnceCell<Option<Propagator>>,
+    pub(super) propagator: OnceCell<Option<Rc<Propagator>>>,
     /// As well.
     pub(super) pressed: OnceCell<Option<Pressed>>,
 }

@@ -9,7 +9,9 @@
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use std::sync::LazyLock;
+use std::{cell::RefCell, collections::HashMap, rc::Rc, sync::LazyLock};
+
+use smallvec::SmallVec;
 
 use super::{Motion, motion::Watched};
 use crate::{
@@ -92,8 +94,8 @@ pub(super) enum Input {
     Velocity(usize),
     /// `δ − σ b` of a contact that carries force.
     Stretch(usize),
-    /// The number one.
-    One,
+    /// The size of the constant load.
+    Load,
     /// `cos ωt` of an oscillator.
     Cosine(usize),
     /// `sin ωt`.
@@ -147,7 +149,7 @@ fn taylor(motion: &Motion, span: f64, input: Input, outputs: &[Output]) -> Serie
         Input::Displacement(i) => x[i] = one,
         Input::Velocity(i) => x[n + i] = one,
         Input::Stretch(j) => stretches[j] = one,
-        Input::One => {}
+        Input::Load => {}
         Input::Cosine(i) => waves[i][0] = one,
         Input::Sine(i) => waves[i][1] = one,
     }
@@ -176,8 +178,9 @@ fn taylor(motion: &Motion, span: f64, input: Input, outputs: &[Output]) -> Serie
             }
         }
         let mut a = vec![Wide::default(); n];
-        if order == 0 && input == Input::One {
-            a.iter_mut().zip(&s.load).for_each(|(a, f)| *a = (*f).into());
+        if order == 0 && input == Input::Load {
+            let size = load_size(&s.load);
+            a.iter_mut().zip(&s.load).for_each(|(a, f)| *a = Wide::quotient((*f).into(), size));
         }
         for (a, row) in a.iter_mut().zip(&s.rows) {
             for (j, k, c) in row {
@@ -205,6 +208,11 @@ fn taylor(motion: &Motion, span: f64, input: Input, outputs: &[Output]) -> Serie
         }
     }
     Series { state, rows }
+}
+
+/// The largest acceleration by a constant load: with the direction alone in the columns, all its sizes share them.
+pub(super) fn load_size(load: &[f64]) -> f64 {
+    load.iter().fold(0.0, |m: f64, f| m.max(f.abs()))
 }
 
 /// Bernstein coefficients of `Σ series_k θᵏ⁻¹` cut after T₁₉, and a bound on what is cut of them.
@@ -267,12 +275,79 @@ impl Motion<'_> {
     }
 
     /// The propagator of the mode, where it pays: few degrees of freedom, linear laws, constant stiffnesses, nothing at rest.
-    pub(super) fn propagate(&self) -> Option<Propagator> {
+    pub(super) fn propagate(&self) -> Option<Rc<Propagator>> {
         let s = self.structure;
         let few = s.n <= MOST_FREEDOMS && s.oscillators.len() <= MOST_INPUTS && s.symmetry.is_empty();
         let is_simple = self.is_linear && !self.is_varying && self.held.is_none() && !s.is_conservative;
-        (few && is_simple).then(|| Propagator::new(self))?
+        if !(few && is_simple) {
+            return None;
+        }
+        let numbers = self.numbers();
+        if let Some(known) = FORMED.with_borrow(|formed| formed.get(&numbers).cloned()) {
+            return Some(known);
+        }
+        let propagator = Rc::new(Propagator::new(self)?);
+        FORMED.with_borrow_mut(|formed| {
+            if formed.len() >= MOST_FORMED {
+                formed.clear();
+            }
+            formed.insert(numbers, Rc::clone(&propagator));
+        });
+        Some(propagator)
     }
+
+    /// The bits of all numbers that a propagator is formed of, in a fixed order. Places of flanks, restitution and the size of the load are
+    /// none of them.
+    fn numbers(&self) -> Box<[u64]> {
+        let s = self.structure;
+        let mut bits: Vec<u64> = Vec::with_capacity(64);
+        let mut list = |values: &mut dyn Iterator<Item = f64>| {
+            let first = bits.len();
+            bits.push(0);
+            bits.extend(values.map(f64::to_bits));
+            bits[first] = (bits.len() - first) as u64;
+        };
+        let sparse =
+            |row: &[(u32, f64)]| row.iter().flat_map(|(i, g)| [f64::from(*i), *g]).collect::<SmallVec<[f64; 8]>>();
+        let waves =
+            |w: &[Wave]| w.iter().flat_map(|w| [w.index as f64, w.cosine, w.sine]).collect::<SmallVec<[f64; 12]>>();
+        list(&mut [self.growth.rate(), self.growth.frequency()].into_iter());
+        let size = load_size(&s.load);
+        list(&mut s.load.iter().map(|f| if size > 0.0 { f / size } else { 0.0 }));
+        list(&mut s.weights.iter().copied());
+        list(&mut s.oscillators.iter().map(|o| o.omega));
+        s.rows.iter().for_each(|row| list(&mut row.iter().flat_map(|(j, k, c)| [f64::from(*j), *k, *c])));
+        for w in &s.load_waves {
+            list(&mut std::iter::once(w.index as f64).chain(w.cosine.iter().chain(&w.sine).copied()));
+        }
+        for (part, c) in self.parts.iter().zip(&s.contacts) {
+            list(&mut sparse(&c.direction).into_iter());
+            list(&mut sparse(&c.push).into_iter());
+            list(&mut waves(&c.error).into_iter());
+            list(&mut waves(&c.error_rate).into_iter());
+            list(&mut [c.across, c.push_norm, c.stiffest].into_iter().chain(c.error_sizes));
+            let law = part.acting.map(|a| match a.force {
+                Force::Linear { stiffness: Elasticity::Constant(k), damping } => {
+                    [1.0, f64::from(u8::from(a.is_carried)), k, damping]
+                }
+                _ => [2.0, f64::from(u8::from(a.is_carried)), 0.0, 0.0],
+            });
+            list(&mut law.into_iter().flatten());
+        }
+        for watched in &self.guards {
+            list(&mut [watched.contact as f64, f64::from(u8::from(watched.watch == Watch::Force))].into_iter());
+        }
+        bits.into()
+    }
+}
+
+/// Propagators that a thread keeps at most: some ten kilobytes each.
+const MOST_FORMED: usize = 4096;
+
+thread_local! {
+    /// The propagators formed on this thread, by their numbers: trains that differ in load or backlash alone share them, and forming one
+    /// costs as much as some hundred spans.
+    static FORMED: RefCell<HashMap<Box<[u64]>, Rc<Propagator>>> = RefCell::default();
 }
 
 impl Propagator {
@@ -297,7 +372,7 @@ impl Propagator {
         let displacements = (0..s.n).map(Input::Displacement).chain((0..s.n).map(Input::Velocity));
         let carried = (0..s.contacts.len()).filter(|j| motion.parts[*j].carried_linear().is_some());
         let waves = (0..s.oscillators.len()).flat_map(|i| [Input::Cosine(i), Input::Sine(i)]);
-        let inputs = displacements.chain(carried.map(Input::Stretch)).chain([Input::One]).chain(waves);
+        let inputs = displacements.chain(carried.map(Input::Stretch)).chain([Input::Load]).chain(waves);
         let inputs: Vec<Input> = inputs.collect();
         let summed = (ROUNDED + 0.5 * inputs.len() as f64) * f64::EPSILON;
         let mut kept = Vec::new();

@@ -50,20 +50,20 @@ pub struct Approached {
 }
 
 /// Distance of two sections, in scales, from which Newton's method is tried.
-const NEAR: f64 = 0.03;
+pub(crate) const NEAR: f64 = 0.03;
 /// The same within which a run is beside an unstable orbit.
-const BESIDE: f64 = 1e-3;
+pub(crate) const BESIDE: f64 = 1e-3;
 /// Newton steps in which the residual must fall by half.
-const PATIENCE: usize = 3;
+pub(crate) const PATIENCE: usize = 3;
 /// Periods over which a run must come nearer to an orbit.
-const FOLLOWED: u64 = 2;
+pub(crate) const FOLLOWED: u64 = 2;
 /// Share of the contraction by the derivative that a run must show.
-const CONTRACTS: f64 = 0.5;
+pub(crate) const CONTRACTS: f64 = 0.5;
 /// First cycle at which an orbit is looked for, and the growth of the intervals between later ones.
-const FIRST: u64 = 3;
-const GROWTH: f64 = 1.5;
+pub(crate) const FIRST: u64 = 3;
+pub(crate) const GROWTH: f64 = 1.5;
 /// Doublings of a sum over powers of the derivative: decays as slow as 2⁻⁴⁰ a period are summed.
-const DOUBLINGS: u32 = 46;
+pub(crate) const DOUBLINGS: u32 = 46;
 
 /// The measure by which an orbit attracts its neighbours: `‖y‖² = Σ_i |Jⁱ y|²`, which falls by `|y|²` in a period.
 struct Attraction {
@@ -96,7 +96,7 @@ impl Attraction {
 
 /// The share to which the distances of returns, after at most `longest` cycles, have fallen in each of the last quarters of some sections:
 /// the larger one of the two; 1 where they are too few.
-pub(super) fn closing(map: &SectionMap<'_>, sections: &[Section], longest: usize, drift: &Drift) -> f64 {
+pub(crate) fn closing(map: &SectionMap<'_>, sections: &[Section], longest: usize, drift: &Drift) -> f64 {
     let quarter = sections.len() / 4;
     if quarter <= longest {
         return 1.0;

@@ -95,7 +95,7 @@ pub struct Finite {
 }
 
 /// Means of the columns of `rows`, and their standard errors from blocks.
-pub(super) fn means(rows: &[Vec<f64>], period: f64) -> (Vec<f64>, Vec<f64>) {
+pub(crate) fn means(rows: &[Vec<f64>], period: f64) -> (Vec<f64>, Vec<f64>) {
     let count = rows.first().map_or(0, Vec::len);
     let mean = |rows: &[Vec<f64>], l: usize| rows.iter().map(|row| row[l]).sum::<f64>() / (rows.len() as f64 * period);
     let band = |l: usize| {

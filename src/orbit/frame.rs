@@ -16,7 +16,7 @@ const LOST: f64 = 1e-11;
 /// Rates times time after which columns are made orthonormal at the latest: they have then turned to each other by a factor of 1e3.
 const TURNED: f64 = 7.0;
 /// A tangent whose columns are kept orthonormal.
-pub(super) struct Frame<'s> {
+pub(crate) struct Frame<'s> {
     pub(super) tangent: Tangent<'s>,
     drift: &'s Drift,
     /// Momenta of the drift, `M ρ`, and `ρᵀMρ`.
@@ -27,7 +27,7 @@ pub(super) struct Frame<'s> {
     /// `Σ ln R_ii` since they were taken.
     logs: Vec<f64>,
     /// Columns whose rank has been lost since they were looked at.
-    pub(super) lost: Vec<bool>,
+    pub lost: Vec<bool>,
     /// Columns that are zero now, as contacts rest.
     zero: Vec<bool>,
     turned: f64,
@@ -57,7 +57,7 @@ impl<'s> Frame<'s> {
     }
 
     /// One column, for the largest exponent.
-    pub(super) fn single(simulation: &'s Simulation, drift: &'s Drift, scale: f64) -> Self {
+    pub fn single(simulation: &'s Simulation, drift: &'s Drift, scale: f64) -> Self {
         let structure = &simulation.structure;
         let n = structure.freedoms();
         let latches = structure.contacts().iter().filter(|c| c.latch().is_some()).count();
@@ -93,7 +93,7 @@ impl<'s> Frame<'s> {
     }
 
     /// Starts at `state`, where contacts may rest.
-    pub(super) fn start(&mut self, state: &State) {
+    pub fn start(&mut self, state: &State) {
         self.tangent.start(state);
         self.rest(&state.jump.mode);
         self.orthonormalise();
@@ -199,12 +199,12 @@ impl<'s> Frame<'s> {
     }
 
     /// Whether a part of the motion could not be resolved.
-    pub(super) fn is_unresolved(&self) -> bool {
+    pub fn is_unresolved(&self) -> bool {
         self.tangent.is_unresolved
     }
 
     /// The logarithms since the last time.
-    pub(super) fn take(&mut self) -> Vec<f64> {
+    pub fn take(&mut self) -> Vec<f64> {
         self.orthonormalise();
         let count = self.logs.len();
         std::mem::replace(&mut self.logs, vec![0.0; count])

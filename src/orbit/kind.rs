@@ -72,9 +72,23 @@ pub struct Motion {
     pub reason: Option<String>,
 }
 
-/// Cycles over which averages are taken first; they are doubled at most [`DOUBLED`] times.
-const WINDOW: u64 = 2000;
-const DOUBLED: u32 = 4;
+/// How long a motion without an orbit is watched.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Watching {
+    /// Cycles over which averages are taken first.
+    pub cycles: u64,
+    /// Times that they are doubled at most.
+    pub doublings: u32,
+    /// The transient is over: averages are taken from all cycles, not from their second half.
+    pub is_settled: bool,
+}
+
+impl Default for Watching {
+    fn default() -> Self {
+        Self { cycles: 2000, doublings: 4, is_settled: false }
+    }
+}
+
 /// Digits of a weighted average from which a motion is regular, and up to which it may be chaotic (Sander and Meiss 2020; thresholds by
 /// computation on a chaotic pair and a circle map).
 const REGULAR: f64 = 6.0;
@@ -86,7 +100,7 @@ const BANDS: f64 = 3.0;
 /// Growth of the state, in the largest state of the first cycles, that is an escape.
 const ESCAPED: f64 = 1e6;
 /// Share to which returns fall in each of the last quarters of a run that still decays.
-const CLOSING: f64 = 0.7;
+pub(crate) const CLOSING: f64 = 0.7;
 /// Growth from quarter to quarter of the cycles that is none of a steady motion.
 const GROWS: f64 = 1.2;
 /// Bands above zero from which an exponent needs no other proof.
@@ -100,12 +114,12 @@ const STANDS: f64 = 1e-9;
 /// Push away from an unstable orbit, in sizes of the state.
 const PUSHED: f64 = 1e-6;
 /// Distance after which a section has come back.
-const CLOSES: f64 = 1e-6;
+pub(crate) const CLOSES: f64 = 1e-6;
 /// Periods up to which an orbit is looked for once neighbours are known to come together.
-const LONG: u32 = 64;
+pub(crate) const LONG: u32 = 64;
 
 /// Why a motion is transient.
-fn still_closing(cycles: u64) -> String {
+pub(crate) fn still_closing(cycles: u64) -> String {
     format!("its sections still come nearer to each other after {cycles} cycles")
 }
 
@@ -178,43 +192,72 @@ struct Watched<'m, 's> {
     rows: Vec<Vec<f64>>,
     sections: Vec<Section>,
     observables: [Vec<f64>; 4],
+    is_settled: bool,
 }
 
-/// Figures of the second half of the cycles watched: what is left of a transient is in the first.
+/// Figures of the cycles watched; of the second half of them, where a transient may be left in the first.
 #[derive(Clone, Copy)]
-struct Figures {
+pub(crate) struct Figures {
     /// Digits that averages agree to.
-    digits: f64,
+    pub digits: f64,
     /// The largest exponent and its band, 1/s; −∞ where rest has made neighbours one.
-    exponent: f64,
-    band: f64,
+    pub exponent: f64,
+    pub band: f64,
     /// Growth of a difference in a cycle, logarithm.
-    growth: f64,
+    pub growth: f64,
 }
 
 impl Figures {
+    /// By the logarithms of growth, a row for each cycle, and by observables.
+    pub fn new<'a>(rows: &[Vec<f64>], observables: impl Iterator<Item = &'a [f64]>, period: f64) -> Self {
+        let (exponents, bands) = means(rows, period);
+        let growth = exponents[0].max(0.0) * period;
+        let digits = observables.map(digits).fold(f64::INFINITY, f64::min);
+        Self { digits, exponent: exponents[0], band: bands[0], growth }
+    }
+
+    /// Why they leave the kind open; `tried` says what kept an orbit from counting.
+    pub fn reason(self, cycles: u64, tried: Option<String>) -> String {
+        let Self { digits, exponent, band, .. } = self;
+        let tried = tried.map_or_else(String::new, |tried| format!("; {tried}"));
+        format!(
+            "{cycles} cycles: averages agree to {digits:.1} digits, the largest exponent is {exponent:.3e} with a band of {band:.1e}{tried}"
+        )
+    }
+
+    /// Whether it is not clearly above zero.
+    pub fn is_low(self) -> bool {
+        self.exponent <= CLEARLY * self.band
+    }
+
+    /// Whether neighbours part: the exponent is above zero by more than its bands.
+    pub fn parts(self) -> bool {
+        self.exponent > BANDS * self.band
+    }
+
     fn is_zero(self, period: f64) -> bool {
         self.exponent.abs() <= (BANDS * self.band).max(ROUNDED / period)
     }
 
-    fn is_regular(self, period: f64) -> bool {
+    pub fn is_regular(self, period: f64) -> bool {
         self.digits >= REGULAR && self.is_zero(period)
     }
 
-    fn is_chaotic(self, period: f64, is_last: bool) -> bool {
+    pub fn is_chaotic(self, period: f64, is_last: bool) -> bool {
         let Self { digits, exponent, band, .. } = self;
         let is_clear = is_last && exponent > CLEARLY * band && digits < REGULAR + 2.0;
-        exponent > BANDS * band && !self.is_zero(period) && (digits <= IRREGULAR || is_clear)
+        self.parts() && !self.is_zero(period) && (digits <= IRREGULAR || is_clear)
     }
 }
 
 impl<'m, 's> Watched<'m, 's> {
-    fn new(map: &'m SectionMap<'s>, drift: &'m Drift, state: &State) -> Self {
+    fn new(map: &'m SectionMap<'s>, drift: &'m Drift, state: &State, is_settled: bool) -> Self {
         let simulation = map.simulation();
         let scale = if simulation.dimensionless { 1.0 } else { simulation.clock().omega() };
         let mut frame = Frame::single(simulation, drift, scale);
         frame.start(state);
-        Self { map, drift, frame, rows: Vec::new(), sections: Vec::new(), observables: [const { Vec::new() }; 4] }
+        let observables = [const { Vec::new() }; 4];
+        Self { map, drift, frame, rows: Vec::new(), sections: Vec::new(), observables, is_settled }
     }
 
     /// Runs one cycle more. Whether it ended.
@@ -231,12 +274,9 @@ impl<'m, 's> Watched<'m, 's> {
     }
 
     fn figures(&self, period: f64) -> Figures {
-        let half = self.rows.len() / 2;
-        let (exponents, bands) = means(&self.rows[half..], period);
-        let growth = exponents[0].max(0.0) * period;
-        let exponent = if self.frame.lost[0] { f64::NEG_INFINITY } else { exponents[0] };
-        let digits = self.observables.iter().map(|values| digits(&values[half..])).fold(f64::INFINITY, f64::min);
-        Figures { digits, exponent, band: bands[0], growth }
+        let half = if self.is_settled { 0 } else { self.rows.len() / 2 };
+        let figures = Figures::new(&self.rows[half..], self.observables.iter().map(|values| &values[half..]), period);
+        Figures { exponent: if self.frame.lost[0] { f64::NEG_INFINITY } else { figures.exponent }, ..figures }
     }
 
     /// Whether the motion grows from quarter to quarter of the cycles.
@@ -274,7 +314,7 @@ fn pushed(map: &SectionMap<'_>, engine: &Engine<'_>) -> Result<State, Simulation
     map.state(&section)
 }
 
-/// Decides what has `approached` no orbit, by some thousand further cycles of `engine`, which is at the start of a cycle: their weighted
+/// Decides what has `approached` no orbit, by further cycles of `engine`, which is at the start of a cycle: their weighted
 /// averages and the largest exponent. `None` if the run is broken off.
 ///
 /// # Errors
@@ -283,6 +323,7 @@ pub fn decide<'s>(
     map: &SectionMap<'s>,
     engine: &mut Engine<'s>,
     approached: &Approached,
+    watching: Watching,
     observer: &mut dyn Observer,
     task: Task<'_>,
 ) -> Result<Option<(Motion, Option<Orbit>)>, SimulationError> {
@@ -311,10 +352,10 @@ pub fn decide<'s>(
         }
     }
     let first = largest(&engine.state().x).max(f64::MIN_POSITIVE);
-    let mut watched = Watched::new(map, &drift, engine.state());
+    let mut watched = Watched::new(map, &drift, engine.state(), watching.is_settled);
     let mut tried = None;
-    for doubled in 0..=DOUBLED {
-        while (watched.rows.len() as u64) < WINDOW << doubled {
+    for doubled in 0..=watching.doublings {
+        while (watched.rows.len() as u64) < watching.cycles << doubled {
             if !watched.cycle(engine, observer)? || task.is_cancelled() {
                 return Ok(None);
             }
@@ -337,7 +378,7 @@ pub fn decide<'s>(
             let reason = "it comes to rest again and again, and amplifies rounding too much in between to have a period in doubles";
             return ends(Motion { exponent: None, ..motion }, Kind::Undecided, Some(reason.to_owned()));
         }
-        if closes.is_some() || figures.exponent <= CLEARLY * figures.band {
+        if closes.is_some() || figures.is_low() {
             let longest_period = closes.unwrap_or(1).max(LONG as usize) as u32;
             let long = Approach { longest_period, most_cycles: u64::from(4 * longest_period), ..Approach::default() };
             // By a run of its own, so that the averages have no gap.
@@ -353,22 +394,20 @@ pub fn decide<'s>(
             motion.rotation = rotation(map, &watched.sections, &drift);
             return ends(motion, Kind::QuasiPeriodic, None);
         }
-        if figures.is_chaotic(period, doubled == DOUBLED) {
+        let is_last = doubled == watching.doublings;
+        if figures.is_chaotic(period, is_last) && (is_last || !watching.is_settled || !figures.is_low()) {
             return ends(motion, Kind::Chaotic, None);
         }
     }
-    let cycles = motion.cycles;
-    if closing(map, &watched.sections, LONG as usize, &drift) <= CLOSING {
+    let (cycles, figures) = (motion.cycles, watched.figures(period));
+    // Where neighbours part, sections come nearer to each other by chance alone.
+    if !figures.parts() && closing(map, &watched.sections, LONG as usize, &drift) <= CLOSING {
         return ends(motion, Kind::Transient, Some(still_closing(cycles)));
     }
     if watched.grows() {
         return ends(motion, Kind::Transient, Some(format!("its vibration still grows after {cycles} cycles")));
     }
-    let Figures { digits, exponent, band, .. } = watched.figures(period);
-    let tried = tried.map_or_else(String::new, |tried| format!("; {tried}"));
-    let reason = format!(
-        "{cycles} cycles: averages agree to {digits:.1} digits, the largest exponent is {exponent:.3e} with a band of {band:.1e}{tried}"
-    );
+    let reason = figures.reason(cycles, tried);
     ends(motion, Kind::Undecided, Some(reason))
 }
 

@@ -3,21 +3,21 @@
 //! A [`Tangent`] watches a run and carries columns of the derivative along arcs and across jumps. A [`SectionMap`] takes a state at phase 0
 //! over whole cycles, with the derivative; Newton's method on it solves for orbits, stable or not.
 
-mod approach;
-mod exponents;
-mod frame;
-mod kind;
-mod newton;
+pub(crate) mod approach;
+pub(crate) mod exponents;
+pub(crate) mod frame;
+pub(crate) mod kind;
+pub(crate) mod newton;
 pub mod pictures;
 mod search;
 mod section;
-mod unknowns;
+pub(crate) mod unknowns;
 pub mod words;
 
 pub use crate::tangent::Tangent;
 pub use approach::{Approach, Approached};
 pub use exponents::{Exponents, Finite, Lyapunov, WithoutSaltation};
-pub use kind::{Kind, Motion, decide};
+pub use kind::{Kind, Motion, Watching, decide};
 pub use newton::{Missed, Orbit};
 pub use search::{Found, LONGEST, Search, components};
 pub use section::{Image, Section, SectionMap};

@@ -18,11 +18,11 @@ const CHORD: f64 = 0.3;
 /// Longest step, in scales.
 const LONGEST: f64 = 50.0;
 /// Residual, in scales, below which an orbit counts as found.
-const CLOSED: f64 = 1e-10;
+pub(crate) const CLOSED: f64 = 1e-10;
 /// Two states nearer than this, in scales, are the same point of an orbit.
-pub(super) const SAME: f64 = 1e-6;
+pub(crate) const SAME: f64 = 1e-6;
 /// Distance of a multiplier from the unit circle that rounding may make: that of a pair of ones is the root of a rounding's.
-const MARGINAL: f64 = 1e-8;
+pub(crate) const MARGINAL: f64 = 1e-8;
 /// A singular value below this share of the largest one belongs to a direction in which nothing is decided.
 const NEUTRAL: f64 = 1e-12;
 

@@ -58,7 +58,7 @@ impl Drift {
 }
 
 /// How far two sections are apart, in scales, without what drifts and without latched speeds.
-pub(super) fn distance(map: &SectionMap<'_>, a: &Section, b: &Section, scales: &[f64], drift: &Drift) -> f64 {
+pub(crate) fn distance(map: &SectionMap<'_>, a: &Section, b: &Section, scales: &[f64], drift: &Drift) -> f64 {
     let n = map.simulation().structure.freedoms();
     let mut off: Vec<f64> = a.x.iter().zip(&b.x).map(|(a, b)| b - a).collect();
     for direction in &drift.directions {
@@ -113,7 +113,7 @@ impl SectionMap<'_> {
     }
 
     /// Scales from the states of some sections.
-    pub(super) fn scales_of(&self, sections: &[Section]) -> Vec<f64> {
+    pub(crate) fn scales_of(&self, sections: &[Section]) -> Vec<f64> {
         let dim = sections.first().map_or(0, |section| section.x.len());
         let size = |i: usize| sections.iter().map(|section| section.x[i].abs()).fold(0.0, f64::max);
         self.scales(&(0..dim).map(size).collect::<Vec<_>>())

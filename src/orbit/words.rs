@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// The token of a contact that goes from `was` to `is`; `None` where nothing happens that has a name.
-fn token(j: usize, was: ContactMode, is: ContactMode, is_rigid: bool) -> Option<String> {
+pub(crate) fn token(j: usize, was: ContactMode, is: ContactMode, is_rigid: bool) -> Option<String> {
     use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
     let side = if is == Separated { was.side() } else { is.side() };
     let kind = match (was, is) {
@@ -33,7 +33,7 @@ fn token(j: usize, was: ContactMode, is: ContactMode, is_rigid: bool) -> Option<
     Some(spelled(kind, j, side))
 }
 
-fn spelled(kind: char, j: usize, side: f64) -> String {
+pub(crate) fn spelled(kind: char, j: usize, side: f64) -> String {
     format!("{kind}{j}{}", if side > 0.0 { '+' } else { '-' })
 }
 

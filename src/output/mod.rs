@@ -16,8 +16,8 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 pub use fault::Fault;
-pub(crate) use text::number;
 pub use text::{Table, csv_line, five_digits, label};
+pub(crate) use text::{in_a_line, number};
 
 /// Name of the manifest, a JSON object: version of Flank, command, files relative to the folder with `/`.
 const MANIFEST: &str = "flank-manifest.json";

@@ -19,6 +19,11 @@ pub fn csv_line(fields: impl IntoIterator<Item: AsRef<str>>) -> String {
     fields.into_iter().map(|field| quoted(field.as_ref())).collect::<Vec<_>>().join(",")
 }
 
+/// A text of several lines in one.
+pub fn in_a_line(text: &str) -> String {
+    text.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>().join("; ")
+}
+
 /// The name of a variant in data files, as serde writes it.
 ///
 /// # Panics

@@ -86,6 +86,9 @@ pub struct Panel {
     /// Rectangles, filled.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tiles: Vec<Tile>,
+    /// Cells of a map, as an image; under all else.
+    #[serde(skip)]
+    pub raster: Option<Raster>,
     /// Straight lines across the panel.
     pub guides: Vec<Guide>,
     /// The names of upright guides stand above the panel, not on their lines.
@@ -197,6 +200,21 @@ pub struct Tile {
     pub name: String,
     /// Number of its colour among those of tiles, modulo their number.
     pub colour: usize,
+}
+
+/// An image of cells in classes, with its own legend; its numbers are in the table it is drawn from.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Raster {
+    /// Its ends on x.
+    pub x: [f64; 2],
+    /// Its ends on y.
+    pub y: [f64; 2],
+    /// Cells in a row.
+    pub columns: usize,
+    /// The class of each cell, row by row from the top.
+    pub points: Vec<u8>,
+    /// Names of classes and their colours, red, green, blue.
+    pub classes: Vec<(String, [u8; 3])>,
 }
 
 /// A thin straight line with a name: a natural frequency, an order, a threshold, a published value.

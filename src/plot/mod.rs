@@ -12,6 +12,6 @@ mod report;
 
 #[cfg(feature = "plot")]
 pub use draw::Theme;
-pub use figure::{Axis, Band, Figure, Guide, Note, Panel, Series, Style, Tile, Verdict};
+pub use figure::{Axis, Band, Figure, Guide, Note, Panel, Raster, Series, Style, Tile, Verdict};
 #[cfg(feature = "plot")]
 pub use report::{Cell, Item, Report, Section, Table};

@@ -97,9 +97,9 @@ impl Place {
         power::<P>(self.nearer, self.n)
     }
 
-    /// `Σ b_i B_i(t)` over the weight.
+    /// `Σ b_i B_i(t)` over the weight; coefficients beyond the last are zero.
     #[inline(always)]
-    pub fn value<P: Path>(&self, b: &Row) -> f64 {
+    pub fn value<P: Path>(&self, b: &[f64]) -> f64 {
         let mut sums = [0.0; 4];
         for (b, basis) in b.as_chunks::<4>().0.iter().zip(self.basis.as_chunks::<4>().0) {
             for l in 0..4 {

@@ -31,4 +31,6 @@ mod values;
 pub use error::StudyError;
 pub use figures::Context;
 pub use kind::Kind;
+pub(crate) use steady::measured;
 pub use steady_sweep::SteadySweep;
+pub(crate) use steady_sweep::{contact_measure, contact_measures, measures};

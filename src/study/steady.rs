@@ -7,7 +7,7 @@ use crate::{
     analysis::{ContactReport, Contacts, Grid, Sample, Spectrum, Trajectory, Window, cycles_later},
     engine::{Engine, Observer, Outcome, State},
     hybrid::{Clock, ContactMode, ContactView},
-    orbit::{Approach, Motion, Section, SectionMap, decide},
+    orbit::{Approach, Motion, Section, SectionMap, Watching, decide},
     scene::Scene,
     simulation::Simulation,
     system::Structure,
@@ -182,7 +182,7 @@ fn transient<'c>(
     let approached = rule.approach.run(&map, &mut engine, observer, task)?;
     let approached = approached.ok_or_else(|| broken(&engine, task))?;
     let (motion, decided) = if rule.decides {
-        let decided = decide(&map, &mut engine, &approached, observer, task)?;
+        let decided = decide(&map, &mut engine, &approached, Watching::default(), observer, task)?;
         decided.ok_or_else(|| broken(&engine, task))?
     } else {
         (Motion::of(&approached), None)
@@ -216,6 +216,17 @@ pub(super) fn go_on(
         Outcome::ReachedEnd => Ok(()),
         _ => Err(broken(engine, task)),
     }
+}
+
+/// Measures a motion from a section at which its transient is over.
+pub(crate) fn measured(
+    simulation: &Simulation,
+    section: &Section,
+    motion: Motion,
+    task: Task<'_>,
+) -> Result<Steady, StudyError> {
+    let mut engine = simulation.engine(SectionMap::new(simulation)?.state(section)?)?;
+    measure(simulation, &mut engine, motion, (false, &Rule::default()), &mut (), task)
 }
 
 fn measure(

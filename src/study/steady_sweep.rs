@@ -211,6 +211,23 @@ fn columns(contacts: &[String], dimensionless: bool) -> Vec<String> {
     columns
 }
 
+/// The measures of contacts that tables have, by their names without unit.
+pub(crate) fn contact_measures() -> impl Iterator<Item = &'static str> {
+    COLUMNS.iter().map(|(name, ..)| *name)
+}
+
+/// The name of a measure with its unit.
+pub(crate) fn contact_measure(name: &str, dimensionless: bool) -> String {
+    let unit = COLUMNS.iter().find(|(other, ..)| *other == name).map_or("", |(_, unit, _)| unit);
+    format!("{name}{}", if dimensionless { "" } else { unit })
+}
+
+/// One measure of each contact.
+pub(crate) fn measures(steady: &Steady, name: &str) -> Vec<Option<f64>> {
+    let measure = COLUMNS.iter().find(|(other, ..)| *other == name).map(|(.., measure)| measure);
+    steady.contacts.iter().map(|contact| measure.and_then(|measure| measure(contact))).collect()
+}
+
 /// The columns of contacts.
 pub(super) fn contact_columns(contacts: &[String], dimensionless: bool) -> Vec<String> {
     let with = |unit: &'static str| if dimensionless { "" } else { unit };

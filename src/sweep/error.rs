@@ -15,13 +15,13 @@ pub struct GridError(
 #[non_exhaustive]
 pub enum SweepError {
     /// A new sweep was asked for in a folder that holds an unfinished one.
-    #[error("{0} holds a sweep that is not finished")]
+    #[error("{0} holds rows of a command that has not finished")]
     Unfinished(PathBuf),
     /// Another process is writing there.
-    #[error("another process is sweeping into {0}")]
+    #[error("another process is writing rows into {0}")]
     InUse(PathBuf),
     /// What lies in the folder belongs to another sweep.
-    #[error("{path} holds another sweep{}", differences.iter().map(|d| format!("\n  {d}")).collect::<String>())]
+    #[error("{path} holds other rows{}", differences.iter().map(|d| format!("\n  {d}")).collect::<String>())]
     Mismatch {
         /// The folder.
         path: PathBuf,

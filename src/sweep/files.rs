@@ -113,37 +113,38 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
 }
 
 /// The header of a finished sweep.
-pub(super) fn header_of(folder: &Path) -> Result<Map<String, Value>, SweepError> {
-    let path = folder.join(SEAL);
+pub(super) fn header_of(folder: &Path, seal: &str) -> Result<Map<String, Value>, SweepError> {
+    let path = folder.join(seal);
     let read = || {
         let mut header: Map<String, Value> = serde_json::from_str(&fs::read_to_string(&path)?)?;
         header.remove("rows");
         header.remove("failed");
+        header.remove("found");
         Ok(header)
     };
     Ok(read().map_err(failed(&path))?)
 }
 
 /// A file that is being written beside the place it is meant for.
-struct Part {
+pub(super) struct Part {
     path: PathBuf,
     file: BufWriter<File>,
 }
 
 impl Part {
-    fn create(folder: &Path, name: &str) -> Result<Self, OutputError> {
+    pub(super) fn create(folder: &Path, name: &str) -> Result<Self, OutputError> {
         let path = folder.join(name);
         let part = part(&path);
         let file = File::create(&part).map_err(failed(&part))?;
         Ok(Self { path, file: BufWriter::new(file) })
     }
 
-    fn write(&mut self, text: &str) -> Result<(), OutputError> {
+    pub(super) fn write(&mut self, text: &str) -> Result<(), OutputError> {
         self.file.write_all(text.as_bytes()).map_err(failed(&self.path))
     }
 
     /// Puts the file in its place, once it is safe on disk.
-    fn publish(mut self) -> Result<(), OutputError> {
+    pub(super) fn publish(mut self) -> Result<(), OutputError> {
         let safe = self.file.flush().and_then(|()| self.file.get_ref().sync_all());
         safe.and_then(|()| fs::rename(part(&self.path), &self.path)).map_err(failed(&self.path))
     }

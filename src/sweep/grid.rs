@@ -187,6 +187,14 @@ impl Grid {
     /// [`GridError`] with every fault of every axis, or unless there are one or two of them, of different places, with no more
     /// than 10⁶ points together.
     pub fn parse(texts: &[impl AsRef<str>]) -> Result<Self, GridError> {
+        Self::parse_up_to(texts, MOST)
+    }
+
+    /// The same with at most so many points.
+    ///
+    /// # Errors
+    /// As [`parse`](Self::parse).
+    pub fn parse_up_to(texts: &[impl AsRef<str>], most: usize) -> Result<Self, GridError> {
         let (mut axes, mut faults) = (Vec::<Axis>::new(), Vec::new());
         for text in texts {
             match Axis::parse(text.as_ref()) {
@@ -206,8 +214,8 @@ impl Grid {
             }
         }
         let points = axes.iter().fold(1usize, |points, axis| points.saturating_mul(axis.count()));
-        if !(1..=MOST).contains(&points) {
-            faults.push(Fault::new("the axes", format!("{points} points"), format!("1 to {MOST} points")));
+        if !(1..=most).contains(&points) {
+            faults.push(Fault::new("the axes", format!("{points} points"), format!("1 to {most} points")));
         }
         if faults.is_empty() { Ok(Self { axes }) } else { Err(GridError(faults)) }
     }

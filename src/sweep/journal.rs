@@ -11,9 +11,9 @@ use serde_json::{Map, Value};
 
 use super::{
     SweepError,
-    files::{self, RESULTS, SEAL},
+    files::{self, Part, RESULTS},
 };
-use crate::output::{self, OutputError, Request, failed};
+use crate::output::{self, Folder, OutputError, Request, failed};
 
 pub(super) const NAME: &str = "sweep.journal";
 /// Every file of a sweep.
@@ -34,10 +34,92 @@ impl Begin {
     /// What a sweep that begins so writes into `folder`; nothing of `input` is replaced.
     #[must_use]
     pub fn request<'a>(self, folder: &'a Path, input: Option<&'a Path>) -> Request<'a> {
+        SWEEP.request(self, folder, input)
+    }
+}
+
+/// The files of a command whose rows are kept as they finish.
+#[derive(Clone, Copy, Debug)]
+pub struct Kept {
+    /// The command.
+    pub command: &'static str,
+    /// Its files: the rows as they finish, the seal that says what they are, then the others.
+    pub files: &'static [&'static str],
+}
+
+/// Those of a sweep.
+const SWEEP: Kept = Kept { command: "sweep", files: &FILES };
+
+impl Kept {
+    /// What the command writes into `folder`; nothing of `input` is replaced.
+    #[must_use]
+    pub fn request<'a>(&self, begin: Begin, folder: &'a Path, input: Option<&'a Path>) -> Request<'a> {
         // The head of a journal says whose it is.
-        let files = if self == Self::Resume { &FILES[1..] } else { &FILES };
+        let files = if begin == Begin::Resume { &self.files[1..] } else { self.files };
         let files = files.iter().map(|name| (*name).to_owned()).collect();
-        Request { folder, command: "sweep", input, force: self != Self::New, files }
+        Request { folder, command: self.command, input, force: begin != Begin::New, files }
+    }
+
+    /// Opens the file of rows and locks it, nothing changed; `None` if the work is to be resumed, and is finished.
+    pub(super) fn claim(
+        &self,
+        folder: &Path,
+        begin: Begin,
+        header: &Map<String, Value>,
+    ) -> Result<Option<(File, Folder)>, SweepError> {
+        let path = folder.join(self.files[0]);
+        let unfinished = fs::symlink_metadata(&path).is_ok();
+        match begin {
+            Begin::New if unfinished => return Err(SweepError::Unfinished(folder.to_owned())),
+            Begin::New if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) => {
+                return Err(OutputError::Occupied(folder.to_owned()).into());
+            }
+            Begin::Resume if !unfinished && folder.join(self.files[1]).exists() => {
+                same(folder, &files::header_of(folder, self.files[1])?, header)?;
+                return Ok(None);
+            }
+            _ => {}
+        }
+        let mut outputs = self.request(begin, folder, None).check()?;
+        if !unfinished {
+            if begin == Begin::Resume && outputs.command() != self.command {
+                return Err(OutputError::Occupied(folder.to_owned()).into());
+            }
+            outputs.list(self.files)?;
+        }
+        let fail = failed(&path);
+        let file =
+            File::options().read(true).write(true).create(!unfinished).truncate(false).open(&path).map_err(&fail)?;
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => Err(SweepError::InUse(folder.to_owned())),
+            // A file system without locks: nothing better can be had there.
+            Err(TryLockError::Error(error)) if error.kind() != io::ErrorKind::Unsupported => Err(fail(error).into()),
+            _ => Ok(Some((file, outputs))),
+        }
+    }
+
+    /// Enters the files, and leaves of the rows what is complete up to `end`; what an earlier one left goes.
+    pub(super) fn enter(
+        &self,
+        folder: &Path,
+        begin: Begin,
+        (file, mut outputs): (&File, Folder),
+        end: u64,
+    ) -> Result<(), SweepError> {
+        if end > 0 && begin == Begin::New {
+            return Err(SweepError::Unfinished(folder.to_owned()));
+        }
+        if begin == Begin::Replace {
+            outputs.clear(self.command, &[self.files[0]])?;
+        }
+        outputs.list(self.files)?;
+        // Whatever stands behind the last complete line; everything, if it begins anew.
+        file.set_len(end).map_err(failed(&folder.join(self.files[0])))?;
+        if end == 0 {
+            // What an earlier one left must not be taken for this one's, even if this one is killed.
+            self.files[1..].iter().try_for_each(|name| output::remove(&folder.join(name)))?;
+        }
+        Ok(())
     }
 }
 
@@ -71,6 +153,7 @@ pub(crate) enum Outcome<R, S> {
 /// written at once and is complete when its end of line is there; what a killed process left of a line is dropped.
 #[derive(Debug)]
 pub struct Journal<R, S> {
+    files: Kept,
     pub(super) folder: PathBuf,
     pub(super) header: Map<String, Value>,
     path: PathBuf,
@@ -97,40 +180,24 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         header: Map<String, Value>,
         rows: usize,
     ) -> Result<Option<Self>, SweepError> {
-        let path = folder.join(NAME);
-        let unfinished = fs::symlink_metadata(&path).is_ok();
-        match begin {
-            Begin::New if unfinished => return Err(SweepError::Unfinished(folder.to_owned())),
-            Begin::New if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) => {
-                return Err(OutputError::Occupied(folder.to_owned()).into());
-            }
-            Begin::Resume if !unfinished && folder.join(SEAL).exists() => {
-                same(folder, &files::header_of(folder)?, &header)?;
-                return Ok(None);
-            }
-            _ => {}
-        }
-        let mut outputs = begin.request(folder, None).check()?;
-        if !unfinished {
-            if begin == Begin::Resume && outputs.command() != "sweep" {
-                return Err(OutputError::Occupied(folder.to_owned()).into());
-            }
-            outputs.list(&FILES)?;
-        }
-        let fail = failed(&path);
-        let file =
-            File::options().read(true).write(true).create(!unfinished).truncate(false).open(&path).map_err(&fail)?;
-        match file.try_lock() {
-            Err(TryLockError::WouldBlock) => return Err(SweepError::InUse(folder.to_owned())),
-            // A file system without locks: nothing better can be had there.
-            Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Unsupported => {}
-            Err(TryLockError::Error(error)) => return Err(fail(error).into()),
-            Ok(()) => {}
-        }
+        Self::open_for(SWEEP, folder, begin, header, rows)
+    }
+
+    /// The same for another command, whose files are `files`.
+    pub(crate) fn open_for(
+        files: Kept,
+        folder: &Path,
+        begin: Begin,
+        header: Map<String, Value>,
+        rows: usize,
+    ) -> Result<Option<Self>, SweepError> {
+        let path = folder.join(files.files[0]);
+        let Some((file, outputs)) = files.claim(folder, begin, &header)? else { return Ok(None) };
         let mut journal = Self {
+            files,
             folder: folder.to_owned(),
             header,
-            path: path.clone(),
+            path,
             file,
             end: 0,
             lines: vec![None; rows],
@@ -140,22 +207,42 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         if begin != Begin::Replace {
             journal.read_in()?;
         }
-        if journal.end > 0 && begin == Begin::New {
-            return Err(SweepError::Unfinished(folder.to_owned()));
-        }
-        if begin == Begin::Replace {
-            outputs.clear("sweep", &[NAME])?;
-        }
-        outputs.list(&FILES)?;
-        // Whatever stands behind the last complete line; everything, if the sweep begins anew.
-        journal.file.set_len(journal.end).map_err(fail)?;
+        files.enter(folder, begin, (&journal.file, outputs), journal.end)?;
         if journal.end == 0 {
-            // What an earlier sweep left must not be taken for this one's, even if this one is killed.
-            RESULTS.iter().try_for_each(|name| output::remove(&folder.join(name)))?;
             let header = Value::from(journal.header.clone()).to_string();
             journal.line(&header)?;
         }
         Ok(Some(journal))
+    }
+
+    /// Writes final files, each by what `write` puts into it row by row, then `others` by name, then the seal, which is the header with
+    /// what was `found`; removes the journal.
+    pub(crate) fn seal(
+        mut self,
+        tables: &[&str],
+        mut write: impl FnMut(&mut Self, usize, &mut dyn FnMut(&str) -> Result<(), SweepError>) -> Result<(), SweepError>,
+        others: &[(&str, String)],
+        found: &Value,
+    ) -> Result<(), SweepError> {
+        let folder = self.folder.clone();
+        for (i, name) in tables.iter().enumerate() {
+            let mut table = Part::create(&folder, name)?;
+            write(&mut self, i, &mut |line| Ok(table.write(&format!("{line}\n"))?))?;
+            table.publish()?;
+        }
+        for (name, text) in others {
+            let mut part = Part::create(&folder, name)?;
+            part.write(text)?;
+            part.publish()?;
+        }
+        let mut header = self.header.clone();
+        header.insert("found".to_owned(), found.clone());
+        let mut seal = Part::create(&folder, self.files.files[1])?;
+        seal.write(&format!("{:#}\n", Value::from(header)))?;
+        seal.publish()?;
+        // Nothing depends on the journal any more. The lock is held until it is gone.
+        output::remove(&self.path)?;
+        Ok(())
     }
 
     /// How many rows are kept.
@@ -255,7 +342,7 @@ impl<R, S> Drop for Journal<R, S> {
 }
 
 /// Whether two headers are the same; an error names every entry that differs.
-fn same(folder: &Path, was: &Map<String, Value>, is: &Map<String, Value>) -> Result<(), SweepError> {
+pub(super) fn same(folder: &Path, was: &Map<String, Value>, is: &Map<String, Value>) -> Result<(), SweepError> {
     let keys = was.keys().chain(is.keys().filter(|key| !was.contains_key(*key)));
     let text = |value: Option<&Value>| value.map_or("nothing".to_owned(), Value::to_string);
     let differences: Vec<String> = keys

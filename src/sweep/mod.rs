@@ -32,13 +32,15 @@ mod error;
 mod files;
 mod grid;
 mod journal;
+mod lines;
 mod plan;
 mod run;
 
 pub use error::{GridError, SweepError};
 pub use files::Tally;
 pub use grid::{Axis, Grid};
-pub use journal::{Begin, Journal};
+pub use journal::{Begin, Journal, Kept};
 pub(crate) use journal::{Entry, Outcome};
+pub use lines::Lines;
 pub use plan::{Cell, Direction, Plan, Seeding};
 pub use run::{Ending, run};

@@ -49,13 +49,15 @@ impl Figure {
     pub fn svg(&self, theme: Theme) -> String {
         let page = Page::new(self);
         let mut drawn = String::new();
-        page.draw(&mut drawn, theme);
+        let images = page.draw(&mut drawn, theme);
         // The backend's units become pixels; the rest of the root element is inherited by all shapes.
         let body = drawn.split_once('>').map_or("", |(_root, body)| body);
+        // Images lie on the paper, which is the first element, and under all else.
+        let (paper, body) = body.split_once("/>").unwrap_or(("", body));
         let [width, height] = page.size;
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {} \
-             {}\" stroke-linejoin=\"round\" stroke-linecap=\"round\">\n<title>{}</title>\n<desc>{}</desc>{body}",
+             {}\" stroke-linejoin=\"round\" stroke-linecap=\"round\">\n<title>{}</title>\n<desc>{}</desc>{paper}/>{images}{body}",
             width * UNIT,
             height * UNIT,
             escaped(&self.title),
@@ -135,7 +137,9 @@ impl<'a> Page<'a> {
         let legend_height = if legend.is_empty() { 0.0 } else { legend.len() as f64 * LEGEND * LEADING + 4.0 };
         let top = EDGE + title_height + legend_height;
         let across = (room - GAP * (columns - 1) as f64) / columns as f64;
+        let has_images = figure.panels.iter().any(|panel| panel.raster.is_some());
         let high = match (figure.panels.iter().any(|panel| panel.equal_scales), rows, columns) {
+            _ if has_images => 0.68 * across,
             (true, _, 1) => 620.0,
             (true, ..) => across,
             (_, 1, 1) => 460.0,
@@ -146,7 +150,8 @@ impl<'a> Page<'a> {
         Self { figure, size: size.map(f64::round), title, legend, top, columns, cell: [across, high] }
     }
 
-    fn draw(&self, into: &mut String, theme: Theme) {
+    /// Draws into an SVG; the images that belong behind it.
+    fn draw(&self, into: &mut String, theme: Theme) -> String {
         let [width, height] = self.size.map(|length| (length * UNIT) as u32);
         let colours = theme.colours();
         let canvas = Canvas { area: SVGBackend::with_string(into, (width, height)).into_drawing_area(), colours };
@@ -162,6 +167,7 @@ impl<'a> Page<'a> {
             y += LEGEND * LEADING;
         }
         // Frames start at the same x below each other, and at the same y beside each other.
+        let mut images = String::new();
         let panels = 0..self.figure.panels.len();
         let rooms: Vec<[f64; 2]> = panels.clone().map(|i| self.sheet(i, [0.0; 2]).rooms()).collect();
         for i in panels.clone() {
@@ -170,9 +176,12 @@ impl<'a> Page<'a> {
             };
             let left = largest(0, &|other| other % self.columns == i % self.columns);
             let top = largest(1, &|other| other / self.columns == i / self.columns);
-            self.sheet(i, [left, top]).draw(&canvas);
+            let sheet = self.sheet(i, [left, top]);
+            sheet.draw(&canvas);
+            images.extend(sheet.image());
         }
         sound(canvas.area.present());
+        images
     }
 
     fn sheet(&self, i: usize, rooms: [f64; 2]) -> Sheet<'a> {

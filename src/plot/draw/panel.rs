@@ -1,13 +1,16 @@
 //! One panel on a sheet.
 
+use base64::prelude::{BASE64_STANDARD, Engine};
 use plotters::prelude::*;
+use resvg::tiny_skia::{ColorU8, Pixmap};
 
-use crate::plot::{Guide, Panel, Series, Style};
+use crate::plot::{Guide, Panel, Raster, Series, Style};
 
 use super::{
-    canvas::{Anchor, Canvas, Pen, Point, font, rgb, sound, units},
+    canvas::{Anchor, Canvas, Pen, Point, UNIT, font, rgb, sound, units},
     frame::Frame,
     legend,
+    palette::Rgb,
     scale::{Scale, axis_label, drawable},
     text,
     words::Ink,
@@ -24,12 +27,38 @@ const RIGHT: f64 = 12.0;
 const BOTTOM: f64 = 40.0;
 const LEFT: f64 = 34.0;
 
+/// Width of the sample of a class.
+const SWATCH: f64 = 14.0;
+
+/// What a class takes of a row of the legend.
+fn class_width(name: &str) -> f64 {
+    SWATCH + 5.0 + text::width(name, SMALL, false) + 14.0
+}
+
+/// The classes of a raster in rows at most `room` wide.
+fn class_rows(raster: &Raster, room: f64) -> Vec<Vec<(String, Rgb)>> {
+    let mut rows: Vec<Vec<(String, Rgb)>> = Vec::new();
+    let mut used = f64::INFINITY;
+    for (name, [r, g, b]) in &raster.classes {
+        let width = class_width(name);
+        if used + width > room {
+            rows.push(Vec::new());
+            used = 0.0;
+        }
+        used += width;
+        rows.last_mut().expect("one was just added").push((name.clone(), (*r, *g, *b)));
+    }
+    rows
+}
+
 /// A panel, its scales and its place.
 pub(super) struct Sheet<'a> {
     pub(super) panel: &'a Panel,
     corner: Point,
     cell: [f64; 2],
     heading: Vec<String>,
+    /// The legend of a raster: rows of classes.
+    classes: Vec<Vec<(String, Rgb)>>,
     pub(super) x: Scale,
     pub(super) y: Scale,
     pub(super) frame: Frame,
@@ -42,10 +71,13 @@ pub(crate) fn scales(panel: &Panel) -> [Scale; 2] {
     let ground = panel.series.iter().any(|series| series.style == Style::Stems).then_some(0.0);
     let letters = |guide: &Guide| if let Guide::Vertical { name, .. } = guide { name.chars().count() } else { 0 };
     let letters = panel.guides.iter().map(letters).max().filter(|_| ground.is_some()).unwrap_or(0);
-    let above = 0.06 + 0.025 * letters.min(12) as f64;
+    let above = if panel.raster.is_some() { 0.0 } else { 0.06 } + 0.025 * letters.min(12) as f64;
     let (series, tiles) = (|| panel.series.iter(), || panel.tiles.iter());
     let xs = series().flat_map(|series| &series.x).chain(tiles().flat_map(|tile| &tile.x));
     let ys = series().flat_map(|series| &series.y).chain(tiles().flat_map(|tile| &tile.y));
+    let raster = panel.raster.iter();
+    let (xs, ys) =
+        (xs.chain(raster.clone().flat_map(|raster| &raster.x)), ys.chain(raster.flat_map(|raster| &raster.y)));
     let x = Scale::fit(&panel.x, xs.copied(), margin);
     let y = Scale::fit(&panel.y, ys.copied().chain(ground), above);
     [x, y]
@@ -57,7 +89,9 @@ impl<'a> Sheet<'a> {
         let [mut x, mut y] = scales(panel);
         let heading = text::wrapped(&text::clean(&panel.title), LABEL, true, cell[0] - LEFT - 2.0 * RIGHT);
         let names = if panel.names_above { NAMES } else { 0.0 };
-        let top = top.max(TOP + heading.len() as f64 * 1.4 * LABEL + names);
+        let classes = panel.raster.as_ref().map_or_else(Vec::new, |raster| class_rows(raster, cell[0] - 2.0 * RIGHT));
+        let legend = classes.len() as f64 * 1.4 * SMALL;
+        let top = top.max(TOP + heading.len() as f64 * 1.4 * LABEL + legend + names);
         let height = cell[1] - top - BOTTOM;
         y = y.ticked((height / 42.0) as usize);
         let label_width = |(_, label): (f64, String)| text::width(&label, SMALL, false);
@@ -79,7 +113,7 @@ impl<'a> Sheet<'a> {
             y0: corner[1] + top,
             y1: corner[1] + top + height,
         };
-        Self { panel, corner, cell, heading, x, y, frame }
+        Self { panel, corner, cell, heading, classes, x, y, frame }
     }
 
     /// From the left and upper edges of the cell to the frame, px.
@@ -96,6 +130,24 @@ impl<'a> Sheet<'a> {
     /// The same, for a point that has a place.
     pub(super) fn checked(&self, x: f64, y: f64) -> Option<Point> {
         (drawable(x, self.x.logarithmic) && drawable(y, self.y.logarithmic)).then(|| self.at(x, y))
+    }
+
+    /// The raster as an element of an SVG, in the units of the canvas.
+    pub fn image(&self) -> Option<String> {
+        let raster = self.panel.raster.as_ref()?;
+        let rows = raster.points.len() / raster.columns.max(1);
+        let mut pixmap = Pixmap::new(u32::try_from(raster.columns).ok()?, u32::try_from(rows).ok()?)?;
+        for (pixel, class) in pixmap.pixels_mut().iter_mut().zip(&raster.points) {
+            let [r, g, b] = raster.classes.get(usize::from(*class)).map_or([255; 3], |(_, colour)| *colour);
+            *pixel = ColorU8::from_rgba(r, g, b, 255).premultiply();
+        }
+        let png = BASE64_STANDARD.encode(pixmap.encode_png().ok()?);
+        let [a, b] = [self.checked(raster.x[0], raster.y[1])?, self.checked(raster.x[1], raster.y[0])?];
+        let [x, y, width, height] = [a[0], a[1], b[0] - a[0], b[1] - a[1]].map(|px| px * UNIT);
+        Some(format!(
+            "\n<image x=\"{x:.0}\" y=\"{y:.0}\" width=\"{width:.0}\" height=\"{height:.0}\" preserveAspectRatio=\"none\" \
+             image-rendering=\"pixelated\" href=\"data:image/png;base64,{png}\"/>"
+        ))
     }
 
     pub fn draw(&self, canvas: &Canvas<'_>) {
@@ -143,7 +195,16 @@ impl<'a> Sheet<'a> {
             .x_desc(text::clean(&x_label))
             .y_desc(text::clean(&y_label));
         sound(mesh.draw());
-        let names = if self.panel.names_above { NAMES } else { 0.0 };
+        let mut names = if self.panel.names_above { NAMES } else { 0.0 };
+        for (line, row) in self.classes.iter().enumerate() {
+            let mut at = [x + RIGHT, y0 - (self.classes.len() - line) as f64 * 1.4 * SMALL + 0.4 * SMALL];
+            for (name, colour) in row {
+                canvas.rectangle([at[0], at[1] - 4.5], [at[0] + SWATCH, at[1] + 4.5], *colour, 1.0);
+                canvas.text(name, [at[0] + SWATCH + 5.0, at[1]], Anchor::Left, SMALL, colours.ink, false);
+                at[0] += class_width(name);
+            }
+        }
+        names += self.classes.len() as f64 * 1.4 * SMALL;
         for (line, words) in self.heading.iter().enumerate() {
             let at = [x0, y0 - names - (self.heading.len() - line) as f64 * 1.4 * LABEL + 0.4 * LABEL];
             canvas.text(words, at, Anchor::Left, LABEL, colours.ink, true);

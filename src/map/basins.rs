@@ -1,0 +1,455 @@
+//! Where each start of a plane of starts ends.
+
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::{
+    cell::{Cell, Rule},
+    edges::{Boundary, Figures},
+    plane::{PlaneError, two_axes},
+    walk::Walk,
+};
+use crate::{
+    engine::State,
+    ensemble::in_order,
+    orbit::{Drift, Kind, Section, SectionMap, unknowns::distance},
+    output::{Fault, csv_line, in_a_line, number},
+    scene::Scene,
+    simulation::{Simulation, SimulationError},
+    sweep::{Begin, Ending, Grid, GridError, Kept, Lines, SweepError},
+    task::Task,
+};
+
+/// Distance from an orbit, in its scales, within which a start has reached it.
+const REACHED: f64 = 1e-6;
+/// Distance within which two orbits are the same.
+const SAME: f64 = 1e-5;
+/// Standard deviations within which the means of two irregular motions are the same.
+const ALIKE: f64 = 0.5;
+/// Starts along each axis that attractors are looked for from first, at most.
+const SURVEY: usize = 24;
+
+/// Where a start ends.
+#[derive(Clone, Debug, Serialize)]
+pub struct Attractor {
+    /// Its kind.
+    pub kind: Kind,
+    /// Period, cycles, of an orbit.
+    pub period_cycles: Option<u64>,
+    /// Word of an orbit.
+    pub word: Option<String>,
+    /// Which flanks are struck.
+    pub impacts: &'static str,
+    /// The largest exponent, 1/s.
+    pub exponent: Option<f64>,
+    /// The states of an orbit at the starts of its cycles; of any other motion one of its states.
+    pub states: Vec<Vec<f64>>,
+    /// Of a motion without an orbit: mean and standard deviation of each component at the starts of cycles.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub averages: Vec<[f64; 2]>,
+    #[serde(skip)]
+    scales: Vec<f64>,
+}
+
+impl Attractor {
+    fn new(map: &SectionMap<'_>, cell: Cell) -> Result<Self, SimulationError> {
+        let Cell { motion, exponent, impacts, section, averages, .. } = cell;
+        let mut sections = vec![section];
+        for _ in 1..motion.period.unwrap_or(1) {
+            sections.push(map.follow(&sections[sections.len() - 1], 1)?);
+        }
+        let scales = map.scales_of(&sections);
+        let states = sections.into_iter().map(|section| section.x).collect();
+        let (kind, period_cycles, word, impacts) = (motion.kind, motion.period, motion.word, impacts.word());
+        Ok(Self { kind, period_cycles, word, impacts, exponent, states, averages, scales })
+    }
+
+    /// Whether a state at the start of a cycle is within `reach` of its orbit.
+    fn holds(&self, map: &SectionMap<'_>, drift: &Drift, x: &[f64], reach: f64) -> bool {
+        let near = |state: &Vec<f64>| {
+            if drift.directions.is_empty() {
+                let n = x.len().min(2 * map.simulation().structure.freedoms());
+                let off = |i: usize| ((x[i] - state[i]) / self.scales[i]).abs();
+                // Most are apart by their first component.
+                return off(0) <= reach && (0..n).map(|i| off(i).powi(2)).sum::<f64>().sqrt() <= reach;
+            }
+            let section = |x: &[f64]| Section { x: x.to_vec(), contacts: Vec::new() };
+            distance(map, &section(state), &section(x), &self.scales, drift) <= reach
+        };
+        self.period_cycles.is_some() && self.states.iter().any(near)
+    }
+
+    /// Whether `other` is the same one.
+    fn is(&self, map: &SectionMap<'_>, drift: &Drift, other: &Self) -> bool {
+        if self.kind != other.kind || self.period_cycles != other.period_cycles {
+            return false;
+        }
+        if self.period_cycles.is_some() {
+            return self.holds(map, drift, &other.states[0], SAME);
+        }
+        let is_alike = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).abs() <= ALIKE * a[1].max(b[1]);
+        self.impacts == other.impacts && self.averages.iter().zip(&other.averages).all(is_alike)
+    }
+}
+
+/// What comes of one start.
+enum Ended {
+    /// On a known attractor, after so many cycles.
+    Known(usize, u64),
+    /// On one that is described by itself.
+    Own(Box<Attractor>, u64),
+    /// Of a kind that is no attractor.
+    Open(Kind, u64),
+    Failed(String),
+}
+
+/// A coordinate or a velocity that is varied.
+#[derive(Clone, Copy, Debug)]
+struct Varied {
+    is_velocity: bool,
+    freedom: usize,
+}
+
+/// The basins of attraction of a scene in a plane of its starts.
+#[derive(Debug)]
+pub struct Basins {
+    simulation: Simulation,
+    hash: String,
+    grid: Grid,
+    varied: [Varied; 2],
+    values: [Vec<f64>; 2],
+    q: Vec<f64>,
+    v: Vec<f64>,
+    rule: Rule,
+}
+
+/// What is known of all starts together.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The attractors, in the order of their numbers.
+    pub attractors: Vec<Attractor>,
+    /// What a picture shows and what is measured.
+    pub boundary: Boundary,
+    /// Measures.
+    pub figures: Figures,
+}
+
+/// Reads `/initial/q/I` or `/initial/v/I`, with a number or a name of a freedom.
+fn varied(pointer: &str, freedoms: &[String]) -> Result<Varied, Fault> {
+    let fault = |found: &str| {
+        let allowed = format!("/initial/q/I or /initial/v/I, with I from 0 to {}", freedoms.len() - 1);
+        Fault::new(pointer, found, allowed).remedy("flank map varies other numbers")
+    };
+    let rest = pointer.strip_prefix("/initial/").ok_or_else(|| fault("no coordinate or velocity of the start"))?;
+    let (which, name) = rest.split_once('/').ok_or_else(|| fault("no coordinate or velocity of the start"))?;
+    let is_velocity = match which {
+        "q" => false,
+        "v" => true,
+        _ => return Err(fault("no coordinate or velocity of the start")),
+    };
+    let by_name = freedoms.iter().position(|freedom| freedom == name);
+    let freedom = by_name.or_else(|| name.parse().ok().filter(|i: &usize| *i < freedoms.len()));
+    Ok(Varied { is_velocity, freedom: freedom.ok_or_else(|| fault("a freedom that the train does not have"))? })
+}
+
+impl Basins {
+    /// The files of `flank basins`.
+    pub const FILES: Kept = Kept {
+        command: "basins",
+        files: &["basins.rows", "basins.json", "basins.csv", "attractors.json", "basins.svg"],
+    };
+
+    /// Starts of `scene` over two `axes`, `/initial/q/I` or `/initial/v/I`, I a number or a name of a freedom. The other coordinates and
+    /// velocities are those that the scene writes, and zero where it writes none or starts `static` or at `rest`.
+    ///
+    /// # Errors
+    /// [`PlaneError`] for other axes, and for a scene without a forcing period.
+    pub fn new(scene: Scene, axes: &[impl AsRef<str>], rule: Rule) -> Result<Self, PlaneError> {
+        let grid = two_axes(axes)?;
+        let (hash, is_written) = (scene.hash(), scene.resolved()["initial"].is_object());
+        let simulation = Simulation::from_scene(scene)?;
+        let mut faults = Vec::new();
+        let freedoms = &simulation.structure.spec().freedoms;
+        let found: Vec<Varied> = grid
+            .axes()
+            .iter()
+            .filter_map(|axis| varied(&axis.pointer, freedoms).map_err(|fault| faults.push(fault)).ok())
+            .collect();
+        let [first, second] = found[..] else { return Err(GridError(faults).into()) };
+        if (first.is_velocity, first.freedom) == (second.is_velocity, second.freedom) {
+            let fault = Fault::new(&grid.axes()[1].pointer, "a number varied by two axes", "one axis for each number");
+            return Err(GridError(vec![fault]).into());
+        }
+        simulation.period()?;
+        let zeros = vec![0.0; freedoms.len()];
+        let (q, v) = if is_written { (simulation.q0.clone(), simulation.v0.clone()) } else { (zeros.clone(), zeros) };
+        let values = [0, 1].map(|i| grid.axes()[i].all());
+        let rule = Rule { averages: true, ..rule };
+        Ok(Self { simulation, hash, grid, varied: [first, second], values, q, v, rule })
+    }
+
+    /// The axes.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// The simulation.
+    #[must_use]
+    pub fn simulation(&self) -> &Simulation {
+        &self.simulation
+    }
+
+    /// How many starts; the second number runs fastest.
+    #[must_use]
+    pub fn starts(&self) -> usize {
+        self.grid.points()
+    }
+
+    /// Both numbers of a start.
+    #[must_use]
+    pub fn values(&self, start: usize) -> [f64; 2] {
+        let line = self.values[1].len();
+        [self.values[0][start / line], self.values[1][start % line]]
+    }
+
+    fn state(&self, start: usize) -> Result<State, SimulationError> {
+        let (mut q, mut v) = (self.q.clone(), self.v.clone());
+        for (varied, value) in self.varied.iter().zip(self.values(start)) {
+            if varied.is_velocity { v[varied.freedom] = value } else { q[varied.freedom] = value }
+        }
+        self.simulation.start_at(&q, &v)
+    }
+
+    /// Where a start ends, with some attractors `known`. `None` if the work is broken off.
+    fn end(
+        &self,
+        walk: &mut Walk<'_>,
+        start: usize,
+        known: &[Attractor],
+        task: Task<'_>,
+    ) -> Result<Option<Ended>, SimulationError> {
+        let map = SectionMap::new(&self.simulation)?;
+        let drift = map.drift();
+        if let Some((number, cycles)) = self.reach(walk, start, known, self.rule.transient_cycles, (&map, &drift))? {
+            return Ok(Some(Ended::Known(number, cycles)));
+        }
+        let Some(cell) = self.rule.decide(&self.simulation, self.state(start)?, task)? else {
+            let reason = "the limit on events is reached".to_owned();
+            return Ok(if task.is_cancelled() { None } else { Some(Ended::Failed(reason)) });
+        };
+        let (kind, cycles) = (cell.motion.kind, cell.motion.cycles);
+        if matches!(kind, Kind::Transient | Kind::Undecided) {
+            return Ok(Some(Ended::Open(kind, cycles)));
+        }
+        let own = Attractor::new(&map, cell)?;
+        let reached = self.reach(walk, start, std::slice::from_ref(&own), 2 * cycles, (&map, &drift))?;
+        Ok(Some(Ended::Own(Box::new(own), reached.map_or(cycles, |(_, reached)| reached))))
+    }
+
+    /// The first of the `known` orbits that a start reaches within some cycles, and after how many.
+    fn reach(
+        &self,
+        walk: &mut Walk<'_>,
+        start: usize,
+        known: &[Attractor],
+        most_cycles: u64,
+        (map, drift): (&SectionMap<'_>, &Drift),
+    ) -> Result<Option<(usize, u64)>, SimulationError> {
+        if known.iter().all(|attractor| attractor.period_cycles.is_none()) || !walk.begin(self.state(start)?)? {
+            return Ok(None);
+        }
+        for cycle in 0..=most_cycles {
+            let x = walk.x();
+            if let Some(number) = known.iter().position(|attractor| attractor.holds(map, drift, x, REACHED)) {
+                return Ok(Some((number, cycle)));
+            }
+            if cycle < most_cycles && !walk.cycle()? {
+                return Ok(None);
+            }
+        }
+        Ok(None)
+    }
+
+    /// What the rows depend on.
+    #[must_use]
+    pub fn header(&self) -> Map<String, Value> {
+        let mut header = Map::new();
+        header.insert("axes".to_owned(), json!(self.grid.axes()));
+        header.insert("flank".to_owned(), env!("CARGO_PKG_VERSION").into());
+        header.insert("instructions".to_owned(), self.simulation.settings.instructions.name().into());
+        header.insert("scene_sha256".to_owned(), self.hash.clone().into());
+        header.insert("rule".to_owned(), json!(self.rule));
+        header.insert("reached_within".to_owned(), json!(REACHED));
+        header
+    }
+
+    /// Opens the file of rows in `folder`.
+    ///
+    /// # Errors
+    /// As [`Lines::open`].
+    pub fn open(&self, folder: &std::path::Path, begin: Begin) -> Result<Option<Lines>, SweepError> {
+        Lines::open(folder, Self::FILES, begin, self.header())
+    }
+
+    /// The first line of the table.
+    #[must_use]
+    pub fn head(&self) -> String {
+        let pointers = self.grid.axes().iter().map(|axis| axis.pointer.as_str());
+        csv_line(pointers.chain(["attractor", "cycles", "error"]))
+    }
+
+    /// The attractors that some starts on a coarse grid lead to: the first numbers. `None` if the work is broken off.
+    fn survey(&self, task: Task<'_>) -> Result<Option<Vec<Attractor>>, SimulationError> {
+        let places = [0, 1].map(|i| {
+            let count = self.values[i].len();
+            let most = count.min(SURVEY);
+            (0..most).map(|k| (2 * k + 1) * count / (2 * most)).collect::<Vec<_>>()
+        });
+        let line = self.values[1].len();
+        let starts: Vec<usize> = places[0].iter().flat_map(|i| places[1].iter().map(move |j| i * line + j)).collect();
+        let (map, mut found) = (SectionMap::new(&self.simulation)?, Vec::new());
+        let (drift, mut taken) = (map.drift(), 0);
+        let decide = |(): &mut (), i: usize| {
+            let own = || -> Result<Option<Attractor>, SimulationError> {
+                let cell = self.rule.decide(&self.simulation, self.state(starts[i])?, task)?;
+                let is_open = |cell: &Cell| matches!(cell.motion.kind, Kind::Transient | Kind::Undecided);
+                let map = SectionMap::new(&self.simulation)?;
+                cell.filter(|cell| !is_open(cell)).map(|cell| Attractor::new(&map, cell)).transpose()
+            };
+            // A start that fails has a row that says so.
+            (!task.is_cancelled()).then(|| own().ok().flatten())
+        };
+        in_order(
+            0..starts.len(),
+            1,
+            || (),
+            decide,
+            |_, own: Option<Attractor>| {
+                taken += 1;
+                if let Some(own) = own.filter(|own| found.iter().all(|known: &Attractor| !known.is(&map, &drift, own)))
+                {
+                    found.push(own);
+                }
+                Ok::<(), SimulationError>(())
+            },
+        )?;
+        Ok((taken == starts.len() && !task.is_cancelled()).then_some(found))
+    }
+
+    /// Computes every row that is not kept, on the threads of the pool it is called in; gives the attractors. A row depends on nothing but
+    /// its start: numbers of attractors are given in the order of the starts, after those of a coarse grid of starts.
+    ///
+    /// # Errors
+    /// [`SweepError`] if a row cannot be kept.
+    pub fn run(&self, lines: &mut Lines, task: Task<'_>) -> Result<(Ending, Vec<Attractor>), BasinsError> {
+        let total = self.starts();
+        let Some(survey) = self.survey(task)? else { return Ok((Ending::Interrupted, Vec::new())) };
+        let map = SectionMap::new(&self.simulation)?;
+        let drift = map.drift();
+        let mut all = survey.clone();
+        // What rows that are kept have found beyond the survey.
+        let (mut newcomers, mut row_number) = (Vec::new(), 0);
+        lines.each(|row| {
+            let number = row.split(',').nth(2).and_then(|word| word.parse::<usize>().ok());
+            if number.is_some_and(|number| number == survey.len() + newcomers.len()) {
+                newcomers.push(row_number);
+            }
+            row_number += 1;
+            Ok(())
+        })?;
+        let mut walk = Walk::new(&self.simulation)?;
+        for start in newcomers {
+            if let Some(Ended::Own(own, _)) = self.end(&mut walk, start, &survey, task)? {
+                all.push(*own);
+            }
+        }
+        let work = |walk: &mut Option<Walk<'_>>, start: usize| {
+            if task.is_cancelled() {
+                return None;
+            }
+            let ended = walk.as_mut().map(|walk| self.end(walk, start, &survey, task))?;
+            match ended {
+                Ok(ended) => ended,
+                Err(error) => Some(Ended::Failed(in_a_line(&error.to_string()))),
+            }
+        };
+        in_order(
+            lines.count()..total,
+            16,
+            || Walk::new(&self.simulation).ok(),
+            work,
+            |start, ended: Ended| {
+                let (attractor, cycles, error) = match ended {
+                    Ended::Known(number, cycles) => (number.to_string(), cycles.to_string(), String::new()),
+                    Ended::Own(own, cycles) => {
+                        let number = all.iter().position(|known| known.is(&map, &drift, &own)).unwrap_or_else(|| {
+                            all.push(*own);
+                            all.len() - 1
+                        });
+                        (number.to_string(), cycles.to_string(), String::new())
+                    }
+                    Ended::Open(kind, cycles) => (kind.word().to_owned(), cycles.to_string(), String::new()),
+                    Ended::Failed(why) => ("failed".to_owned(), String::new(), why),
+                };
+                let values = self.values(start).map(number);
+                lines.push(&csv_line(values.into_iter().chain([attractor, cycles, error])))?;
+                task.advance();
+                Ok::<(), SweepError>(())
+            },
+        )?;
+        Ok((if lines.count() == total { Ending::Complete } else { Ending::Interrupted }, all))
+    }
+
+    /// Measures the basins and writes the final files. `picture` draws.
+    ///
+    /// # Errors
+    /// As [`Lines::finish`].
+    pub fn finish(
+        &self,
+        mut lines: Lines,
+        attractors: Vec<Attractor>,
+        picture: impl FnOnce(&Found) -> Option<String>,
+    ) -> Result<Found, SweepError> {
+        let mut boundary = Boundary::new([0, 1].map(|i| self.values[i].len()), attractors.len());
+        lines.each(|row| {
+            boundary.add(row);
+            Ok(())
+        })?;
+        let figures = boundary.figures();
+        let found = Found { attractors, boundary, figures };
+        let mut others = vec![("attractors.json", format!("{:#}\n", self.report(&found)))];
+        others.extend(picture(&found).map(|picture| ("basins.svg", picture)));
+        lines.finish(&self.head(), &others, &json!(found.figures))?;
+        Ok(found)
+    }
+
+    /// The attractors with their fractions, and the measures.
+    fn report(&self, found: &Found) -> Value {
+        let all = found.attractors.iter().enumerate().map(|(number, attractor)| {
+            let mut entry = json!(attractor);
+            entry["number"] = json!(number);
+            entry["fraction"] = json!(found.figures.fractions[number].fraction);
+            entry["standard_error"] = json!(found.figures.fractions[number].standard_error);
+            entry
+        });
+        let freedoms = &self.simulation.structure.spec().freedoms;
+        json!({
+            "state": freedoms.iter().map(|f| format!("q {f}")).chain(freedoms.iter().map(|f| format!("v {f}"))).collect::<Vec<_>>(),
+            "attractors": all.collect::<Vec<_>>(),
+            "measures": found.figures,
+        })
+    }
+}
+
+/// Why basins cannot be computed or kept.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BasinsError {
+    /// The scene cannot be run.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
+    /// A row cannot be kept.
+    #[error(transparent)]
+    Sweep(#[from] SweepError),
+}

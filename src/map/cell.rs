@@ -1,0 +1,212 @@
+//! What the motion of one cell is.
+
+use std::ops::ControlFlow;
+
+use crate::{
+    engine::{Jumped, Observer, State},
+    hybrid::Mode,
+    integrate::DenseStep,
+    orbit::{Approach, Motion, Section, SectionMap, Watching, decide},
+    simulation::{Simulation, SimulationError},
+    system::{ContactMode, contact_mode, guard_of},
+    task::Task,
+};
+
+/// How long the motion of a cell is run until its kind is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Rule {
+    /// Cycles that belong to the transient. A motion that has come to a stable orbit before is not run on: it stays there.
+    pub transient_cycles: u64,
+    /// Cycles after it by which the kind of a motion without an orbit is decided; half of them, where it is clear by then.
+    pub further_cycles: u64,
+    /// Averages of a motion without an orbit are wanted.
+    #[serde(skip)]
+    pub averages: bool,
+}
+
+impl Default for Rule {
+    fn default() -> Self {
+        Self { transient_cycles: 200, further_cycles: 500, averages: false }
+    }
+}
+
+/// Longest period that is looked for, cycles.
+pub(super) const LONGEST: u32 = 16;
+
+/// Which flanks are struck.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Impacts {
+    /// No contact is lost.
+    None,
+    /// Contacts are lost, and gained again on one side only.
+    SingleSided,
+    /// Some contact touches both of its flanks.
+    DoubleSided,
+}
+
+impl Impacts {
+    /// By what a contact is met as: separated, on the drive flank, on the back flank.
+    pub(super) fn of(met: [bool; 3]) -> Self {
+        match met {
+            [_, true, true] => Self::DoubleSided,
+            [true, true, _] | [true, _, true] => Self::SingleSided,
+            _ => Self::None,
+        }
+    }
+
+    /// As files have it.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::SingleSided => "single-sided",
+            Self::DoubleSided => "double-sided",
+        }
+    }
+}
+
+/// What is known of the motion of a cell.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    /// Its kind.
+    pub motion: Motion,
+    /// The largest exponent, 1/s: of an orbit that of its largest multiplier.
+    pub exponent: Option<f64>,
+    /// Which flanks are struck, over one period, or over the cycles watched.
+    pub impacts: Impacts,
+    /// For each contact the share of this time that it is separated.
+    pub apart: Vec<f64>,
+    /// Where the transient is over, at the start of a cycle: on the orbit of a periodic motion.
+    pub section: Section,
+    /// Of a motion without an orbit: mean and standard deviation of each component at the starts of cycles.
+    pub averages: Vec<[f64; 2]>,
+}
+
+/// Mean and standard deviation.
+pub(super) fn average(values: &[f64]) -> [f64; 2] {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    [mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()]
+}
+
+/// Times that contacts are separated, and the flanks that they touch.
+#[derive(Debug)]
+struct Flanks {
+    /// s, for each contact.
+    apart: Vec<f64>,
+    /// All, s.
+    time: f64,
+    /// For each contact whether it is met separated, on the drive flank, on the back flank.
+    met: Vec<[bool; 3]>,
+}
+
+impl Flanks {
+    fn new(contacts: usize) -> Self {
+        Self { apart: vec![0.0; contacts], time: 0.0, met: vec![[false; 3]; contacts] }
+    }
+
+    fn add(&mut self, mode: &Mode, time: f64) {
+        self.time += time;
+        for (j, (apart, met)) in self.apart.iter_mut().zip(&mut self.met).enumerate() {
+            match contact_mode(mode, j) {
+                ContactMode::Separated => {
+                    *apart += time;
+                    met[0] = true;
+                }
+                ContactMode::Drive | ContactMode::DriveDetached => met[1] = true,
+                ContactMode::Back | ContactMode::BackDetached => met[2] = true,
+            }
+        }
+    }
+
+    fn impacts(&self) -> Impacts {
+        self.met.iter().map(|met| Impacts::of(*met)).max().unwrap_or(Impacts::None)
+    }
+}
+
+impl Observer for Flanks {
+    fn wants_steps(&self, _: &Mode) -> bool {
+        false
+    }
+
+    fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
+        self.add(mode, time);
+        ControlFlow::Continue(())
+    }
+
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        self.add(mode, step.time(until));
+        ControlFlow::Continue(())
+    }
+
+    fn wants_jumps(&self) -> bool {
+        true
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        // An impact takes no time.
+        for (j, watch) in jumped.to.struck.iter().map(guard_of) {
+            self.met[j][if watch.side() > 0.0 { 1 } else { 2 }] = true;
+        }
+    }
+}
+
+impl Rule {
+    /// As [`decide_generally`](Self::decide_generally), by a lane where there is one.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn decide(
+        &self,
+        simulation: &Simulation,
+        start: State,
+        task: Task<'_>,
+    ) -> Result<Option<Cell>, SimulationError> {
+        match self.decide_in_lane(simulation, &start, task)? {
+            Some(cell) => Ok(Some(cell)),
+            None => self.decide_generally(simulation, start, task),
+        }
+    }
+
+    /// Runs `simulation` from `start` until the kind of its motion is known, or cannot be told by the cycles allowed. `None` if the run
+    /// is broken off.
+    ///
+    /// # Errors
+    /// [`SimulationError`] if the run fails.
+    pub fn decide_generally(
+        &self,
+        simulation: &Simulation,
+        start: State,
+        task: Task<'_>,
+    ) -> Result<Option<Cell>, SimulationError> {
+        let map = SectionMap::new(simulation)?;
+        let mut engine = simulation.engine(start)?;
+        let approach = Approach { most_cycles: self.transient_cycles, longest_period: LONGEST, ..Approach::default() };
+        let Some(approached) = approach.run(&map, &mut engine, &mut (), task)? else { return Ok(None) };
+        let mut flanks = Flanks::new(simulation.structure.contacts().len());
+        let watching = Watching { cycles: self.further_cycles / 2, doublings: 1, is_settled: true };
+        let decided = decide(&map, &mut engine, &approached, watching, &mut flanks, task)?;
+        let Some((motion, decided)) = decided else { return Ok(None) };
+        let orbit = approached.orbit.or(decided);
+        let mut exponent = motion.exponent.map(|[exponent, _]| exponent);
+        if let Some(orbit) = &orbit {
+            flanks = Flanks::new(flanks.apart.len());
+            map.watch(&orbit.section, orbit.period, &mut flanks)?;
+            let growth = libm::log(orbit.largest_multiplier());
+            exponent = Some(growth / (orbit.period as f64 * simulation.period()?));
+        }
+        // A multiplier of zero has no exponent.
+        let section = orbit.map_or_else(|| map.section(engine.state()), |orbit| orbit.section);
+        let mut averages = Vec::new();
+        if motion.period.is_none() && self.averages {
+            let (clock, mut seen) = (simulation.clock(), vec![Vec::new(); engine.state().x.len()]);
+            for _ in 0..self.further_cycles {
+                engine.run(clock.at(engine.state().at.cycle + 1, 0.0), &mut ())?;
+                seen.iter_mut().zip(&engine.state().x).for_each(|(seen, x)| seen.push(*x));
+            }
+            averages = seen.iter().map(|values| average(values)).collect();
+        }
+        let exponent = exponent.filter(|exponent| exponent.is_finite());
+        let apart = flanks.apart.iter().map(|apart| apart / flanks.time).collect();
+        Ok(Some(Cell { impacts: flanks.impacts(), apart, exponent, section, averages, motion }))
+    }
+}

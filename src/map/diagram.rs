@@ -1,0 +1,358 @@
+//! Section points and impacts of motions against one number.
+
+use std::{fs, path::Path};
+
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value, json};
+
+use super::{
+    kinds::names,
+    plane::PlaneError,
+    walk::{Record, Strike, Walk},
+};
+use crate::{
+    orbit::{Section, SectionMap, components},
+    output::{Fault, csv_line, in_a_line, label, number},
+    scene::Scene,
+    simulation::{Parameter, Simulation, SimulationError},
+    sweep::{
+        Begin, Cell, Direction, Ending, Entry, Grid, GridError, Journal, Kept, Outcome, Plan, Seeding, SweepError, run,
+    },
+    system::ContactMode,
+    task::Task,
+};
+
+/// Which starts and how many cycles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Sampling {
+    /// Starts of the first value: that of the scene, then others spread around it.
+    pub starts: usize,
+    /// Cycles dropped at each value.
+    pub transient_cycles: u64,
+    /// Cycles recorded at each value.
+    pub recorded_cycles: u64,
+}
+
+impl Default for Sampling {
+    fn default() -> Self {
+        Self { starts: 1, transient_cycles: 200, recorded_cycles: 100 }
+    }
+}
+
+/// The state that the next value starts from.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Seed {
+    x: Vec<f64>,
+    contacts: Vec<ContactMode>,
+}
+
+/// Rows of a diagram as they are kept.
+pub type Rows = Journal<Record, Seed>;
+
+/// What is known of a diagram, for a picture.
+#[derive(Clone, Debug, Default)]
+pub struct Points {
+    /// Value, direction, start and record.
+    pub rows: Vec<(f64, Direction, usize, Record)>,
+    /// Rows that failed.
+    pub failed: usize,
+}
+
+/// A diagram of the motions of a scene against one of its numbers.
+#[derive(Debug)]
+pub struct Diagram {
+    scene: Scene,
+    parameter: Parameter,
+    plan: Plan,
+    sampling: Sampling,
+    own: Simulation,
+}
+
+/// Lines that a branch of orbits makes: values, and the first component at all starts of cycles.
+#[derive(Clone, Debug, Default)]
+pub struct BranchLine {
+    /// Whether its orbits are stable.
+    pub is_stable: bool,
+    /// Values.
+    pub x: Vec<f64>,
+    /// The first component of the state.
+    pub y: Vec<f64>,
+}
+
+impl Diagram {
+    /// The files of `flank diagram`.
+    pub const FILES: Kept = Kept {
+        command: "diagram",
+        files: &["diagram.journal", "diagram.json", "diagram.csv", "impacts.csv", "exponents.csv", "diagram.svg"],
+    };
+
+    /// A diagram over `axis` of `scene`, in the directions of `seeding`.
+    ///
+    /// # Errors
+    /// [`PlaneError`] for other than one axis of two values, whole numbers, and a scene that does not hold at the ends or has no forcing
+    /// period.
+    pub fn new(
+        scene: Scene,
+        axis: &[impl AsRef<str>],
+        seeding: Seeding,
+        sampling: Sampling,
+    ) -> Result<Self, PlaneError> {
+        let grid = Grid::parse(axis)?;
+        let [axis] = grid.axes() else {
+            let found = format!("{} of them", grid.axes().len());
+            return Err(GridError(vec![Fault::new("the axes", found, "one, with --vary")]).into());
+        };
+        let pointers: Vec<&str> = axis.pointer.split(',').collect();
+        let mut faults = Vec::new();
+        if axis.count() < 2 {
+            faults.push(Fault::new(&axis.pointer, "an axis of one value", "two values at least: FROM:TO:COUNT"));
+        }
+        let parameter = Parameter::new(scene.resolved(), &pointers)
+            .map_err(|reason| faults.push(Fault::new(&axis.pointer, reason, "pointers to numbers of the scene")));
+        if let Ok(parameter) = &parameter {
+            faults.extend(super::plane::whole(&scene, parameter));
+        }
+        let Some(parameter) = parameter.ok().filter(|_| faults.is_empty()) else {
+            return Err(GridError(faults).into());
+        };
+        let ends = axis.all().into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
+        let parameter = parameter.checked(&scene, ends)?;
+        let own = Simulation::from_scene(scene.clone())?;
+        for end in ends {
+            Simulation::from_built(scene.name(), parameter.build(&scene, end)?)?.period()?;
+        }
+        let places: Vec<String> = (0..sampling.starts).map(|start| start.to_string()).collect();
+        let values: Vec<String> = axis.all().into_iter().map(number).collect();
+        let grid = Grid::parse_up_to(
+            &[format!("/start={}", places.join(",")), format!("/value={}", values.join(","))],
+            super::MOST_CELLS,
+        )?;
+        Ok(Self { parameter, plan: Plan::new(grid, seeding), sampling, own, scene })
+    }
+
+    /// How many rows are kept: one for each value, direction and start.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.plan.rows()
+    }
+
+    /// The scene's own simulation.
+    #[must_use]
+    pub fn own(&self) -> &Simulation {
+        &self.own
+    }
+
+    /// The pointer that is varied.
+    #[must_use]
+    pub fn pointer(&self) -> String {
+        self.parameter.pointers().collect::<Vec<_>>().join(",")
+    }
+
+    fn simulation(&self, value: f64) -> Result<Simulation, SimulationError> {
+        Simulation::from_built(self.scene.name(), self.parameter.build(&self.scene, value)?)
+    }
+
+    /// Start number `start` of `simulation`: that of the scene, then others that fill a box of two backlashes around it evenly.
+    fn start(simulation: &Simulation, start: usize) -> Result<crate::engine::State, SimulationError> {
+        if start == 0 {
+            return simulation.start();
+        }
+        let backlash = simulation.structure.spec().contacts.iter().map(|c| c.half_backlash).fold(0.0, f64::max);
+        let reach =
+            if backlash > 0.0 { 2.0 * backlash } else { simulation.q0.iter().fold(0.0, |m: f64, q| m.max(q.abs())) };
+        let omega = simulation.clock().omega();
+        // Multiples of square roots of primes are spread evenly (Weyl 1916). A start inside a rigid flank gives way to a later one.
+        let spread = |i: usize, k: usize| 2.0 * (k as f64 * PRIMES[i % PRIMES.len()].sqrt()).fract() - 1.0;
+        let n = simulation.q0.len();
+        let mut last = simulation.start();
+        for attempt in 0..ATTEMPTS {
+            let k = start + attempt * 1000;
+            let q: Vec<f64> = (0..n).map(|i| simulation.q0[i] + reach * spread(2 * i, k)).collect();
+            let v: Vec<f64> = (0..n).map(|i| simulation.v0[i] + reach * omega * spread(2 * i + 1, k)).collect();
+            last = simulation.start_at(&q, &v);
+            if last.is_ok() {
+                break;
+            }
+        }
+        last
+    }
+
+    fn point(&self, cell: &Cell, seed: Option<&Seed>) -> Result<(Record, Seed), SimulationError> {
+        let simulation = self.simulation(cell.values[1])?;
+        let map = SectionMap::new(&simulation)?;
+        let section = |seed: &Seed| Section { x: seed.x.clone(), contacts: seed.contacts.clone() };
+        let seeded = seed.and_then(|seed| map.state(&section(seed)).ok());
+        // OK to convert: the values are whole numbers.
+        let start = seeded.map_or_else(|| Self::start(&simulation, cell.values[0] as usize), Ok)?;
+        let mut walk = Walk::new(&simulation)?;
+        let stopped = || simulation.missing("its run stops within the cycles asked for; raise its limit on events");
+        if !walk.begin(start)? {
+            return Err(stopped());
+        }
+        for _ in 0..self.sampling.transient_cycles {
+            if !walk.cycle()? {
+                return Err(stopped());
+            }
+        }
+        let record = walk.record(self.sampling.recorded_cycles)?.ok_or_else(stopped)?;
+        Ok((record, Seed { x: walk.x().to_vec(), contacts: walk.contacts() }))
+    }
+
+    /// What the rows depend on.
+    #[must_use]
+    pub fn header(&self) -> Map<String, Value> {
+        let mut header = self.plan.header();
+        header.insert("pointers".to_owned(), json!(self.pointer()));
+        header.insert("flank".to_owned(), env!("CARGO_PKG_VERSION").into());
+        header.insert("instructions".to_owned(), self.own.settings.instructions.name().into());
+        header.insert("scene_sha256".to_owned(), self.scene.hash().into());
+        header.insert("sampling".to_owned(), json!(self.sampling));
+        header
+    }
+
+    /// Opens the journal of rows in `folder`.
+    ///
+    /// # Errors
+    /// As [`Journal::open`].
+    pub fn open(&self, folder: &Path, begin: Begin) -> Result<Option<Rows>, SweepError> {
+        Journal::open_for(Self::FILES, folder, begin, self.header(), self.rows())
+    }
+
+    /// Computes every row that is not kept.
+    ///
+    /// # Errors
+    /// [`SweepError`] if a row cannot be kept.
+    pub fn run(&self, rows: &mut Rows, task: Task<'_>) -> Result<Ending, SweepError> {
+        run(&self.plan, rows, |cell, seed| self.point(cell, seed), task)
+    }
+
+    /// The column that names the number, and the first ones of all tables.
+    fn head<'a>(more: impl IntoIterator<Item = &'a str>) -> String {
+        csv_line(["parameter", "direction", "start"].into_iter().chain(more))
+    }
+
+    /// Writes the final files. `picture` draws.
+    ///
+    /// # Errors
+    /// [`SweepError::Output`] if a file cannot be read or written.
+    pub fn finish(
+        &self,
+        mut rows: Rows,
+        picture: impl FnOnce(&Points) -> Option<String>,
+    ) -> Result<Points, SweepError> {
+        let row = |entry: Option<Entry<Record, Seed>>, cell: &Cell| {
+            let start = [number(cell.values[1]), label(cell.direction), (cell.values[0] as usize).to_string()];
+            (entry.map(|entry| entry.outcome), start)
+        };
+        let mut points = Points::default();
+        for i in 0..self.rows() {
+            let cell = self.plan.cell(i);
+            match rows.entry(i)?.map(|entry| entry.outcome) {
+                Some(Outcome::Done { result, .. }) => {
+                    points.rows.push((cell.values[1], cell.direction, cell.values[0] as usize, result));
+                }
+                _ => points.failed += 1,
+            }
+        }
+        let picture: Vec<(&str, String)> = picture(&points).map(|p| ("diagram.svg", p)).into_iter().collect();
+        let found = json!({ "rows": self.rows(), "failed": points.failed });
+        let contacts = names(&self.own.structure);
+        let plan = &self.plan;
+        let components = components(&self.own);
+        let write = |rows: &mut Rows, table: usize, line: &mut dyn FnMut(&str) -> Result<(), SweepError>| {
+            line(&match table {
+                0 => Self::head(["cycle"].into_iter().chain(components.iter().map(String::as_str))),
+                1 => Self::head(["cycle", "contact", "side", "phase", "speed"]),
+                _ => Self::head(["exponent", "exponent_band", "error"]),
+            })?;
+            for i in 0..plan.rows() {
+                let (outcome, start) = row(rows.entry(i)?, &plan.cell(i));
+                let start = start.iter().map(String::as_str);
+                match (table, outcome) {
+                    (0, Some(Outcome::Done { result, .. })) => {
+                        for (cycle, x) in result.points.iter().enumerate() {
+                            let x: Vec<String> = x.iter().copied().map(number).collect();
+                            let cycle = cycle.to_string();
+                            line(&csv_line(start.clone().chain([cycle.as_str()]).chain(x.iter().map(String::as_str))))?;
+                        }
+                    }
+                    (1, Some(Outcome::Done { result, .. })) => {
+                        for Strike { cycle, contact, side, phase, speed } in &result.strikes {
+                            let side = if *side > 0.0 { "drive" } else { "back" };
+                            let (cycle, phase, speed) = (cycle.to_string(), number(*phase), number(*speed));
+                            let of = [cycle.as_str(), &contacts[*contact], side, &phase, &speed];
+                            line(&csv_line(start.clone().chain(of)))?;
+                        }
+                    }
+                    (2, Some(Outcome::Done { result, .. })) => {
+                        let cells = result.exponent.map_or([const { String::new() }; 2], |e| e.map(number));
+                        line(&csv_line(start.chain(cells.iter().map(String::as_str)).chain([""])))?;
+                    }
+                    (2, Some(Outcome::Failed(why))) => {
+                        let why = in_a_line(&why);
+                        line(&csv_line(start.chain(["", "", why.as_str()])))?;
+                    }
+                    _ => {}
+                }
+            }
+            Ok(())
+        };
+        rows.seal(&["diagram.csv", "impacts.csv", "exponents.csv"], write, &picture, &found)?;
+        Ok(points)
+    }
+
+    /// The branches that `flank continue` has written into `folder`: the first component of their orbits at all starts of cycles.
+    ///
+    /// # Errors
+    /// What is wrong with the folder, in words.
+    pub fn branches(&self, folder: &Path) -> Result<Vec<BranchLine>, String> {
+        let path = folder.join("branches.csv");
+        let text = fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        let mut lines = text.lines();
+        let head: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+        let names = components(&self.own);
+        let place = |name: &str| head.iter().position(|other| *other == name);
+        let columns: Option<Vec<usize>> = names.iter().map(|name| place(name)).collect();
+        let wanted = ["branch", "parameter", "period_cycles", "stable"].map(place);
+        let (Some(columns), [Some(branch), Some(value), Some(period), Some(stable)]) = (columns, wanted) else {
+            return Err(format!("{} is no table of branches of this train", path.display()));
+        };
+        let (mut all, mut last): (Vec<BranchLine>, Option<(String, bool, u64)>) = (Vec::new(), None);
+        for line in lines {
+            // Words come before the state and contain no commas.
+            let fields: Vec<&str> = line.split(',').collect();
+            let numbers: Option<Vec<f64>> = columns.iter().map(|i| fields.get(*i)?.parse().ok()).collect();
+            let (Some(x), Some(Ok(value)), Some(Ok(period))) =
+                (numbers, fields.get(value).map(|w| w.parse::<f64>()), fields.get(period).map(|w| w.parse::<u64>()))
+            else {
+                continue;
+            };
+            let is_stable = fields.get(stable).is_some_and(|word| *word == "true");
+            let of = (fields[branch].to_owned(), is_stable, period);
+            if last.as_ref() != Some(&of) {
+                let new = (0..period).map(|_| BranchLine { is_stable, ..BranchLine::default() });
+                all.extend(new);
+                last = Some(of);
+            }
+            let count = all.len();
+            let lines = &mut all[count - period as usize..];
+            let simulation = self.simulation(value).map_err(|error| error.to_string())?;
+            let map = SectionMap::new(&simulation).map_err(|error| error.to_string())?;
+            let mut section =
+                Section { x, contacts: vec![ContactMode::Separated; simulation.structure.contacts().len()] };
+            for line in lines {
+                line.x.push(value);
+                line.y.push(section.x[0]);
+                if period > 1 {
+                    section = map.follow(&section, 1).map_err(|error| error.to_string())?;
+                }
+            }
+        }
+        Ok(all)
+    }
+}
+
+/// Of small primes the square roots are independent.
+const PRIMES: [f64; 12] = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0];
+/// Starts that are tried for one.
+const ATTEMPTS: usize = 32;

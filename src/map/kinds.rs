@@ -1,0 +1,225 @@
+//! The kind of the motion in every cell of a plane.
+
+use serde_json::{Map as Header, Value, json};
+
+use super::{
+    cell::{Cell, Rule},
+    plane::{Plane, PlaneError},
+    tally::Tally,
+};
+use crate::{
+    ensemble::in_order,
+    output::{Fault, csv_line, in_a_line, number},
+    scene::Scene,
+    study::{StudyError, contact_measure, contact_measures, measured, measures},
+    sweep::{Ending, GridError, Kept, Lines, SweepError},
+    system::Structure,
+    task::Task,
+};
+
+/// The measure that every map has, unless others are asked for.
+const APART: &str = "apart_fraction";
+/// Columns before those of contacts: two numbers and these.
+pub(super) const FIRST: [&str; 4] = ["kind", "period_cycles", "word", "exponent"];
+/// Columns after them.
+pub(super) const LAST: [&str; 3] = ["impacts", "cycles", "error"];
+
+/// For each column its value of each contact.
+type Measures = Vec<Vec<Option<f64>>>;
+
+/// The names of contacts; a name given before gets a number.
+pub(super) fn names(structure: &Structure) -> Vec<String> {
+    let all: Vec<&str> = structure.contacts().iter().map(|c| c.spec.name.as_str()).collect();
+    let name = |j: usize| {
+        let before = all[..j].iter().filter(|other| **other == all[j]).count();
+        if before == 0 { all[j].to_owned() } else { format!("{} ({})", all[j], before + 1) }
+    };
+    (0..all.len()).map(name).collect()
+}
+
+/// A map over two numbers of a scene: in each cell the motion that the scene's own start leads to.
+///
+/// ```no_run
+/// use flank::{Task, map::{KindMap, Rule}, scene::Scene, sweep::Begin};
+///
+/// let scene = Scene::from_file("examples/scenes/kahraman-singh.json")?;
+/// let axes = ["/train/transmission_error/0/frequency=0.4:2:50", "/train/mean_load=0.02:0.3:50"];
+/// let map = KindMap::new(scene, &axes, Rule::default(), &[])?;
+/// let mut lines = map.open("map".as_ref(), Begin::New)?.expect("a new map is open");
+/// map.run(&mut lines, Task::default())?;
+/// let tally = map.finish(lines, |_| None)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct KindMap {
+    plane: Plane,
+    rule: Rule,
+    columns: Vec<String>,
+    contacts: Vec<String>,
+}
+
+impl KindMap {
+    /// The files of `flank map`.
+    pub const FILES: Kept = Kept { command: "map", files: &["map.rows", "map.json", "map.csv", "map.svg"] };
+
+    /// A map over `axes` of `scene` with further `columns` of contacts, by their names in `sweep.csv` without unit; the share of time
+    /// separated if none are named.
+    ///
+    /// # Errors
+    /// [`PlaneError`] as [`Plane::new`], and for a column that there is none of.
+    pub fn new(
+        scene: Scene,
+        axes: &[impl AsRef<str>],
+        rule: Rule,
+        columns: &[impl AsRef<str>],
+    ) -> Result<Self, PlaneError> {
+        let unknown = columns.iter().map(AsRef::as_ref).filter(|name| contact_measures().all(|other| other != *name));
+        let allowed = || contact_measures().collect::<Vec<_>>().join(", ");
+        let faults: Vec<Fault> = unknown.map(|name| Fault::new("--columns", format!("{name:?}"), allowed())).collect();
+        if !faults.is_empty() {
+            return Err(GridError(faults).into());
+        }
+        let columns: Vec<String> = columns.iter().map(|name| name.as_ref().to_owned()).collect();
+        let columns = if columns.is_empty() { vec![APART.to_owned()] } else { columns };
+        let plane = Plane::new(scene, axes)?;
+        let contacts = names(&plane.own().structure);
+        Ok(Self { plane, rule, columns, contacts })
+    }
+
+    /// The cells.
+    #[must_use]
+    pub fn plane(&self) -> &Plane {
+        &self.plane
+    }
+
+    /// What the last panel of a picture shows, and the unit of exponents.
+    #[must_use]
+    pub fn shown(&self) -> (String, String) {
+        let dimensionless = self.plane.own().dimensionless;
+        let contact = match &self.contacts[..] {
+            [contact] => contact.as_str(),
+            _ => "largest of all contacts",
+        };
+        let measure = match self.columns[0].as_str() {
+            APART => "time separated / period".to_owned(),
+            other => contact_measure(other, dimensionless),
+        };
+        (format!("{contact}: {measure}"), if dimensionless { String::new() } else { "1/s".to_owned() })
+    }
+
+    /// What the rows depend on.
+    #[must_use]
+    pub fn header(&self) -> Header<String, Value> {
+        let mut header = self.plane.header();
+        header.insert("rule".to_owned(), json!(self.rule));
+        header.insert("columns".to_owned(), json!(self.columns));
+        header
+    }
+
+    /// Opens the file of rows in `folder`.
+    ///
+    /// # Errors
+    /// As [`Lines::open`].
+    pub fn open(&self, folder: &std::path::Path, begin: crate::sweep::Begin) -> Result<Option<Lines>, SweepError> {
+        Lines::open(folder, Self::FILES, begin, self.header())
+    }
+
+    /// The first line of the table.
+    #[must_use]
+    pub fn head(&self) -> String {
+        let dimensionless = self.plane.own().dimensionless;
+        let pointers = self.plane.grid().axes().iter().map(|axis| axis.pointer.clone());
+        let of = |contact: &String| {
+            let name = move |column: &String| format!("{contact} {}", contact_measure(column, dimensionless));
+            self.columns.iter().map(name).collect::<Vec<_>>()
+        };
+        let contacts: Vec<String> = self.contacts.iter().flat_map(of).collect();
+        csv_line(pointers.chain(FIRST.map(String::from)).chain(contacts).chain(LAST.map(String::from)))
+    }
+
+    /// The motion in a cell. `None` if the work is broken off.
+    fn cell(&self, cell: usize, task: Task<'_>) -> Result<Option<(Cell, Measures)>, StudyError> {
+        let simulation = self.plane.simulation(cell)?;
+        let Some(decided) = self.rule.decide(&simulation, simulation.start()?, task)? else {
+            return if task.is_cancelled() { Ok(None) } else { Err(StudyError::Budget { cycle: 0 }) };
+        };
+        let values = if self.columns == [APART] {
+            vec![decided.apart.iter().copied().map(Some).collect()]
+        } else {
+            let steady = measured(&simulation, &decided.section, decided.motion.clone(), task)?;
+            self.columns.iter().map(|column| measures(&steady, column)).collect()
+        };
+        Ok(Some((decided, values)))
+    }
+
+    /// A row of the table. `None` if the work is broken off.
+    fn row(&self, cell: usize, task: Task<'_>) -> Option<String> {
+        let optional = |value: Option<f64>| value.map_or_else(String::new, number);
+        let mut line: Vec<String> = self.plane.values(cell).map(number).to_vec();
+        let count = self.contacts.len() * self.columns.len();
+        match self.cell(cell, task) {
+            Ok(None) | Err(StudyError::Interrupted) => return None,
+            Ok(Some((Cell { motion, exponent, impacts, .. }, values))) => {
+                line.extend([
+                    motion.kind.word().to_owned(),
+                    motion.period.map_or_else(String::new, |period| period.to_string()),
+                    motion.word.unwrap_or_default(),
+                    optional(exponent),
+                ]);
+                line.extend((0..count).map(|i| {
+                    let [contact, column] = [i / self.columns.len(), i % self.columns.len()];
+                    optional(values[column].get(contact).copied().flatten())
+                }));
+                line.extend([impacts.word().to_owned(), motion.cycles.to_string(), String::new()]);
+            }
+            Err(error) => {
+                line.push("failed".to_owned());
+                line.extend(std::iter::repeat_n(String::new(), FIRST.len() - 1 + count + LAST.len() - 1));
+                line.push(in_a_line(&error.to_string()));
+            }
+        }
+        Some(csv_line(line))
+    }
+
+    /// Computes every row that is not kept, on the threads of the pool it is called in. A cell's row depends on nothing but the cell.
+    ///
+    /// # Errors
+    /// [`SweepError`] if a row cannot be kept.
+    pub fn run(&self, lines: &mut Lines, task: Task<'_>) -> Result<Ending, SweepError> {
+        let total = self.plane.cells();
+        let work = |(): &mut (), cell: usize| (!task.is_cancelled()).then(|| self.row(cell, task))?;
+        in_order(
+            lines.count()..total,
+            1,
+            || (),
+            work,
+            |_, row: String| {
+                lines.push(&row)?;
+                task.advance();
+                Ok::<(), SweepError>(())
+            },
+        )?;
+        Ok(if lines.count() == total { Ending::Complete } else { Ending::Interrupted })
+    }
+
+    /// Counts the cells, draws the map and writes the final files. `picture` draws.
+    ///
+    /// # Errors
+    /// As [`Lines::finish`].
+    pub fn finish(
+        &self,
+        mut lines: Lines,
+        picture: impl FnOnce(&Tally) -> Option<String>,
+    ) -> Result<Tally, SweepError> {
+        let axes = self.plane.grid().axes();
+        let measures = (0..self.contacts.len()).map(|j| 2 + FIRST.len() + j * self.columns.len()).collect();
+        let mut tally = Tally::new([axes[0].count(), axes[1].count()], measures);
+        lines.each(|row| {
+            tally.add(row);
+            Ok(())
+        })?;
+        let picture: Vec<(&str, String)> = picture(&tally).map(|picture| ("map.svg", picture)).into_iter().collect();
+        lines.finish(&self.head(), &picture, &tally.found())?;
+        Ok(tally)
+    }
+}

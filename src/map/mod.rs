@@ -1,0 +1,26 @@
+//! Maps and basins: what the motion is in every cell over two numbers of a scene, or from every start in a plane of starts.
+//!
+//! Each cell is decided by itself: its row depends on nothing but the cell, so neighbours, order, threads and interruptions change no
+//! byte. Memory does not grow with the number of cells.
+
+mod basins;
+mod cell;
+mod diagram;
+mod edges;
+mod kinds;
+mod lane;
+mod picture;
+mod plane;
+mod runner;
+mod tally;
+mod walk;
+
+pub use basins::{Attractor, Basins, BasinsError, Found};
+pub use cell::{Cell, Impacts, Rule};
+pub use diagram::{BranchLine, Diagram, Points, Rows, Sampling, Seed};
+pub use edges::{Boundary, Figures, Fraction, Measured};
+pub use kinds::KindMap;
+pub use picture::{basins_figure, diagram_figure, figure};
+pub use plane::{MOST_CELLS, Plane, PlaneError};
+pub use tally::{Class, Shown, Tally};
+pub use walk::{Record, Strike};

@@ -1,0 +1,405 @@
+//! The picture of a map: kinds with periods, the largest exponent, the first measure.
+
+use super::{
+    basins::Found,
+    diagram::{BranchLine, Points},
+    edges::Measured,
+    tally::{Class, Shown, Tally},
+    walk::{Record, Strike},
+};
+use crate::{
+    plot::{Axis, Figure, Guide, Panel, Raster, Series, Style},
+    sweep::{Direction, Grid},
+};
+
+type Colour = [u8; 3];
+
+/// Periods with a colour of their own; the last one stands for all longer ones.
+const PERIODS: [(u64, Colour); 8] = [
+    (1, [0xd6, 0xe6, 0xf4]),
+    (2, [0x6b, 0xae, 0xd6]),
+    (3, [0x00, 0x9e, 0x73]),
+    (4, [0x21, 0x71, 0xb5]),
+    (5, [0xcc, 0x79, 0xa7]),
+    (6, [0x7f, 0xcd, 0xa0]),
+    (8, [0x08, 0x30, 0x6b]),
+    (u64::MAX, [0x99, 0x8e, 0xc3]),
+];
+/// The other kinds, and failed cells.
+const KINDS: [(&str, Colour); 5] = [
+    ("chaotic", [0xe6, 0x9f, 0x00]),
+    ("quasi-periodic", [0xf0, 0xe4, 0x42]),
+    ("transient", [0x8c, 0x51, 0x0a]),
+    ("undecided", [0x00, 0x00, 0x00]),
+    ("failed", [0x80, 0x86, 0x8e]),
+];
+/// From little to much, dark on light.
+const SEQUENCE: [Colour; 8] = [
+    [0xff, 0xff, 0xd9],
+    [0xed, 0xf8, 0xb1],
+    [0xc7, 0xe9, 0xb4],
+    [0x7f, 0xcd, 0xbb],
+    [0x41, 0xb6, 0xc4],
+    [0x1d, 0x91, 0xc0],
+    [0x22, 0x5e, 0xa8],
+    [0x0c, 0x2c, 0x84],
+];
+/// Below zero, from far to near; above it, from near to far.
+const BELOW: [Colour; 4] = [[0x21, 0x66, 0xac], [0x67, 0xa9, 0xcf], [0xb0, 0xd3, 0xe8], [0xe4, 0xf0, 0xf6]];
+const ABOVE: [Colour; 4] = [[0xfd, 0xe0, 0xc5], [0xfc, 0xa6, 0x5d], [0xe6, 0x61, 0x01], [0x8a, 0x2c, 0x02]];
+/// Without a value.
+const NONE: Colour = [0xcf, 0xcf, 0xcf];
+
+/// What is drawn of a class: its name without counts, and its colour.
+fn look((kind, period): &Class) -> (usize, String, Colour) {
+    if let Some(period) = period {
+        let place = PERIODS.iter().position(|(p, _)| period <= p && (*p == *period || *p == u64::MAX));
+        let place = place.unwrap_or(PERIODS.len() - 1);
+        let (p, colour) = PERIODS[place];
+        let name = if p == u64::MAX { "other periods".to_owned() } else { format!("period {p}") };
+        return (place, name, colour);
+    }
+    let place = KINDS.iter().position(|(name, _)| name == kind).unwrap_or(KINDS.len() - 1);
+    (PERIODS.len() + place, kind.clone(), KINDS[place].1)
+}
+
+/// A number with its thousands apart.
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push('\u{202f}');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// Where the cells of `grid` that are shown lie: the first number upwards to the right, the second one upwards.
+struct Place {
+    x: [f64; 2],
+    y: [f64; 2],
+    columns: usize,
+    rows: usize,
+    flipped: [bool; 2],
+}
+
+impl Place {
+    fn new(grid: &Grid, [columns, rows]: [usize; 2]) -> Self {
+        let ends = |i: usize, shown: usize| {
+            let axis = &grid.axes()[i];
+            let [first, last] = [axis.value(0), axis.value(axis.count() - 1)];
+            // A cell reaches half a step to both sides of its value.
+            let half = 0.5 * (last - first) / (shown.max(2) - 1) as f64;
+            let [a, b] = [first - half, last + half];
+            ([a.min(b), a.max(b)], first > last)
+        };
+        let ((x, fx), (y, fy)) = (ends(0, columns), ends(1, rows));
+        Self { x, y, columns, rows, flipped: [fx, fy] }
+    }
+
+    /// The image of `class` of each cell, the second number fastest.
+    fn raster(&self, class: impl Fn(usize) -> u8, classes: Vec<(String, Colour)>) -> Raster {
+        let mut points = Vec::with_capacity(self.columns * self.rows);
+        for row in 0..self.rows {
+            for column in 0..self.columns {
+                let i = if self.flipped[0] { self.columns - 1 - column } else { column };
+                let j = if self.flipped[1] { row } else { self.rows - 1 - row };
+                points.push(class(i * self.rows + j));
+            }
+        }
+        Raster { x: self.x, y: self.y, columns: self.columns, points, classes }
+    }
+}
+
+/// The picture of a map of `name` over `grid`; `measure` is what its third panel shows.
+#[must_use]
+pub fn figure(name: &str, grid: &Grid, tally: &Tally, measure: &str, unit: &str) -> Figure {
+    let place = Place::new(grid, tally.size());
+    let shown = tally.shown();
+    let panel = |title: &str, raster: Raster| Panel {
+        title: title.to_owned(),
+        x: Axis::new(&grid.axes()[0].pointer, "").between(raster.x[0], raster.x[1]),
+        y: Axis::new(&grid.axes()[1].pointer, "").between(raster.y[0], raster.y[1]),
+        raster: Some(raster),
+        ..Panel::default()
+    };
+    // Classes that look alike are one.
+    let mut looks: Vec<(usize, String, Colour, u64)> = Vec::new();
+    for (class, _, count) in tally.classes() {
+        let (rank, name, colour) = look(class);
+        match looks.iter_mut().find(|known| known.0 == rank) {
+            Some(known) => known.3 += count,
+            None => looks.push((rank, name, colour, count)),
+        }
+    }
+    looks.sort_by_key(|look| look.0);
+    let mut of_class = vec![0; tally.classes().count()];
+    for (class, number, _) in tally.classes() {
+        let (rank, ..) = look(class);
+        of_class[number] = looks.iter().position(|look| look.0 == rank).unwrap_or(0) as u8;
+    }
+    let names = looks.iter().map(|(_, name, colour, count)| (format!("{name} ({})", grouped(*count)), *colour));
+    let kinds = place.raster(|i| of_class[shown[i].class], names.collect());
+    let panels = vec![
+        panel("kind of motion, with cells of each", kinds),
+        panel(&format!("largest exponent{}", of(unit)), exponents(&place, shown)),
+        panel(measure, measures(&place, shown)),
+    ];
+    let counts = tally.kinds();
+    let shares = counts
+        .iter()
+        .map(|(kind, count)| format!("{:.2} % {kind}", 100.0 * *count as f64 / tally.cells().max(1) as f64));
+    Figure {
+        id: "map".to_owned(),
+        title: format!("Motions of {name} over two numbers"),
+        caption: format!("{} cells: {}.", grouped(tally.cells() as u64), shares.collect::<Vec<_>>().join(", ")),
+        columns: 1,
+        panels,
+    }
+}
+
+fn of(unit: &str) -> String {
+    if unit.is_empty() { String::new() } else { format!(", {unit}") }
+}
+
+/// Colours of attractors: of the set of Okabe and Ito, then others of other lightness.
+const ATTRACTORS: [Colour; 12] = [
+    [0x56, 0xb4, 0xe9],
+    [0xe6, 0x9f, 0x00],
+    [0x00, 0x9e, 0x73],
+    [0xcc, 0x79, 0xa7],
+    [0xf0, 0xe4, 0x42],
+    [0x00, 0x72, 0xb2],
+    [0xd5, 0x5e, 0x00],
+    [0xc7, 0xe9, 0xb4],
+    [0x54, 0x27, 0x88],
+    [0x8c, 0x51, 0x0a],
+    [0xb2, 0xab, 0xd2],
+    [0x35, 0x97, 0x8f],
+];
+/// Characters of a word in a legend.
+const LONGEST: usize = 23;
+
+/// The picture of the basins of `name` over `grid`: where each start ends, and after how many cycles.
+#[must_use]
+pub fn basins_figure(name: &str, grid: &Grid, found: &Found) -> Figure {
+    let Found { attractors, boundary, figures } = found;
+    let place = Place::new(grid, boundary.size());
+    let (shown, count) = (boundary.shown(), attractors.len());
+    let panel = |title: &str, raster: Raster| Panel {
+        title: title.to_owned(),
+        x: Axis::new(&grid.axes()[0].pointer, "").between(raster.x[0], raster.x[1]),
+        y: Axis::new(&grid.axes()[1].pointer, "").between(raster.y[0], raster.y[1]),
+        raster: Some(raster),
+        ..Panel::default()
+    };
+    // Attractors without a colour of their own share the last one.
+    let coloured = count.min(ATTRACTORS.len());
+    let percent = |i: usize| 100.0 * figures.fractions[i].fraction;
+    let mut classes: Vec<(String, Colour)> = attractors[..coloured]
+        .iter()
+        .enumerate()
+        .map(|(i, attractor)| {
+            let word: String = attractor.word.iter().flat_map(|word| word.chars()).take(LONGEST).collect();
+            let more = if attractor.word.as_ref().is_some_and(|word| word.len() > LONGEST) { " …" } else { "" };
+            let what = match attractor.period_cycles {
+                Some(period) => format!("period {period}"),
+                None => attractor.kind.word().to_owned(),
+            };
+            let word = if word.is_empty() { word } else { format!(", {word}{more}") };
+            (format!("{i}: {what}{word} ({:.2} %)", percent(i)), ATTRACTORS[i])
+        })
+        .collect();
+    let others: f64 = (coloured..count).map(percent).sum();
+    if count > coloured {
+        classes.push((format!("{} others ({others:.2} %)", count - coloured), NONE));
+    }
+    let mut last = [0; 2];
+    for (i, (name, colour)) in [("open", [0; 3]), ("failed", [0x80, 0x86, 0x8e])].into_iter().enumerate() {
+        last[i] = classes.len() as u8;
+        if percent(count + i) > 0.0 {
+            classes.push((format!("{name} ({:.2} %)", percent(count + i)), colour));
+        }
+    }
+    let ends = place.raster(
+        |i| match usize::from(shown[i].0) {
+            end if end < coloured => end as u8,
+            end if end < count => coloured as u8,
+            end => last[end - count],
+        },
+        classes,
+    );
+    let cycles: Vec<Shown> =
+        shown.iter().map(|(_, cycles)| Shown { class: 0, exponent: None, measure: cycles.map(|c| c as f64) }).collect();
+    let number = |measured: &Measured| format!("{:.3} ± {:.3}", measured.value, measured.standard_error);
+    let dimension = figures.boundary_dimension.as_ref().map_or_else(|| "too few boundary points".to_owned(), number);
+    Figure {
+        id: "basins".to_owned(),
+        title: format!("Where the starts of {name} end"),
+        caption: format!(
+            "{} starts. Dimension of the boundary: {dimension}. Basin entropy: {}.",
+            grouped(figures.starts as u64),
+            number(&figures.basin_entropy)
+        ),
+        columns: 1,
+        panels: vec![
+            panel("attractor, with the share of starts that end there", ends),
+            panel("cycles until it is reached", measures(&place, &cycles)),
+        ],
+    }
+}
+
+/// Points of a panel at most: of more, every second, third … is drawn.
+const MOST_POINTS: usize = 60_000;
+
+/// The picture of a diagram of `name` over `pointer`: section points with branches over them, phases and speeds of impacts, exponents.
+#[must_use]
+pub fn diagram_figure(
+    name: &str,
+    (pointer, first, dimensionless): (&str, &str, bool),
+    points: &Points,
+    branches: &[BranchLine],
+) -> Figure {
+    let unit = |unit: &'static str| if dimensionless { "" } else { unit };
+    let values = points.rows.iter().map(|row| row.0);
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+    let directions = [Direction::Up, Direction::Down];
+    let word = |direction: Direction| if direction == Direction::Down { "down" } else { "up" };
+    let series = |of: &dyn Fn(&Record) -> Vec<f64>| {
+        let mut all = Vec::new();
+        for (colour, direction) in directions.into_iter().enumerate() {
+            let rows = points.rows.iter().filter(|row| row.1 == direction);
+            let pairs: Vec<(f64, f64)> =
+                rows.flat_map(|(value, _, _, record)| of(record).into_iter().map(|y| (*value, y))).collect();
+            let step = pairs.len().div_ceil(MOST_POINTS).max(1);
+            let (x, y): (Vec<f64>, Vec<f64>) = pairs.into_iter().step_by(step).unzip();
+            if !x.is_empty() {
+                all.push(Series::line(word(direction), colour, x, y).styled(Style::Points));
+            }
+        }
+        all
+    };
+    let panel = |title: &str, y: Axis, series: Vec<Series>| Panel {
+        title: title.to_owned(),
+        x: Axis::new(pointer, "").between(low, high),
+        y,
+        series,
+        ..Panel::default()
+    };
+    let mut sections = series(&|record| record.points.iter().map(|x| x[0]).collect());
+    for line in branches {
+        let (name, style) =
+            if line.is_stable { ("stable orbits", Style::Line) } else { ("unstable orbits", Style::Dashed) };
+        sections.push(Series::line(name, 6, line.x.clone(), line.y.clone()).styled(style));
+    }
+    let strikes = |of: fn(&Strike) -> f64| series(&move |record: &Record| record.strikes.iter().map(of).collect());
+    let panels = vec![
+        panel("states at the starts of cycles", Axis::new(first, unit("m")), sections),
+        panel("contacts gained: phase", Axis::new("part of the period", "").between(0.0, 1.0), strikes(|s| s.phase)),
+        panel("contacts gained: speed of approach", Axis::new("speed", unit("m/s")), strikes(|s| s.speed)),
+        Panel {
+            guides: vec![Guide::Horizontal { y: 0.0, name: String::new() }],
+            ..panel(
+                "largest exponent",
+                Axis::new("exponent", unit("1/s")),
+                series(&|record| record.exponent.iter().map(|[exponent, _]| *exponent).collect()),
+            )
+        },
+    ];
+    Figure {
+        id: "diagram".to_owned(),
+        title: format!("Motions of {name} against {pointer}"),
+        caption: "Section points, impacts and largest exponents of the motions that are reached on the way up and on the way down."
+            .to_owned(),
+        columns: 1,
+        panels,
+    }
+}
+
+/// Exponents in classes: four equal parts down to the least and up to the largest but one in fifty.
+fn exponents(place: &Place, shown: &[Shown]) -> Raster {
+    let reach = |sign: f64| {
+        let mut sizes: Vec<f64> =
+            shown.iter().filter_map(|cell| cell.exponent).map(|e| sign * e).filter(|e| *e > 0.0).collect();
+        sizes.sort_by(f64::total_cmp);
+        sizes.get((sizes.len() * 49 / 50).min(sizes.len().saturating_sub(1))).copied().map(rounded)
+    };
+    let (low, high) = (reach(-1.0), reach(1.0));
+    let mut classes = Vec::new();
+    let mut edges = Vec::new();
+    if let Some(low) = low {
+        for (part, colour) in BELOW.iter().enumerate() {
+            let [from, to] = [4 - part, 3 - part].map(|part| -low * part as f64 / 4.0);
+            let name =
+                if part == 0 { format!("below {}", short(to)) } else { format!("{} to {}", short(from), short(to)) };
+            classes.push((name, *colour));
+            edges.push(to);
+        }
+    }
+    if let Some(high) = high {
+        for (part, colour) in ABOVE.iter().enumerate() {
+            let [from, to] = [part, part + 1].map(|part| high * part as f64 / 4.0);
+            let name =
+                if part == 3 { format!("above {}", short(from)) } else { format!("{} to {}", short(from), short(to)) };
+            classes.push((name, *colour));
+            edges.push(if part == 3 { f64::INFINITY } else { to });
+        }
+    }
+    let none = classes.len() as u8;
+    if shown.iter().any(|cell| cell.exponent.is_none()) {
+        classes.push(("none".to_owned(), NONE));
+    }
+    let class = |i: usize| {
+        let place = shown[i].exponent.map(|e| edges.iter().position(|edge| e < *edge).unwrap_or(edges.len() - 1));
+        place.map_or(none, |place| place as u8)
+    };
+    place.raster(class, classes)
+}
+
+/// A measure in eight equal parts from its least to its largest value; zero apart.
+fn measures(place: &Place, shown: &[Shown]) -> Raster {
+    let values = || shown.iter().filter_map(|cell| cell.measure);
+    let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+    let (has_zero, low, high) = (low == 0.0, low, if high > low { high } else { low + 1.0 });
+    let parts = SEQUENCE.len() - usize::from(has_zero);
+    let edge = |part: usize| low + (high - low) * part as f64 / parts as f64;
+    let mut classes = Vec::new();
+    if has_zero {
+        classes.push(("0".to_owned(), [0xff, 0xff, 0xff]));
+    }
+    for part in 0..parts {
+        let colour = SEQUENCE[part + usize::from(has_zero)];
+        classes.push((format!("{} to {}", short(edge(part)), short(edge(part + 1))), colour));
+    }
+    let none = classes.len() as u8;
+    if shown.iter().any(|cell| cell.measure.is_none()) {
+        classes.push(("none".to_owned(), NONE));
+    }
+    let class = |i: usize| match shown[i].measure {
+        None => none,
+        Some(0.0) if has_zero => 0,
+        Some(value) => {
+            let part = ((value - low) / (high - low) * parts as f64) as usize;
+            (part.min(parts - 1) + usize::from(has_zero)) as u8
+        }
+    };
+    place.raster(class, classes)
+}
+
+/// Three digits.
+fn short(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let text = format!("{value:.2e}");
+    let value: f64 = text.parse().unwrap_or(value);
+    if (1e-3..1e5).contains(&value.abs()) { format!("{value}") } else { text }
+}
+
+/// The next number above with one digit.
+fn rounded(value: f64) -> f64 {
+    let scale = libm::pow(10.0, libm::log10(value).floor());
+    (value / scale).ceil() * scale
+}

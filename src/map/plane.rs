@@ -1,0 +1,171 @@
+//! Two numbers of a scene, each at the values of an axis.
+
+use serde_json::{Map, Value, json};
+
+use crate::{
+    output::Fault,
+    scene::{Scene, SceneError},
+    simulation::{Parameter, Simulation, SimulationError},
+    sweep::{Grid, GridError},
+};
+
+/// Cells at most.
+pub const MOST_CELLS: usize = 1_000_000_000;
+
+/// Why cells cannot be laid over a scene.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlaneError {
+    /// Axes that make no plane.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+    /// A scene that holds at no corner, or cannot be run there.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
+}
+
+impl From<SceneError> for PlaneError {
+    fn from(error: SceneError) -> Self {
+        Self::Simulation(error.into())
+    }
+}
+
+/// Reads two axes with two values at least.
+pub(super) fn two_axes(texts: &[impl AsRef<str>]) -> Result<Grid, GridError> {
+    let grid = Grid::parse_up_to(texts, MOST_CELLS)?;
+    let mut faults = Vec::new();
+    if grid.axes().len() != 2 {
+        faults.push(Fault::new("the axes", format!("{} of them", grid.axes().len()), "two, each with --vary"));
+    }
+    for axis in grid.axes().iter().filter(|axis| axis.count() < 2) {
+        faults.push(Fault::new(&axis.pointer, "an axis of one value", "two values at least: FROM:TO:COUNT"));
+    }
+    if faults.is_empty() { Ok(grid) } else { Err(GridError(faults)) }
+}
+
+/// What is wrong with a number that has to be whole.
+pub(super) fn whole(scene: &Scene, number: &Parameter) -> Option<Fault> {
+    let is_whole = |fault: &Fault| fault.pointer == number.pointer() && fault.allowed.starts_with("a whole number");
+    let between = number.value().floor() + 0.5;
+    let refused = number.set(scene, between).is_err_and(|error| error.faults.iter().any(is_whole));
+    let fault = || Fault::new(number.pointer(), "a whole number", "a number that may have any value");
+    refused.then(|| fault().remedy("flank sweep takes whole numbers"))
+}
+
+/// A scene over two of its numbers.
+#[derive(Clone, Debug)]
+pub struct Plane {
+    scene: Scene,
+    grid: Grid,
+    /// The first number is moved together with the second one, which is held.
+    first: Parameter,
+    second: Parameter,
+    values: [Vec<f64>; 2],
+    /// The scene's own simulation.
+    own: Simulation,
+}
+
+impl Plane {
+    /// Lays cells over `scene`, by axes as [`Axis::parse`](crate::sweep::Axis::parse) reads them; a pointer may name further frequencies
+    /// and periods that move with the first, `P1,P2,…`.
+    ///
+    /// # Errors
+    /// [`PlaneError`] for other than two axes, for whole numbers, and for a scene that does not hold at any corner or has no forcing
+    /// period there. Other cells that it does not hold in fail by themselves.
+    pub fn new(scene: Scene, axes: &[impl AsRef<str>]) -> Result<Self, PlaneError> {
+        let grid = two_axes(axes)?;
+        let mut faults = Vec::new();
+        let mut numbers = Vec::new();
+        for axis in grid.axes() {
+            let pointers: Vec<&str> = axis.pointer.split(',').collect();
+            match Parameter::new(scene.resolved(), &pointers) {
+                Ok(parameter) => numbers.push(parameter),
+                Err(reason) => faults.push(Fault::new(&axis.pointer, reason, "pointers to numbers of the scene")),
+            }
+        }
+        let [first, second] = &numbers[..] else { return Err(GridError(faults).into()) };
+        faults.extend([first, second].into_iter().filter_map(|number| whole(&scene, number)));
+        if !faults.is_empty() {
+            return Err(GridError(faults).into());
+        }
+        let values = [0, 1].map(|i| grid.axes()[i].all());
+        let ends =
+            |i: usize| values[i].iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(*v), b.max(*v)]);
+        let [from, to] = [ends(0), ends(1)];
+        // Ranges of keys have no gaps: a scene that holds at the four corners holds in all cells.
+        let first = match to.map(|value| first.beside(second, value).checked(&scene, from)) {
+            [Ok(_), Ok(_)] => first.clone().checked(&scene, from)?,
+            _ => first.clone(),
+        };
+        let own = Simulation::from_scene(scene.clone())?;
+        let plane = Self { scene, grid, first, second: second.clone(), values, own };
+        let line = plane.values[1].len();
+        let mut refused = Vec::new();
+        for cell in [0, line - 1, plane.cells() - line, plane.cells() - 1] {
+            match plane.runs(cell) {
+                Ok(()) => return Ok(plane),
+                Err(error) => refused.push(error),
+            }
+        }
+        Err(refused.swap_remove(0).into())
+    }
+
+    /// Whether the scene can be run in a cell.
+    fn runs(&self, cell: usize) -> Result<(), SimulationError> {
+        let simulation = self.simulation(cell)?;
+        simulation.period()?;
+        simulation.start()?;
+        Ok(())
+    }
+
+    /// The axes.
+    #[must_use]
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// The scene.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The simulation of the scene itself.
+    #[must_use]
+    pub fn own(&self) -> &Simulation {
+        &self.own
+    }
+
+    /// How many cells; the second number runs fastest.
+    #[must_use]
+    pub fn cells(&self) -> usize {
+        self.grid.points()
+    }
+
+    /// Both numbers in a cell.
+    #[must_use]
+    pub fn values(&self, cell: usize) -> [f64; 2] {
+        let line = self.values[1].len();
+        [self.values[0][cell / line], self.values[1][cell % line]]
+    }
+
+    /// The simulation in a cell.
+    ///
+    /// # Errors
+    /// [`SimulationError`] if the scene does not hold there.
+    pub fn simulation(&self, cell: usize) -> Result<Simulation, SimulationError> {
+        let [first, second] = self.values(cell);
+        let built = self.first.beside(&self.second, second).build(&self.scene, first)?;
+        Simulation::from_built(self.scene.name(), built)
+    }
+
+    /// What rows over the plane depend on.
+    pub(super) fn header(&self) -> Map<String, Value> {
+        let mut header = Map::new();
+        header.insert("axes".to_owned(), json!(self.grid.axes()));
+        header.insert("flank".to_owned(), env!("CARGO_PKG_VERSION").into());
+        header.insert("instructions".to_owned(), self.own.settings.instructions.name().into());
+        header.insert("scene_sha256".to_owned(), self.scene.hash().into());
+        header
+    }
+}

@@ -1,0 +1,117 @@
+//! What a table of cells says as a whole: how many of each kind, and a picture of it.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
+
+/// Points of a picture along an axis at most; of more cells every second, third … is shown.
+const MOST_POINTS: usize = 1200;
+
+/// Steps between the cells that a picture shows, along each axis.
+pub(super) fn shown_steps(counts: [usize; 2]) -> [usize; 2] {
+    counts.map(|count| count.div_ceil(MOST_POINTS))
+}
+
+/// A class of cells in the picture: the kind, and the period of a periodic motion.
+pub type Class = (String, Option<u64>);
+
+/// One cell in the picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shown {
+    /// Its class, by number.
+    pub class: usize,
+    /// The largest exponent.
+    pub exponent: Option<f64>,
+    /// The largest of the first measure of all contacts.
+    pub measure: Option<f64>,
+}
+
+/// Counts of cells, and those that a picture shows.
+#[derive(Clone, Debug)]
+pub struct Tally {
+    counts: [usize; 2],
+    /// Fields of the first measure of each contact.
+    measures: Vec<usize>,
+    /// Every so many cells is shown, along each axis.
+    steps: [usize; 2],
+    seen: usize,
+    /// The classes met, and how many cells each has.
+    classes: BTreeMap<Class, (usize, u64)>,
+    /// Cells shown, the second axis fastest.
+    shown: Vec<Shown>,
+}
+
+impl Tally {
+    pub(super) fn new(counts: [usize; 2], measures: Vec<usize>) -> Self {
+        Self { counts, measures, steps: shown_steps(counts), seen: 0, classes: BTreeMap::new(), shown: Vec::new() }
+    }
+
+    /// Adds the next row.
+    pub(super) fn add(&mut self, row: &str) {
+        let last = self.measures.last().map_or(6, |last| last + 2);
+        let fields: Vec<&str> = row.splitn(last, ',').collect();
+        let field = |i: usize| fields.get(i).copied().unwrap_or_default();
+        let class = (field(2).to_owned(), field(3).parse().ok());
+        let number = self.classes.len();
+        let (number, count) = self.classes.entry(class).or_insert((number, 0));
+        *count += 1;
+        let at = [self.seen / self.counts[1], self.seen % self.counts[1]];
+        if at[0].is_multiple_of(self.steps[0]) && at[1].is_multiple_of(self.steps[1]) {
+            let value = |i: usize| field(i).parse::<f64>().ok();
+            let measure = self.measures.iter().filter_map(|i| value(*i)).reduce(f64::max);
+            self.shown.push(Shown { class: *number, exponent: value(5), measure });
+        }
+        self.seen += 1;
+    }
+
+    /// Cells along each axis that are shown.
+    #[must_use]
+    pub fn size(&self) -> [usize; 2] {
+        [0, 1].map(|i| self.counts[i].div_ceil(self.steps[i]))
+    }
+
+    /// The cells shown, the second axis fastest.
+    #[must_use]
+    pub fn shown(&self) -> &[Shown] {
+        &self.shown
+    }
+
+    /// The classes with their numbers and counts.
+    pub fn classes(&self) -> impl Iterator<Item = (&Class, usize, u64)> {
+        self.classes.iter().map(|(class, (number, count))| (class, *number, *count))
+    }
+
+    /// Cells of each kind, the most frequent first.
+    #[must_use]
+    pub fn kinds(&self) -> Vec<(&str, u64)> {
+        let mut kinds: BTreeMap<&str, u64> = BTreeMap::new();
+        self.classes.iter().for_each(|((kind, _), (_, count))| *kinds.entry(kind).or_default() += count);
+        let mut kinds: Vec<_> = kinds.into_iter().collect();
+        kinds.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(b.0)));
+        kinds
+    }
+
+    /// Cells.
+    #[must_use]
+    pub fn cells(&self) -> usize {
+        self.seen
+    }
+
+    /// Cells that failed.
+    #[must_use]
+    pub fn failed(&self) -> u64 {
+        self.kinds().iter().filter(|(kind, _)| *kind == "failed").map(|(_, count)| count).sum()
+    }
+
+    /// As JSON: cells, those of each kind, periods.
+    pub(super) fn found(&self) -> Value {
+        let kinds: serde_json::Map<String, Value> =
+            self.kinds().into_iter().map(|(kind, count)| (kind.to_owned(), count.into())).collect();
+        let periods: serde_json::Map<String, Value> = self
+            .classes
+            .iter()
+            .filter_map(|((_, period), (_, count))| Some((period.as_ref()?.to_string(), (*count).into())))
+            .collect();
+        json!({ "cells": self.seen, "kinds": kinds, "periods_cycles": periods })
+    }
+}

@@ -1,0 +1,158 @@
+//! A motion from start of cycle to start of cycle, by a lane where the train is one for it, else by an engine.
+
+use serde::{Deserialize, Serialize};
+
+use super::runner::Runner;
+use crate::{
+    engine::{Engine, Outcome, State},
+    hybrid::Mode,
+    kernel::Noted,
+    orbit::{SectionMap, exponents::means, frame::Frame, words::Speller},
+    simulation::{Simulation, SimulationError},
+    system::{Columns, ContactMode, contact_mode},
+};
+
+/// A contact gained, or an impact.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Strike {
+    /// Cycle of the record, from 0.
+    pub cycle: u64,
+    /// Number of the contact.
+    pub contact: usize,
+    /// +1 on the drive flank, −1 on the back flank.
+    pub side: f64,
+    /// Time since the start of the cycle, as a part of the period.
+    pub phase: f64,
+    /// Speed of approach, m/s.
+    pub speed: f64,
+}
+
+/// Some cycles of a motion.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// The state at the end of each cycle.
+    pub points: Vec<Vec<f64>>,
+    /// What is struck.
+    pub strikes: Vec<Strike>,
+    /// The largest exponent over these cycles and one standard error of it, 1/s; none where contacts rest.
+    pub exponent: Option<[f64; 2]>,
+}
+
+/// See the head of this file.
+pub(super) struct Walk<'s> {
+    simulation: &'s Simulation,
+    runner: Option<Runner<'s>>,
+    engine: Option<Engine<'s>>,
+    x: Vec<f64>,
+}
+
+impl<'s> Walk<'s> {
+    pub fn new(simulation: &'s Simulation) -> Result<Self, SimulationError> {
+        Ok(Self { simulation, runner: Runner::new(simulation)?, engine: None, x: Vec::new() })
+    }
+
+    /// Starts at `state`; one within a cycle is led to the start of the next one. Whether it gets there.
+    pub fn begin(&mut self, state: State) -> Result<bool, SimulationError> {
+        self.x.clone_from(&state.x);
+        if let Some(runner) = &mut self.runner {
+            runner.begin(&state);
+            return Ok(true);
+        }
+        let clock = self.simulation.clock();
+        let is_within = clock.between(clock.at(state.at.cycle, 0.0), state.at) > 0.0;
+        match &mut self.engine {
+            Some(engine) => engine.restart(self.simulation.integrator()?.0, state),
+            none => *none = Some(self.simulation.engine(state)?),
+        }
+        if is_within { self.cycle() } else { Ok(true) }
+    }
+
+    /// One cycle; `false` where the limit on events is reached.
+    pub fn cycle(&mut self) -> Result<bool, SimulationError> {
+        if let Some(runner) = &mut self.runner {
+            let goes_on = runner.cycle(&mut Noted::default())?.is_ok();
+            self.x.copy_from_slice(&runner.x());
+            return Ok(goes_on);
+        }
+        let Some(engine) = &mut self.engine else { return Ok(false) };
+        let end = self.simulation.clock().at(engine.state().at.cycle + 1, 0.0);
+        let outcome = engine.run(end, &mut ())?;
+        self.x.clone_from(&engine.state().x);
+        Ok(outcome == Outcome::ReachedEnd)
+    }
+
+    /// Runs some cycles and records them; `None` where the limit on events is reached.
+    pub fn record(&mut self, cycles: u64) -> Result<Option<Record>, SimulationError> {
+        let (simulation, mut record, mut rows) = (self.simulation, Record::default(), Vec::new());
+        let (clock, period) = (simulation.clock(), simulation.period()?);
+        let scale = if simulation.dimensionless { 1.0 } else { clock.omega() };
+        if let Some(runner) = &mut self.runner {
+            let values = vec![1.0 + 2f64.sqrt().fract(), scale * (1.0 + 3f64.sqrt().fract())];
+            let columns = Some(Columns { count: 1, values });
+            let mut noted = Noted { columns, strikes: Some(Vec::new()), ..Noted::default() };
+            for cycle in 0..cycles {
+                if runner.cycle(&mut noted)?.is_err() {
+                    return Ok(None);
+                }
+                record.points.push(runner.x().to_vec());
+                let strikes = noted.strikes.iter_mut().flat_map(|strikes| strikes.drain(..));
+                record.strikes.extend(strikes.map(|[time, rate, side]| {
+                    let (phase, speed) = (time / period, side * rate);
+                    Strike { cycle, contact: 0, side, phase, speed }
+                }));
+                let Some(Columns { values, .. }) = &mut noted.columns else { return Ok(None) };
+                let norm = libm::hypot(values[0], values[1] / scale);
+                values.iter_mut().for_each(|value| *value /= norm);
+                rows.push(vec![libm::log(norm)]);
+            }
+            self.x.copy_from_slice(&runner.x());
+        } else {
+            let Some(engine) = &mut self.engine else { return Ok(None) };
+            let (drift, structure) = (SectionMap::new(simulation)?.drift(), &simulation.structure);
+            let mut frame = Frame::single(simulation, &drift, scale);
+            frame.start(engine.state());
+            let mut speller = Speller::new(structure, &engine.state().x);
+            for cycle in 0..cycles {
+                let end = clock.at(engine.state().at.cycle + 1, 0.0);
+                if engine.run(end, &mut (&mut frame, &mut speller))? != Outcome::ReachedEnd {
+                    return Ok(None);
+                }
+                record.points.push(engine.state().x.clone());
+                // Letters are gathered as their instant is closed.
+                speller.tokens();
+                let gained = speller.letters.iter().filter(|letter| letter.token.starts_with(['c', 'i', 'z']));
+                record.strikes.extend(gained.map(|letter| {
+                    let side = if letter.token.ends_with('+') { 1.0 } else { -1.0 };
+                    let (phase, speed) = (letter.at.phase.value() / period, side * letter.rate);
+                    Strike { cycle, contact: letter.contact, side, phase, speed }
+                }));
+                speller.take();
+                rows.push(frame.take());
+            }
+            if frame.is_unresolved() || frame.lost[0] {
+                rows.clear();
+            }
+            self.x.clone_from(&engine.state().x);
+        }
+        if !rows.is_empty() {
+            let (exponent, band) = means(&rows, period);
+            record.exponent = Some([exponent[0], band[0]]).filter(|e| e.iter().all(|e| e.is_finite()));
+        }
+        Ok(Some(record))
+    }
+
+    /// What each contact does.
+    pub fn contacts(&self) -> Vec<ContactMode> {
+        let mode = match (&self.runner, &self.engine) {
+            (Some(runner), _) => runner.mode(),
+            (None, Some(engine)) => engine.state().jump.mode.clone(),
+            (None, None) => Mode::default(),
+        };
+        (0..self.simulation.structure.contacts().len()).map(|j| contact_mode(&mode, j)).collect()
+    }
+
+    /// The state.
+    pub fn x(&self) -> &[f64] {
+        &self.x
+    }
+}

@@ -1,0 +1,145 @@
+use std::{
+    fs::File,
+    io::{BufRead, BufReader, Seek, SeekFrom, Write},
+    path::{Path, PathBuf},
+};
+
+use serde_json::{Map, Value};
+
+use super::{Begin, Kept, SweepError, files::Part, journal::same};
+use crate::output::{self, failed};
+
+/// The rows of a table in their order, kept in a file as they finish: a header, then one line a row. Memory does not grow with them.
+///
+/// The file is locked while it is open. A line is written at once and is complete when its end of line is there; what a killed process left
+/// of a line is dropped. So the rows that are kept are always the first ones.
+#[derive(Debug)]
+pub struct Lines {
+    kept: Kept,
+    folder: PathBuf,
+    header: Map<String, Value>,
+    path: PathBuf,
+    file: File,
+    count: usize,
+}
+
+impl Lines {
+    /// Opens the file of rows in `folder`, created if need be. `header` is what they depend on. `None` if the work is to be resumed, and
+    /// is finished.
+    ///
+    /// # Errors
+    /// [`SweepError`] if the folder is occupied, in use or holds other rows, or if a file cannot be read or written. Nothing is changed
+    /// then.
+    pub fn open(
+        folder: &Path,
+        kept: Kept,
+        begin: Begin,
+        header: Map<String, Value>,
+    ) -> Result<Option<Self>, SweepError> {
+        let path = folder.join(kept.files[0]);
+        let Some((file, outputs)) = kept.claim(folder, begin, &header)? else { return Ok(None) };
+        let mut lines = Self { kept, folder: folder.to_owned(), header, path, file, count: 0 };
+        let mut end = 0;
+        if begin != Begin::Replace {
+            let fail = failed(&lines.path);
+            let (mut reader, mut line) = (BufReader::new(&lines.file), Vec::new());
+            loop {
+                line.clear();
+                reader.read_until(b'\n', &mut line).map_err(&fail)?;
+                let is_head = end == 0;
+                let Some(text) = line.strip_suffix(b"\n") else {
+                    if is_head && !Value::from(lines.header.clone()).to_string().as_bytes().starts_with(&line) {
+                        let (path, reason) = (lines.path.clone(), "not written by this command".to_owned());
+                        return Err(SweepError::Damaged { path, line: 1, reason });
+                    }
+                    break;
+                };
+                if is_head {
+                    let header = serde_json::from_slice(text).map_err(|error| SweepError::Damaged {
+                        path: lines.path.clone(),
+                        line: 1,
+                        reason: error.to_string(),
+                    })?;
+                    same(folder, &header, &lines.header)?;
+                } else {
+                    lines.count += 1;
+                }
+                end += line.len() as u64;
+            }
+        }
+        kept.enter(folder, begin, (&lines.file, outputs), end)?;
+        lines.file.seek(SeekFrom::End(0)).map_err(failed(&lines.path))?;
+        if end == 0 {
+            let header = Value::from(lines.header.clone()).to_string();
+            lines.write(&header)?;
+        }
+        Ok(Some(lines))
+    }
+
+    fn write(&mut self, line: &str) -> Result<(), SweepError> {
+        Ok(self.file.write_all(format!("{line}\n").as_bytes()).map_err(failed(&self.path))?)
+    }
+
+    /// How many rows are kept: the first ones.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Keeps the next row.
+    ///
+    /// # Errors
+    /// [`SweepError::Output`] if it cannot be written.
+    pub fn push(&mut self, row: &str) -> Result<(), SweepError> {
+        self.write(row)?;
+        self.count += 1;
+        Ok(())
+    }
+
+    /// Hands all rows to `take`, in their order.
+    ///
+    /// # Errors
+    /// [`SweepError::Output`] if they cannot be read, or the error of `take`.
+    pub fn each(&mut self, mut take: impl FnMut(&str) -> Result<(), SweepError>) -> Result<(), SweepError> {
+        let fail = failed(&self.path);
+        self.file.seek(SeekFrom::Start(0)).map_err(&fail)?;
+        for line in BufReader::new(&self.file).lines().skip(1) {
+            take(&line.map_err(&fail)?)?;
+        }
+        self.file.seek(SeekFrom::End(0)).map_err(fail)?;
+        Ok(())
+    }
+
+    /// Writes the final files and removes the file of rows: the table, with `head` above its rows; `others` by name; last the seal, which
+    /// is the header with what was `found`.
+    ///
+    /// # Errors
+    /// [`SweepError::Output`] if a file cannot be read or written; the rows stay then.
+    pub fn finish(mut self, head: &str, others: &[(&str, String)], found: &Value) -> Result<(), SweepError> {
+        let (folder, files) = (self.folder.clone(), self.kept.files);
+        let mut table = Part::create(&folder, files[2])?;
+        table.write(&format!("{head}\n"))?;
+        self.each(|row| Ok(table.write(&format!("{row}\n"))?))?;
+        table.publish()?;
+        for (name, text) in others {
+            let mut part = Part::create(&folder, name)?;
+            part.write(text)?;
+            part.publish()?;
+        }
+        let mut header = self.header.clone();
+        header.insert("found".to_owned(), found.clone());
+        let mut seal = Part::create(&folder, files[1])?;
+        seal.write(&format!("{:#}\n", Value::from(header)))?;
+        seal.publish()?;
+        // Nothing depends on the rows any more. The lock is held until the file is gone.
+        output::remove(&self.path)?;
+        Ok(())
+    }
+}
+
+impl Drop for Lines {
+    /// Gives the lock back at once.
+    fn drop(&mut self) {
+        let _ = self.file.unlock();
+    }
+}
