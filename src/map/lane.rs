@@ -13,10 +13,11 @@ use crate::{
     orbit::{
         Kind, Motion, Section,
         approach::{FIRST, GROWTH, closing},
+        frame::column,
         kind::{CLOSES, CLOSING, Figures, LONG, still_closing},
     },
     simulation::{Simulation, SimulationError},
-    system::{Columns, ContactMode},
+    system::ContactMode,
     task::Task,
 };
 
@@ -49,7 +50,6 @@ impl Rule {
         task: Task<'_>,
     ) -> Result<Option<Cell>, SimulationError> {
         let Some(mut runner) = Runner::new(simulation)? else { return Ok(None) };
-        let clock = simulation.clock();
         runner.begin(start);
         let (mut sections, mut unstable) = (vec![runner.x()], Vec::new());
         let mut next = FIRST.min(self.transient_cycles);
@@ -88,9 +88,7 @@ impl Rule {
             }
         }
         let period = simulation.period()?;
-        let scale = if simulation.dimensionless { 1.0 } else { clock.omega() };
-        let values = vec![1.0 + 2f64.sqrt().fract(), scale * (1.0 + 3f64.sqrt().fract())];
-        let mut noted = Noted { columns: Some(Columns { count: 1, values }), ..Noted::default() };
+        let mut noted = Noted { columns: Some(column(simulation)), ..Noted::default() };
         let dropped = sections.len();
         let mut rows = Vec::with_capacity(self.further_cycles as usize);
         let mut figures = None;
@@ -100,10 +98,7 @@ impl Rule {
                     return Ok(None);
                 }
                 sections.push(runner.x());
-                let Some(Columns { values, .. }) = &mut noted.columns else { return Ok(None) };
-                let norm = libm::hypot(values[0], values[1] / scale);
-                values.iter_mut().for_each(|value| *value /= norm);
-                rows.push(vec![libm::log(norm)]);
+                rows.extend(runner.growth(&mut noted));
             }
             let observables = [0, 1].map(|i| sections[dropped..].iter().map(|x| x[i]).collect::<Vec<f64>>());
             let now = Figures::new(&rows, observables.iter().map(Vec::as_slice), period);

@@ -11,6 +11,7 @@ use crate::{
     orbit::{
         Section, SectionMap,
         approach::{BESIDE, CONTRACTS, DOUBLINGS, FOLLOWED, NEAR, PATIENCE},
+        frame::rate_scale,
         newton::{CLOSED, MARGINAL, SAME},
         words,
     },
@@ -143,7 +144,6 @@ pub(super) struct Runner<'s> {
     pub map: SectionMap<'s>,
     lane: Lane<'s>,
     engine: Option<Engine<'s>>,
-    is_rigid: bool,
 }
 
 /// Why a lane gives a cell up: a contact has come to rest, or the limit on events is reached.
@@ -155,10 +155,10 @@ impl<'s> Runner<'s> {
         let Some(lane) = Lane::new(&simulation.structure) else { return Ok(None) };
         let map = SectionMap::new(simulation)?;
         let (clock, start) = (simulation.clock(), simulation.instants()[0]);
-        let is_rigid = simulation.structure.contacts()[0].spec.law.is_rigid();
         let is_between = clock.between(clock.at(start.cycle, 0.0), start) > 0.0;
+        let is_rigid = simulation.structure.contacts()[0].spec.law.is_rigid();
         let fits = !is_between && !is_rigid && !simulation.settings.verify;
-        Ok(fits.then(|| Self { simulation, map, lane, engine: None, is_rigid }))
+        Ok(fits.then(|| Self { simulation, map, lane, engine: None }))
     }
 
     /// Whether the train has damping.
@@ -188,9 +188,6 @@ impl<'s> Runner<'s> {
             return Ok(Ok(()));
         }
         let (structure, jump) = (&self.simulation.structure, self.lane.jump());
-        if self.is_rigid && contact_mode(&jump.mode, 0).is_closed() {
-            return Ok(Err(Stopped));
-        }
         let state = State { at: self.lane.at(), x: self.lane.x().to_vec(), jump: jump.clone() };
         let end = structure.clock().at(state.at.cycle + 1, 0.0);
         let tangent = noted.columns.take().map(|columns| Tangent::of(structure, columns));
@@ -212,6 +209,14 @@ impl<'s> Runner<'s> {
         let State { at, x, jump } = engine.state();
         self.lane.place(*at, [x[0], x[1]], jump.clone());
         Ok(Ok(()))
+    }
+
+    /// The logarithm by which the noted column has grown, as a row of exponents; the column is made of length one.
+    pub fn growth(&self, noted: &mut Noted) -> Option<Vec<f64>> {
+        let values = &mut noted.columns.as_mut()?.values;
+        let norm = libm::hypot(values[0], values[1] / rate_scale(self.simulation));
+        values.iter_mut().for_each(|value| *value /= norm);
+        Some(vec![libm::log(norm)])
     }
 
     /// Scales of displacements and velocities, from some sections.
@@ -350,7 +355,7 @@ impl<'s> Runner<'s> {
     pub fn word(&self, events: &[Passed]) -> String {
         let token = |passed: &Passed| {
             let (was, is, watch) = passed.parts();
-            words::token(0, was, is, self.is_rigid).unwrap_or_else(|| words::spelled('i', 0, watch.side()))
+            words::token(0, was, is, false).unwrap_or_else(|| words::spelled('i', 0, watch.side()))
         };
         words::text(&words::normal(&events.iter().map(token).collect::<Vec<_>>()))
     }

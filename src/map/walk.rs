@@ -7,9 +7,14 @@ use crate::{
     engine::{Engine, Outcome, State},
     hybrid::Mode,
     kernel::Noted,
-    orbit::{SectionMap, exponents::means, frame::Frame, words::Speller},
+    orbit::{
+        SectionMap,
+        exponents::means,
+        frame::{Frame, column},
+        words::Speller,
+    },
     simulation::{Simulation, SimulationError},
-    system::{Columns, ContactMode, contact_mode},
+    system::{ContactMode, contact_mode},
 };
 
 /// A contact gained, or an impact.
@@ -85,11 +90,8 @@ impl<'s> Walk<'s> {
     pub fn record(&mut self, cycles: u64) -> Result<Option<Record>, SimulationError> {
         let (simulation, mut record, mut rows) = (self.simulation, Record::default(), Vec::new());
         let (clock, period) = (simulation.clock(), simulation.period()?);
-        let scale = if simulation.dimensionless { 1.0 } else { clock.omega() };
         if let Some(runner) = &mut self.runner {
-            let values = vec![1.0 + 2f64.sqrt().fract(), scale * (1.0 + 3f64.sqrt().fract())];
-            let columns = Some(Columns { count: 1, values });
-            let mut noted = Noted { columns, strikes: Some(Vec::new()), ..Noted::default() };
+            let mut noted = Noted { columns: Some(column(simulation)), strikes: Some(Vec::new()), ..Noted::default() };
             for cycle in 0..cycles {
                 if runner.cycle(&mut noted)?.is_err() {
                     return Ok(None);
@@ -100,16 +102,13 @@ impl<'s> Walk<'s> {
                     let (phase, speed) = (time / period, side * rate);
                     Strike { cycle, contact: 0, side, phase, speed }
                 }));
-                let Some(Columns { values, .. }) = &mut noted.columns else { return Ok(None) };
-                let norm = libm::hypot(values[0], values[1] / scale);
-                values.iter_mut().for_each(|value| *value /= norm);
-                rows.push(vec![libm::log(norm)]);
+                rows.extend(runner.growth(&mut noted));
             }
             self.x.copy_from_slice(&runner.x());
         } else {
             let Some(engine) = &mut self.engine else { return Ok(None) };
             let (drift, structure) = (SectionMap::new(simulation)?.drift(), &simulation.structure);
-            let mut frame = Frame::single(simulation, &drift, scale);
+            let mut frame = Frame::single(simulation, &drift);
             frame.start(engine.state());
             let mut speller = Speller::new(structure, &engine.state().x);
             for cycle in 0..cycles {

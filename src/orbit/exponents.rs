@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::{
     Drift, SectionMap,
-    frame::Frame,
+    frame::{Frame, rate_scale},
     words::{Sequence, Speller, Statistics},
 };
 use crate::{
@@ -130,7 +130,6 @@ impl Lyapunov {
     pub fn run(&self, simulation: &Simulation, task: Task<'_>) -> Result<Exponents, SimulationError> {
         let map = SectionMap::new(simulation)?;
         let (drift, period) = (map.drift(), simulation.period()?);
-        let scale = if simulation.dimensionless { 1.0 } else { simulation.clock().omega() };
         let finite = self.finite.map(|cycles| self.finite_time(&map, &drift, cycles, period)).transpose()?;
         let run = &simulation.settings;
         let [from, _, end] = simulation.instants();
@@ -139,7 +138,7 @@ impl Lyapunov {
         let dropped = DROPPED.max(run.transient_cycles);
         let start = map.state(&map.start()?)?;
         let framed = || {
-            let mut frame = Frame::new(simulation, &drift, scale);
+            let mut frame = Frame::new(simulation, &drift, rate_scale(simulation));
             frame.start(&start);
             frame
         };

@@ -35,6 +35,20 @@ pub(crate) struct Frame<'s> {
     resting: Option<Mode>,
 }
 
+/// Scale of velocities, where that of displacements is one: the forcing's angular frequency, 1/s.
+pub(crate) fn rate_scale(simulation: &Simulation) -> f64 {
+    if simulation.dimensionless { 1.0 } else { simulation.clock().omega() }
+}
+
+/// One column for the largest exponent, along no symmetry of a train.
+pub(crate) fn column(simulation: &Simulation) -> Columns {
+    let (structure, scale) = (&simulation.structure, rate_scale(simulation));
+    let n = structure.freedoms();
+    let latches = structure.contacts().iter().filter(|c| c.latch().is_some()).count();
+    let values = (0..2 * n).map(|i| (1.0 + (i as f64 + 2.0).sqrt().fract()) * if i < n { 1.0 } else { scale });
+    Columns { count: 1, values: values.chain(std::iter::repeat_n(0.0, latches)).collect() }
+}
+
 impl<'s> Frame<'s> {
     pub(super) fn new(simulation: &'s Simulation, drift: &'s Drift, scale: f64) -> Self {
         let structure = &simulation.structure;
@@ -57,14 +71,8 @@ impl<'s> Frame<'s> {
     }
 
     /// One column, for the largest exponent.
-    pub fn single(simulation: &'s Simulation, drift: &'s Drift, scale: f64) -> Self {
-        let structure = &simulation.structure;
-        let n = structure.freedoms();
-        let latches = structure.contacts().iter().filter(|c| c.latch().is_some()).count();
-        // Along no symmetry of a train.
-        let values = (0..2 * n).map(|i| (1.0 + (i as f64 + 2.0).sqrt().fract()) * if i < n { 1.0 } else { scale });
-        let values = values.chain(std::iter::repeat_n(0.0, latches)).collect();
-        Self::of(simulation, drift, scale, Columns { count: 1, values })
+    pub fn single(simulation: &'s Simulation, drift: &'s Drift) -> Self {
+        Self::of(simulation, drift, rate_scale(simulation), column(simulation))
     }
 
     fn of(simulation: &'s Simulation, drift: &'s Drift, scale: f64, columns: Columns) -> Self {

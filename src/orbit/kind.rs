@@ -253,8 +253,7 @@ impl Figures {
 impl<'m, 's> Watched<'m, 's> {
     fn new(map: &'m SectionMap<'s>, drift: &'m Drift, state: &State, is_settled: bool) -> Self {
         let simulation = map.simulation();
-        let scale = if simulation.dimensionless { 1.0 } else { simulation.clock().omega() };
-        let mut frame = Frame::single(simulation, drift, scale);
+        let mut frame = Frame::single(simulation, drift);
         frame.start(state);
         let observables = [const { Vec::new() }; 4];
         Self { map, drift, frame, rows: Vec::new(), sections: Vec::new(), observables, is_settled }
