@@ -52,6 +52,12 @@ pub(super) fn whole(scene: &Scene, number: &Parameter) -> Option<Fault> {
     refused.then(|| fault().remedy("flank sweep takes whole numbers"))
 }
 
+/// What is wrong with a value that its own key does not allow.
+fn outside(scene: &Scene, number: &Parameter, value: f64) -> Option<Fault> {
+    let error = number.set(scene, value).err()?;
+    error.faults.into_iter().find(|fault| fault.pointer == number.pointer())
+}
+
 /// A scene over two of its numbers.
 #[derive(Clone, Debug)]
 pub struct Plane {
@@ -70,8 +76,8 @@ impl Plane {
     /// and periods that move with the first, `P1,P2,…`.
     ///
     /// # Errors
-    /// [`PlaneError`] for other than two axes, for whole numbers, and for a scene that does not hold at any corner or has no forcing
-    /// period there. Other cells that it does not hold in fail by themselves.
+    /// [`PlaneError`] for other than two axes, for whole numbers, for values that the key of a number does not allow, and for a scene that
+    /// does not hold at any corner or has no forcing period there. Other cells that it does not hold in fail by themselves.
     pub fn new(scene: Scene, axes: &[impl AsRef<str>]) -> Result<Self, PlaneError> {
         let grid = two_axes(axes)?;
         let mut faults = Vec::new();
@@ -84,14 +90,19 @@ impl Plane {
             }
         }
         let [first, second] = &numbers[..] else { return Err(GridError(faults).into()) };
-        faults.extend([first, second].into_iter().filter_map(|number| whole(&scene, number)));
-        if !faults.is_empty() {
-            return Err(GridError(faults).into());
-        }
         let values = [0, 1].map(|i| grid.axes()[i].all());
         let ends =
             |i: usize| values[i].iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(*v), b.max(*v)]);
         let [from, to] = [ends(0), ends(1)];
+        for (number, ends) in [(first, from), (second, to)] {
+            match whole(&scene, number) {
+                Some(fault) => faults.push(fault),
+                None => faults.extend(ends.into_iter().filter_map(|end| outside(&scene, number, end))),
+            }
+        }
+        if !faults.is_empty() {
+            return Err(GridError(faults).into());
+        }
         // Ranges of keys have no gaps: a scene that holds at the four corners holds in all cells.
         let first = match to.map(|value| first.beside(second, value).checked(&scene, from)) {
             [Ok(_), Ok(_)] => first.clone().checked(&scene, from)?,
