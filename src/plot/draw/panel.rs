@@ -194,12 +194,18 @@ impl<'a> Sheet<'a> {
             .axis_desc_style(font(size, colours.ink, false))
             .x_desc(text::clean(&x_label))
             .y_desc(text::clean(&y_label));
+        if self.panel.raster.is_some() {
+            // Grid lines would cover cells.
+            mesh.disable_mesh();
+        }
         sound(mesh.draw());
         let mut names = if self.panel.names_above { NAMES } else { 0.0 };
         for (line, row) in self.classes.iter().enumerate() {
             let mut at = [x + RIGHT, y0 - (self.classes.len() - line) as f64 * 1.4 * SMALL + 0.4 * SMALL];
             for (name, colour) in row {
-                canvas.rectangle([at[0], at[1] - 4.5], [at[0] + SWATCH, at[1] + 4.5], *colour, 1.0);
+                // With a rim: a class may have the colour of the page.
+                canvas.rectangle([at[0], at[1] - 4.5], [at[0] + SWATCH, at[1] + 4.5], colours.muted, 1.0);
+                canvas.rectangle([at[0] + 0.7, at[1] - 3.8], [at[0] + SWATCH - 0.7, at[1] + 3.8], *colour, 1.0);
                 canvas.text(name, [at[0] + SWATCH + 5.0, at[1]], Anchor::Left, SMALL, colours.ink, false);
                 at[0] += class_width(name);
             }
