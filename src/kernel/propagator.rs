@@ -178,8 +178,8 @@ fn taylor(motion: &Motion, span: f64, input: Input, outputs: &[Output]) -> Serie
             }
         }
         let mut a = vec![Wide::default(); n];
-        if order == 0 && input == Input::Load {
-            let size = load_size(&s.load);
+        let size = load_size(&s.load);
+        if order == 0 && input == Input::Load && size > 0.0 {
             a.iter_mut().zip(&s.load).for_each(|(a, f)| *a = Wide::quotient((*f).into(), size));
         }
         for (a, row) in a.iter_mut().zip(&s.rows) {

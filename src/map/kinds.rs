@@ -44,7 +44,7 @@ pub(super) fn names(structure: &Structure) -> Vec<String> {
 ///
 /// let scene = Scene::from_file("examples/scenes/kahraman-singh.json")?;
 /// let axes = ["/train/transmission_error/0/frequency=0.4:2:50", "/train/mean_load=0.02:0.3:50"];
-/// let map = KindMap::new(scene, &axes, Rule::default(), &[])?;
+/// let map = KindMap::new(scene, &axes, Rule::default(), &["apart_fraction"])?;
 /// let mut lines = map.open("map".as_ref(), Begin::New)?.expect("a new map is open");
 /// map.run(&mut lines, Task::default())?;
 /// let tally = map.finish(lines, |_| None)?;

@@ -337,13 +337,16 @@ pub fn decide<'s>(
     if approached.orbit.is_some() {
         return Ok(Some((motion, None)));
     }
-    if approached.distance <= STANDS
+    // Equal planets that start alike stay alike, until rounding parts them late: exponents on the way would be those of another motion.
+    let may_be_symmetric = simulation.structure.freedoms() > 1;
+    if (approached.distance <= STANDS || may_be_symmetric)
         && !simulation.settings.verify
         && let Ok(state) = pushed(map, engine)
     {
         *engine = simulation.engine(state)?;
         let again = Approach { most_cycles: approached.cycles.max(1), ..Approach::default() };
-        let Some(found) = again.run(map, engine, observer, task)? else { return Ok(None) };
+        let quiet: &mut dyn Observer = if watching.is_settled { &mut () } else { &mut *observer };
+        let Some(found) = again.run(map, engine, quiet, task)? else { return Ok(None) };
         let cycles = approached.cycles + found.cycles;
         motion = Motion { cycles, ..Motion::of(&found) };
         if found.orbit.is_some() {
