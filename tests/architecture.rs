@@ -209,7 +209,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("integrate", 1750),
     ("kernel", 5400),
     ("linalg", 150),
-    ("map", 2950),
+    ("map", 3000),
     ("orbit", 2750),
     ("output", 450),
     ("plot", 1950),

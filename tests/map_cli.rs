@@ -223,3 +223,30 @@ fn cells_that_fail_are_rows_that_say_why() {
     assert!(failed.iter().all(|line| line.contains("inside its rigid flank")), "{failed:?}");
     assert_eq!(table.lines().count(), 21);
 }
+
+/// Pressed against a wall whose hysteresis keeps the speed of the last gain: each start leaves another speed and another orbit, all of one
+/// family.
+#[test]
+fn orbits_that_keep_a_latched_speed_are_one_family() {
+    let place = tempfile::tempdir().unwrap();
+    let scene = place.path().join("pressed.json");
+    fs::write(
+        &scene,
+        r#"{ "flank": 1,
+             "train": { "kind": "wall", "mass_kg": 1, "stiffness_n_per_m": 1, "damping_n_s_per_m": 0.4, "load_n": 3,
+                        "load_harmonics": [{ "amplitude_n": 0.5, "frequency_rad_per_s": 1.3 }],
+                        "wall": { "side": "above", "position_m": 0 }, "contact_stiffness": 20,
+                        "law": { "kind": "power", "exponent": "3/2", "hysteresis_coefficient": 0.5, "speed_floor_m_per_s": 1e-6 } },
+             "initial": "rest", "run": { "cycles": 10 } }"#,
+    )
+    .unwrap();
+    let out = place.path().join("out");
+    let axes = ["--vary", "/initial/q/0=-0.6:-0.1:4", "--vary", "/initial/v/0=-1:1:3"];
+    let all = [&["basins", scene.to_str().unwrap()][..], &axes, &["--out", out.to_str().unwrap()]].concat();
+    let (code, _, error) = run(&all);
+    assert_eq!(code, 0, "{error}");
+    let found: Value = serde_json::from_str(&read(&out, "attractors.json")).unwrap();
+    assert_eq!(found["attractors"].as_array().unwrap().len(), 1, "{found:#}");
+    assert_eq!(found["attractors"][0]["is_family"], true);
+    assert_eq!(found["attractors"][0]["fraction"], 1.0);
+}

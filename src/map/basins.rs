@@ -17,6 +17,7 @@ use crate::{
     scene::Scene,
     simulation::{Simulation, SimulationError},
     sweep::{Begin, Ending, Grid, GridError, Kept, Lines, SweepError},
+    system::ContactMode,
     task::Task,
 };
 
@@ -24,6 +25,8 @@ use crate::{
 const REACHED: f64 = 1e-6;
 /// Distance within which two orbits are the same.
 const SAME: f64 = 1e-5;
+/// Steps from the latched speeds of one orbit to those of another: at once, or by small steps where that leads elsewhere.
+const WALKS: [u32; 2] = [1, 8];
 /// Standard deviations within which the means of two irregular motions are the same.
 const ALIKE: f64 = 0.5;
 /// Starts along each axis that attractors are looked for from first, at most.
@@ -47,8 +50,14 @@ pub struct Attractor {
     /// Of a motion without an orbit: mean and standard deviation of each component at the starts of cycles.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub averages: Vec<[f64; 2]>,
+    /// A contact that the orbit never loses keeps the approach speed of its last gain, and the start decides it: an orbit for each such
+    /// speed.
+    pub is_family: bool,
     #[serde(skip)]
     scales: Vec<f64>,
+    /// What each contact does at the first of the states.
+    #[serde(skip)]
+    contacts: Vec<ContactMode>,
 }
 
 impl Attractor {
@@ -59,9 +68,12 @@ impl Attractor {
             sections.push(map.follow(&sections[sections.len() - 1], 1)?);
         }
         let scales = map.scales_of(&sections);
+        let contacts = sections[0].contacts.clone();
+        let keeps = |period| Ok::<_, SimulationError>(map.image(&sections[0], period)?.latched.contains(&false));
+        let is_family = motion.period.map_or(Ok(false), keeps)?;
         let states = sections.into_iter().map(|section| section.x).collect();
         let (kind, period_cycles, word, impacts) = (motion.kind, motion.period, motion.word, impacts.word());
-        Ok(Self { kind, period_cycles, word, impacts, exponent, states, averages, scales })
+        Ok(Self { kind, period_cycles, word, impacts, exponent, states, averages, is_family, scales, contacts })
     }
 
     /// Whether a state at the start of a cycle is within `reach` of its orbit.
@@ -79,13 +91,33 @@ impl Attractor {
         self.period_cycles.is_some() && self.states.iter().any(near)
     }
 
+    /// Whether this orbit becomes `other` as the latched speeds become those of `other`.
+    fn leads_to(&self, other: &Self, period: u64, map: &SectionMap<'_>, drift: &Drift) -> bool {
+        let n = 2 * map.simulation().structure.freedoms();
+        let [from, to] = [&self.states[0][n..], &other.states[0][n..]];
+        WALKS.into_iter().any(|steps| {
+            let mut section = Section { x: self.states[0].clone(), contacts: self.contacts.clone() };
+            let arrives = (1..=steps).all(|step| {
+                let share = f64::from(step) / f64::from(steps);
+                (section.x[n..].iter_mut().zip(from).zip(to))
+                    .for_each(|((x, from), to)| *x = from + share * (to - from));
+                map.solve(&section, period, drift).is_ok_and(|orbit| {
+                    section = orbit.section;
+                    orbit.period == period
+                })
+            });
+            arrives && other.holds(map, drift, &section.x, SAME)
+        })
+    }
+
     /// Whether `other` is the same one.
     fn is(&self, map: &SectionMap<'_>, drift: &Drift, other: &Self) -> bool {
         if self.kind != other.kind || self.period_cycles != other.period_cycles {
             return false;
         }
-        if self.period_cycles.is_some() {
-            return self.holds(map, drift, &other.states[0], SAME);
+        if let Some(period) = self.period_cycles {
+            return self.holds(map, drift, &other.states[0], SAME)
+                || self.is_family && self.word == other.word && other.leads_to(self, period, map, drift);
         }
         let is_alike = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).abs() <= ALIKE * a[1].max(b[1]);
         self.impacts == other.impacts && self.averages.iter().zip(&other.averages).all(is_alike)
@@ -231,8 +263,11 @@ impl Basins {
     ) -> Result<Option<Ended>, SimulationError> {
         let map = SectionMap::new(&self.simulation)?;
         let drift = map.drift();
-        if let Some((number, cycles)) = self.reach(walk, start, known, self.rule.transient_cycles, (&map, &drift))? {
-            return Ok(Some(Ended::Known(number, cycles)));
+        // Starts of a family hardly ever end on the same orbit.
+        if known.iter().any(|attractor| !attractor.is_family)
+            && let Some(reached) = self.reach(walk, start, known, self.rule.transient_cycles, (&map, &drift))?
+        {
+            return Ok(Some(Ended::Known(reached.0, reached.1)));
         }
         let Some(cell) = self.rule.decide(&self.simulation, self.state(start)?, task)? else {
             let reason = "the limit on events is reached".to_owned();
