@@ -200,7 +200,7 @@ impl<'s> Lane<'s> {
             strikes.push([self.at.phase.value(), s.deflection(0, self.at, &self.x).1, watch.side()]);
         }
         let Some(gait) = self.gaits[was as usize].get() else { return false };
-        let (fired, zero) = (GuardSet::from_iter([guard_id(0, watch)]), &gait.edges[watch as usize]);
+        let zero = &gait.edges[watch as usize];
         let salts = self.salts && noted.columns.is_some();
         if let Some((is, pinned)) = zero.get().filter(|_| !salts) {
             // As of the first time: of a compliant contact it depends on nothing else.
@@ -211,6 +211,7 @@ impl<'s> Lane<'s> {
             (self.state, self.jump.pinned) = (*is, pinned.clone());
             return true;
         }
+        let fired = GuardSet::from_iter([guard_id(0, watch)]);
         self.jump.pinned = fired.clone();
         let before = self.x;
         let Ok(jump) = s.jump(&self.jump, &fired, self.at, &mut self.x, &mut []) else { return false };

@@ -212,11 +212,11 @@ impl<'s> Runner<'s> {
     }
 
     /// The logarithm by which the noted column has grown, as a row of exponents; the column is made of length one.
-    pub fn growth(&self, noted: &mut Noted) -> Option<Vec<f64>> {
+    pub fn growth(&self, noted: &mut Noted) -> Option<[f64; 1]> {
         let values = &mut noted.columns.as_mut()?.values;
         let norm = libm::hypot(values[0], values[1] / rate_scale(self.simulation));
         values.iter_mut().for_each(|value| *value /= norm);
-        Some(vec![libm::log(norm)])
+        Some([libm::log(norm)])
     }
 
     /// Scales of displacements and velocities, from some sections.

@@ -102,7 +102,7 @@ impl<'s> Walk<'s> {
                     let (phase, speed) = (time / period, side * rate);
                     Strike { cycle, contact: 0, side, phase, speed }
                 }));
-                rows.extend(runner.growth(&mut noted));
+                rows.extend(runner.growth(&mut noted).map(Vec::from));
             }
             self.x.copy_from_slice(&runner.x());
         } else {

@@ -95,16 +95,17 @@ pub struct Finite {
 }
 
 /// Means of the columns of `rows`, and their standard errors from blocks.
-pub(crate) fn means(rows: &[Vec<f64>], period: f64) -> (Vec<f64>, Vec<f64>) {
-    let count = rows.first().map_or(0, Vec::len);
-    let mean = |rows: &[Vec<f64>], l: usize| rows.iter().map(|row| row[l]).sum::<f64>() / (rows.len() as f64 * period);
-    let band = |l: usize| {
-        let length = rows.len() / BLOCKS;
+pub(crate) fn means(rows: &[impl AsRef<[f64]>], period: f64) -> (Vec<f64>, Vec<f64>) {
+    let count = rows.first().map_or(0, |row| row.as_ref().len());
+    let columns: Vec<Vec<f64>> = (0..count).map(|l| rows.iter().map(|row| row.as_ref()[l]).collect()).collect();
+    let mean = |column: &[f64]| column.iter().sum::<f64>() / (column.len() as f64 * period);
+    let band = |column: &Vec<f64>| {
+        let length = column.len() / BLOCKS;
         if length == 0 {
             return f64::NAN;
         }
         // The last blocks: what does not fill one is left out at the front.
-        let blocks: Vec<f64> = rows[rows.len() - BLOCKS * length..].chunks_exact(length).map(|b| mean(b, l)).collect();
+        let blocks: Vec<f64> = column[column.len() - BLOCKS * length..].chunks_exact(length).map(mean).collect();
         let middle = blocks.iter().sum::<f64>() / BLOCKS as f64;
         let off: Vec<f64> = blocks.iter().map(|b| b - middle).collect();
         let squares: f64 = off.iter().map(|o| o * o).sum();
@@ -112,14 +113,14 @@ pub(crate) fn means(rows: &[Vec<f64>], period: f64) -> (Vec<f64>, Vec<f64>) {
         let error = (squares / (BLOCKS * (BLOCKS - 1)) as f64).sqrt();
         let error = if squares > 0.0 && neighbours / squares > CORRELATED { 2.0 * error } else { error };
         // What turns regularly averages out over blocks of a fitting length. The range over which the sum strays from its mean shows it.
-        let (mean, mut sum, mut low, mut high) = (mean(rows, l) * period, 0.0, 0.0f64, 0.0f64);
-        for row in rows {
-            sum += row[l] - mean;
+        let (mean, mut sum, mut low, mut high) = (mean(column) * period, 0.0, 0.0f64, 0.0f64);
+        for log in column {
+            sum += log - mean;
             (low, high) = (low.min(sum), high.max(sum));
         }
-        error.max(0.5 * (high - low) / (rows.len() as f64 * period))
+        error.max(0.5 * (high - low) / (column.len() as f64 * period))
     };
-    ((0..count).map(|l| mean(rows, l)).collect(), (0..count).map(band).collect())
+    (columns.iter().map(|column| mean(column)).collect(), columns.iter().map(band).collect())
 }
 
 impl Lyapunov {

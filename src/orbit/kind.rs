@@ -209,7 +209,7 @@ pub(crate) struct Figures {
 
 impl Figures {
     /// By the logarithms of growth, a row for each cycle, and by observables.
-    pub fn new<'a>(rows: &[Vec<f64>], observables: impl Iterator<Item = &'a [f64]>, period: f64) -> Self {
+    pub fn new<'a>(rows: &[impl AsRef<[f64]>], observables: impl Iterator<Item = &'a [f64]>, period: f64) -> Self {
         let (exponents, bands) = means(rows, period);
         let growth = exponents[0].max(0.0) * period;
         let digits = observables.map(digits).fold(f64::INFINITY, f64::min);
