@@ -80,8 +80,12 @@ pub(super) struct Forcing {
     pub errors: Vec<[Amplitude; 3]>,
     /// `min (1/ω) (Σ|e|/|e_ω|)^(1/25)` over all errors that are watched, s: the step on which each wave stays resolved.
     span: f64,
+    /// The largest ë over [`Contact::across`].
+    pub swing: f64,
     /// Row sums of the weighted `M⁻¹K` and `M⁻¹C` without contacts.
     rows: [Vec<f64>; 2],
+    /// `‖M⁻¹K‖`, 1/s², and `‖M⁻¹C‖`, 1/s, without contacts.
+    pub norms: [f64; 2],
 }
 
 impl Forcing {
@@ -119,12 +123,9 @@ impl Forcing {
                 rows[1][i] += c.abs() * ratio;
             }
         }
-        Self { fastest, load, errors, span, rows }
-    }
-
-    /// `‖M⁻¹K‖`, 1/s², and `‖M⁻¹C‖`, 1/s, without contacts.
-    pub fn norms(&self) -> [f64; 2] {
-        [0, 1].map(|i| self.rows[i].iter().copied().fold(0.0, f64::max))
+        let norms = [0, 1].map(|i: usize| rows[i].iter().copied().fold(0.0, f64::max));
+        let swings = s.contacts.iter().zip(&errors).map(|(c, errors)| errors[2].sum / c.across);
+        Self { fastest, load, span, swing: swings.fold(0.0, f64::max), rows, norms, errors }
     }
 }
 

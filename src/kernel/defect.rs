@@ -9,17 +9,22 @@
 //! and `|pⁿ − u| ≤ (max p/min p)ⁿ Σ|R_k|/(k+1)/min p`.
 
 use super::{
-    Elasticity, Expansion, FACTOR, Force, Layout, ORDER, PENETRATION, POWER, RATE, ROW, STIFFNESS,
+    Elasticity, Expansion, Force, LANES, Layout, ORDER, PENETRATION, POWER, ROW, STIFFNESS,
     bound::root_below,
-    rooted::Owner,
+    fours::{Does, FourSeries, Sums},
+    rooted::StepClock,
     sizes::{Factor, Sizes, beyond, paired, sizes, tails, total},
 };
 use crate::{
+    gear::contact::PowerLaw,
     hybrid::Jet,
     poly::{FirstRoot, first_root},
     system::{Contact, Spring, Structure, Wave, zeros},
     vectors::{Path, Work},
 };
+
+/// What of the guessed length of a step is right most often.
+const GUESSED: f64 = 0.88;
 
 /// Bounds on the error of a step in a root clock.
 #[derive(Clone, Copy, Debug, Default)]
@@ -61,6 +66,8 @@ struct Largest {
     acceleration: Sizes,
     /// Rates of contacts over `Contact::across`.
     rate: Sizes,
+    /// The same as weighted velocities of what the contact feels.
+    felt: Sizes,
     /// `|cos| + |sin|` of the oscillators.
     ring: Sizes,
 }
@@ -85,9 +92,10 @@ impl Structure {
 /// The error of a step of length `theta`.
 struct Trial<'a> {
     step: &'a Expansion<'a>,
-    owner: Owner,
+    clock: &'a StepClock,
     theta: f64,
     largest: &'a Largest,
+    fours: &'a [FourSeries],
     out: &'a Jet,
 }
 
@@ -96,21 +104,25 @@ impl Work for Trial<'_> {
 
     #[inline(always)]
     fn on<P: Path>(self) -> (f64, Defect) {
-        self.step.defect(self.owner, self.theta, self.largest, self.out)
+        self.step.defect::<P>(self.clock, self.theta, self.largest, self.fours, self.out)
     }
 }
 
 impl Expansion<'_> {
     /// The step's length θ and its error: the error of each quantity is brought to the tolerance times its size.
-    pub(super) fn rooted_reach(&self, owner: Owner, out: &Jet) -> Option<(f64, Defect)> {
+    #[inline(always)]
+    pub(super) fn rooted_reach(&self, clock: &StepClock, out: &Jet) -> Option<(f64, Defect)> {
         let goal = self.request.tolerance;
-        let largest = self.largest(out);
+        let fours = &*self.motion.scratch.borrow();
+        let largest = self.largest(fours, out);
+        let trial = |theta| self.s.instructions.run(Trial { step: self, clock, theta, largest: &largest, fours, out });
         let (mut low, mut high): (Option<(f64, Defect)>, f64) = (None, f64::INFINITY);
         let row = ROW as f64;
-        let (mut theta, mut order, mut before) = (self.guess(owner, out), row, None);
+        let guess = GUESSED * self.guess(clock, &largest);
+        let (mut theta, mut order, mut before) = (guess, row, None);
         // The error is a power of θ or nearly so: a few trials settle it, and some more find the way from a bad guess.
         for _ in 0..24 {
-            let (share, defect) = self.trial(owner, theta, &largest, out);
+            let (share, defect) = trial(theta);
             if share <= goal {
                 low = Some((theta, defect));
                 if share >= 0.02 * goal || theta >= 1.0 {
@@ -141,23 +153,19 @@ impl Expansion<'_> {
         }
         let (theta, defect) = low?;
         let cut = self.within_bound(theta, out);
-        Some(if cut < theta { (cut, self.trial(owner, cut, &largest, out).1) } else { (theta, defect) })
-    }
-
-    fn trial(&self, owner: Owner, theta: f64, largest: &Largest, out: &Jet) -> (f64, Defect) {
-        self.s.instructions.run(Trial { step: self, owner, theta, largest, out })
+        Some(if cut < theta { (cut, trial(cut).1) } else { (theta, defect) })
     }
 
     #[inline(always)]
-    fn largest(&self, out: &Jet) -> Largest {
+    fn largest(&self, fours: &[FourSeries], out: &Jet) -> Largest {
         let (s, layout, work) = (self.s, self.layout, &out.work);
-        let mut largest =
-            Largest { velocity: [0.0; ROW], acceleration: [0.0; ROW], rate: [0.0; ROW], ring: [0.0; ROW] };
+        let zero = [0.0; ROW];
+        let mut largest = Largest { velocity: zero, acceleration: zero, rate: zero, felt: zero, ring: zero };
         let weighted = |row: &[f64]| {
-            let mut most = [0.0; 4];
-            let ((fours, rest), (by_four, by_rest)) = (row.as_chunks::<4>(), s.weights.as_chunks::<4>());
+            let mut most = [0.0; LANES];
+            let ((fours, rest), (by_four, by_rest)) = (row.as_chunks::<LANES>(), s.weights.as_chunks::<LANES>());
             for (x, w) in fours.iter().zip(by_four) {
-                for l in 0..4 {
+                for l in 0..LANES {
                     let size = x[l].abs() * w[l];
                     most[l] = if size > most[l] { size } else { most[l] };
                 }
@@ -169,9 +177,14 @@ impl Expansion<'_> {
             largest.velocity[k] = weighted(&out.state[k * s.dim + s.n..k * s.dim + 2 * s.n]);
             largest.acceleration[k] = weighted(&work[layout.accelerations + k * s.n..][..s.n]);
         }
-        for (j, c) in s.contacts.iter().enumerate() {
-            let rates = &work[layout.of(j, RATE)..][..ROW];
-            largest.rate.iter_mut().zip(rates).for_each(|(m, r)| *m = m.max(r.abs() / c.across));
+        for four in fours {
+            for k in 0..ROW {
+                for l in 0..LANES {
+                    let rate = four.rate[k][l].abs();
+                    largest.rate[k] = largest.rate[k].max(rate * four.per_across[l]);
+                    largest.felt[k] = largest.felt[k].max(rate * four.weight[l]);
+                }
+            }
         }
         for i in 0..s.oscillators.len() {
             let (cosines, sines) = work[Layout::oscillator(i)..][..2 * ROW].split_at(ROW);
@@ -183,130 +196,115 @@ impl Expansion<'_> {
 
     /// The error up to `theta`, and its largest ratio to the size of what it is the error of.
     #[inline(always)]
-    fn defect(&self, owner: Owner, theta: f64, largest: &Largest, out: &Jet) -> (f64, Defect) {
+    fn defect<P: Path>(
+        &self,
+        clock: &StepClock,
+        theta: f64,
+        largest: &Largest,
+        fours: &[FourSeries],
+        out: &Jet,
+    ) -> (f64, Defect) {
         let (s, layout, work) = (self.s, self.layout, &out.work);
         let (span, errors) = (self.h * theta, &self.motion.forcing.errors);
         let mut powers = [1.0; ROW];
         (1..ROW).for_each(|k| powers[k] = powers[k - 1] * theta);
         let per = span / ROW as f64;
-        let y = Factor::new(sizes(&work[layout.y(1)..], &powers), 0.0);
-        // What y², y³, … and w = q y^(q−1) leave out.
-        let mut missing = [0.0; 17];
-        for m in 2..owner.root as usize {
-            let lower = Factor::new(sizes(&work[layout.y(m - 1)..], &powers), missing[m - 1]);
-            missing[m] = lower.product(&y);
-        }
-        let q = f64::from(owner.root);
-        let w = Factor::new(
-            sizes(&work[layout.clock..], &powers),
-            if owner.root > 1 { q * missing[owner.root as usize - 1] } else { 0.0 },
-        );
-        let by_root = match owner.root {
-            1 => 0.0,
-            2 => 2.0,
-            q => f64::from(q) * f64::from(q - 1) * total(&sizes(&work[layout.y(q as usize - 2)..], &powers)),
-        };
+        let owner = clock.owner.filter(|_| !clock.is_plain());
+        let root = Root::new(owner.map(|owner| (owner, clock.root)), self, &powers, work);
+        let w = Factor::new(sizes(&work[layout.clock..], &powers), root.left);
         // What the products with w leave out, and the sizes of their other factor.
         let tails = tails(&w.sizes, ORDER);
         let through = |other: &Sizes| paired(other, &tails) + w.missing * total(other);
         let mut d = Defect { time: per * (w.sizes[ORDER] + w.missing), ..Defect::default() };
-        let [velocity, accelerations, rates, ring] =
-            [&largest.velocity, &largest.acceleration, &largest.rate, &largest.ring]
+        let [velocity, accelerations, rates, felt, ring] =
+            [&largest.velocity, &largest.acceleration, &largest.rate, &largest.felt, &largest.ring]
                 .map(|series| sizes(series, &powers));
         d.stretch = per * f64::max(through(&velocity), through(&rates));
         d.rate = per * through(&accelerations);
         d.time += per * through(&ring);
         let (moved, acceleration) = (total(&velocity), total(&accelerations));
         let speed = moved.max(total(&rates));
-        let (mut swing, mut size): (f64, f64) = (0.0, moved);
-        for (j, c) in s.contacts.iter().enumerate() {
-            let rate = sizes(&work[layout.of(j, RATE)..], &powers);
-            if j == owner.contact {
-                d.root = per * rate[ORDER];
-            }
-            size = size.max(total(&rate) * c.weight);
-            swing = swing.max(errors[j][2].sum / c.across);
-        }
-        let [by_stretch, by_rate] = self.motion.forcing.norms();
+        let mut size = moved.max(total(&felt));
+        let [by_stretch, by_rate] = self.motion.forcing.norms;
         let mut forces = Forces { by_stretch, by_rate, ..Forces::default() };
         for l in &s.load_waves {
             forces.by_time += l.size(&s.weights) * s.oscillators[l.index].omega;
         }
         let mut least = f64::INFINITY;
-        for (j, c) in s.contacts.iter().enumerate() {
-            let penetration = sizes(&work[layout.of(j, PENETRATION)..], &powers);
-            let (part, push) = (&self.motion.parts[j], c.push_norm);
-            if let Some((stiffness, damping)) = part.carried_linear() {
-                forces.by_stretch += push * c.across * c.stiffest;
-                forces.by_rate += push * c.across * damping;
-                forces.by_time += push * damping * errors[j][2].sum;
-                let by_time = match (stiffness, &c.spring) {
-                    (Elasticity::Ramp { slope, .. }, _) => slope.abs(),
-                    (_, Spring::Waves(_, waves)) => s.wave_size(waves, 1),
-                    _ => 0.0,
+        for (chunk, four) in fours.iter().enumerate() {
+            let contacts = LANES * chunk..s.contacts.len().min(LANES * chunk + LANES);
+            let sums = if four.does.iter().any(Does::presses) { four.sums::<P>(&powers) } else { Sums::default() };
+            for (l, j) in contacts.enumerate() {
+                let (c, part) = (&s.contacts[j], &self.motion.parts[j]);
+                let push = c.push_norm;
+                if owner == Some(j) {
+                    d.root = per * four.rate[ORDER][l].abs() * powers[ORDER];
+                }
+                match four.does[l] {
+                    Does::Nothing | Does::Watched => continue,
+                    Does::Else => {
+                        self.linear_defect(j, &powers, work, &mut forces);
+                        continue;
+                    }
+                    Does::Pressed | Does::AsOwner(_) | Does::Alone(_) => {}
+                }
+                let Some(power @ Force::Power { law, stiffness, .. }) = part.force() else { continue };
+                let (k, e, chi) = (push * stiffness, law.exponent.value(), power.chi(self.request.x));
+                let [p, f] = [sums.penetration[l], sums.factor[l]];
+                let pressed = law.exponent.power(p);
+                let missing = match four.does[l] {
+                    Does::Pressed => {
+                        let (least, slope) = (2.0 * sums.start[l] - p, if p > 0.0 { e * pressed / p } else { 0.0 });
+                        forces.by_stretch += k * slope * f * c.across;
+                        match least > 0.0 {
+                            true => e * sums.shortened[l] * law.exponent.power(p / least) / least,
+                            false => f64::INFINITY,
+                        }
+                    }
+                    _ => {
+                        let penetration = sizes(&work[layout.of(j, PENETRATION)..], &powers);
+                        let goes = matches!(four.does[l], Does::AsOwner(_));
+                        if clock.root == law.exponent.q && (clock.owner == Some(j) || goes) {
+                            let left = root.power(law, k * f, (j, penetration), c, &mut forces);
+                            let apart = total(&sizes(&work[layout.of(j, STIFFNESS)..], &powers));
+                            left + if goes { beside(e, p, apart) } else { 0.0 }
+                        } else {
+                            let slope = if p > 0.0 { e * pressed / p } else { 0.0 };
+                            forces.by_stretch += k * slope * f * c.across;
+                            missing_power(&penetration, &sizes(&work[layout.of(j, POWER)..], &powers), e)
+                        }
+                    }
                 };
-                forces.by_time += push * by_time * total(&penetration);
-                if stiffness.varies() {
-                    forces.missing +=
-                        push * beyond(&sizes(&work[layout.of(j, STIFFNESS)..], &powers), &penetration, ORDER + 1);
-                }
+                forces.by_rate += k * pressed * chi * c.across;
+                forces.by_time += k * pressed * chi * errors[j][2].sum;
+                forces.missing += k * (sums.product[l] + missing * f);
+                // Below its own rounding a penetration p cannot show speeds: p times the contact's frequency.
+                size = size.max((e * c.spec.stiffness.mean() * pressed * p).sqrt());
+                least = least.min(p / c.across);
             }
-            let Some(power @ Force::Power { law, stiffness, .. }) = part.force().filter(|_| part.is_pressed()) else {
-                continue;
-            };
-            let (k, e) = (push * stiffness, law.exponent.value());
-            let chi = power.chi(self.request.x);
-            let factor = Factor::new(sizes(&work[layout.of(j, FACTOR)..], &powers), 0.0);
-            let p = Factor::new(penetration, 0.0);
-            let pressed = law.exponent.power(p.total);
-            let own = (owner.contact == j || self.is_twin(owner, j, work)) && owner.root == law.exponent.q;
-            let mut power = Factor::new(sizes(&work[layout.of(j, POWER)..], &powers), 0.0);
-            if own {
-                let (a, r) = ((law.exponent.p / law.exponent.q) as i32, (law.exponent.p % law.exponent.q) as usize);
-                let (mut left, mut at) = (0.0, layout.of(j, PENETRATION));
-                for m in 2..=a as usize {
-                    left = Factor::new(sizes(&work[at..], &powers), left).product(&p);
-                    at = layout.y(16 + m - 1);
-                }
-                if r > 0 {
-                    let root = Factor::new(sizes(&work[layout.y(r)..], &powers), missing[r]);
-                    power.missing = Factor::new(sizes(&work[at..], &powers), left).product(&root);
-                    forces.by_root += k * p.total.powi(a) * r as f64 * y.total.powi(r as i32 - 1) * factor.total;
-                } else {
-                    power.missing = left;
-                }
-                forces.by_stretch +=
-                    k * f64::from(a) * p.total.powi(a - 1) * y.total.powi(r as i32) * factor.total * c.across;
-            } else {
-                power.missing = missing_power(&p.sizes, &power.sizes, e);
-                let slope = if p.total > 0.0 { e * pressed / p.total } else { 0.0 };
-                forces.by_stretch += k * slope * factor.total * c.across;
-            }
-            forces.by_rate += k * pressed * chi * c.across;
-            forces.by_time += k * pressed * chi * errors[j][2].sum;
-            forces.missing += k * power.product(&factor);
-            // Below its own rounding a penetration p cannot show speeds: p times the contact's frequency.
-            size = size.max((e * c.spec.stiffness.mean() * pressed * p.total).sqrt());
-            least = least.min(p.total / c.across);
         }
         let held = self.projector(&mut forces);
         d.rate += per * w.total * held * forces.missing;
-        let own = &s.contacts[owner.contact];
+        let swing = self.motion.forcing.swing;
+        let (own_swing, own_across) = owner.map_or((0.0, 0.0), |j| (errors[j][2].sum, s.contacts[j].across));
         // Rows and columns: root, time, stretch, rate.
         let b = [
-            [0.0, span * errors[owner.contact][2].sum, 0.0, span * own.across],
-            [span * by_root, 0.0, 0.0, 0.0],
-            [span * by_root * speed, span * w.total * swing, 0.0, span * w.total],
+            [0.0, span * own_swing, 0.0, span * own_across],
+            [span * root.by_root, 0.0, 0.0, 0.0],
+            [span * root.by_root * speed, span * w.total * swing, 0.0, span * w.total],
             [
-                span * (by_root * acceleration + w.total * held * forces.by_root),
+                span * (root.by_root * acceleration + w.total * held * forces.by_root),
                 span * w.total * held * forces.by_time,
                 span * w.total * held * forces.by_stretch,
                 span * w.total * held * forces.by_rate,
             ],
         ];
-        let [root, time, stretch, rate] = grown(&b, [d.root, d.time, d.stretch, d.rate]);
-        let elapsed = out.time.iter().zip(&powers).map(|(t, power)| t.abs() * power).sum::<f64>();
-        let parts = [(rate, size), (stretch, least), (root, y.total), (time, elapsed)];
+        let [at_root, time, stretch, rate] = grown(&b, [d.root, d.time, d.stretch, d.rate]);
+        let elapsed = match clock.is_plain() {
+            true => span,
+            false => out.time.iter().zip(&powers).map(|(t, power)| t.abs() * power).sum::<f64>(),
+        };
+        let parts = [(rate, size), (stretch, least), (at_root, root.y.total), (time, elapsed)];
         // Nothing moves: no error either. A comparison with NaN is false.
         let share = parts.iter().fold(0.0, |m: f64, (e, size)| match e / size {
             _ if *e == 0.0 => m,
@@ -315,21 +313,38 @@ impl Expansion<'_> {
             _ => f64::INFINITY,
         });
         let felt = forces.by_time * time + forces.by_stretch * stretch + forces.by_rate * rate + forces.missing;
-        let acceleration = held * (forces.by_root * root + felt);
-        (share, Defect { root, time, stretch, rate, acceleration })
+        let acceleration = held * (forces.by_root * at_root + felt);
+        (share, Defect { root: at_root, time, stretch, rate, acceleration })
+    }
+
+    /// What a linear law adds.
+    fn linear_defect(&self, j: usize, powers: &Sizes, work: &[f64], forces: &mut Forces) {
+        let (c, errors) = (&self.s.contacts[j], &self.motion.forcing.errors[j]);
+        let push = c.push_norm;
+        let Some((stiffness, damping)) = self.motion.parts[j].carried_linear() else { return };
+        forces.by_stretch += push * c.across * c.stiffest;
+        forces.by_rate += push * c.across * damping;
+        forces.by_time += push * damping * errors[2].sum;
+        if !stiffness.varies() {
+            return;
+        }
+        let by_time = match (stiffness, &c.spring) {
+            (Elasticity::Ramp { slope, .. }, _) => slope.abs(),
+            (_, Spring::Waves(_, waves)) => self.s.wave_size(waves, 1),
+            _ => 0.0,
+        };
+        let penetration = sizes(&work[self.layout.of(j, PENETRATION)..], powers);
+        forces.by_time += push * by_time * total(&penetration);
+        forces.missing += push * beyond(&sizes(&work[self.layout.of(j, STIFFNESS)..], powers), &penetration, ORDER + 1);
     }
 
     /// A guess of the step's length by the root test: as the coefficients fall over the last p + q orders (in a free
     /// contact no others are there) they reach the tolerance, relative to the largest of the first ones.
-    fn guess(&self, owner: Owner, out: &Jet) -> f64 {
-        let size = |k: usize| {
-            let rate = |j: usize| out.work[self.layout.of(j, RATE) + k].abs();
-            let contacts = self.s.contacts.iter().enumerate();
-            contacts.fold(self.velocity_size(k, out), |m, (j, c)| m.max(rate(j) * c.weight))
-        };
-        let first: [f64; 17] = std::array::from_fn(|k| if k <= owner.root as usize { size(k) } else { 0.0 });
-        let window = ((owner.law.exponent.p + owner.root) as usize).min(ORDER);
-        let last: [f64; ROW] = std::array::from_fn(|k| if k + window > ORDER { size(k) } else { 0.0 });
+    #[inline(always)]
+    fn guess(&self, clock: &StepClock, largest: &Largest) -> f64 {
+        let size = |k: usize| largest.velocity[k].max(largest.felt[k]);
+        let first: [f64; 17] = std::array::from_fn(|k| if k <= clock.root as usize { size(k) } else { 0.0 });
+        let last: [f64; ROW] = std::array::from_fn(|k| if k + clock.window > ORDER { size(k) } else { 0.0 });
         let shrink = libm::pow(self.request.tolerance, 1.0 / ORDER as f64);
         let mut reach: f64 = 1.0;
         for _ in 0..4 {
@@ -387,6 +402,61 @@ impl Expansion<'_> {
     }
 }
 
+/// The root y that the clock is of the penetration of its owner, and its powers.
+struct Root<'a> {
+    step: &'a Expansion<'a>,
+    y: Factor,
+    /// What y², y³, … leave out.
+    missing: [f64; 17],
+    /// What w leaves out.
+    left: f64,
+    /// `|∂w/∂y|`.
+    by_root: f64,
+    powers: &'a Sizes,
+    work: &'a [f64],
+}
+
+impl<'a> Root<'a> {
+    #[inline(always)]
+    fn new(owner: Option<(usize, u32)>, step: &'a Expansion<'a>, powers: &'a Sizes, work: &'a [f64]) -> Self {
+        let mut missing = [0.0; 17];
+        let Some((_, root)) = owner else {
+            return Self { step, y: Factor::new([0.0; ROW], 0.0), missing, left: 0.0, by_root: 0.0, powers, work };
+        };
+        let y_to = |m: usize| sizes(&work[step.layout.y(m)..], powers);
+        let y = Factor::new(y_to(1), 0.0);
+        for m in 2..root as usize {
+            missing[m] = Factor::new(y_to(m - 1), missing[m - 1]).product(&y);
+        }
+        let by_root = match root {
+            2 => 2.0,
+            q => f64::from(q) * f64::from(q - 1) * total(&y_to(q as usize - 2)),
+        };
+        let left = f64::from(root) * missing[root as usize - 1];
+        Self { step, y, missing, left, by_root, powers, work }
+    }
+
+    /// What `pⁿ` of the owner `j`, a product of powers of y, leaves out; adds what its force, `k` times that, depends on.
+    fn power(&self, law: PowerLaw, k: f64, (j, penetration): (usize, Sizes), c: &Contact, forces: &mut Forces) -> f64 {
+        let layout = self.step.layout;
+        let p = Factor::new(penetration, 0.0);
+        let (a, r) = ((law.exponent.p / law.exponent.q) as i32, (law.exponent.p % law.exponent.q) as usize);
+        let (mut left, mut at) = (0.0, layout.of(j, PENETRATION));
+        for m in 2..=a as usize {
+            left = Factor::new(sizes(&self.work[at..], self.powers), left).product(&p);
+            at = layout.y(16 + m - 1);
+        }
+        let y = self.y.total;
+        forces.by_stretch += k * f64::from(a) * p.total.powi(a - 1) * y.powi(r as i32) * c.across;
+        if r == 0 {
+            return left;
+        }
+        let root = Factor::new(sizes(&self.work[layout.y(r)..], self.powers), self.missing[r]);
+        forces.by_root += k * p.total.powi(a) * r as f64 * y.powi(r as i32 - 1);
+        Factor::new(sizes(&self.work[at..], self.powers), left).product(&root)
+    }
+}
+
 /// `exp(B) d`.
 fn grown(b: &[[f64; 4]; 4], d: [f64; 4]) -> [f64; 4] {
     let (mut sum, mut term) = (d, d);
@@ -400,6 +470,15 @@ fn grown(b: &[[f64; 4]; 4], d: [f64; 4]) -> [f64; 4] {
         }
     }
     [f64::INFINITY; 4]
+}
+
+/// What `pⁿ + n pⁿ⁻¹ d`, with `d` at most `apart` and `1 < n < 2`, leaves out of `(p + d)ⁿ`: `n (n − 1)/2 pⁿ⁻² d²` while d is the smaller
+/// one, and no more than all terms at their end.
+fn beside(n: f64, p: f64, apart: f64) -> f64 {
+    if apart == 0.0 {
+        return 0.0;
+    }
+    0.5 * n * (n - 1.0) * libm::pow(p, n - 2.0) * apart * apart + libm::pow(4.0 * apart, n)
 }
 
 /// What the series of `pⁿ` leaves out; of all of it where it has no power series in this clock and is written as zero.

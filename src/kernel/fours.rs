@@ -17,12 +17,19 @@ pub(super) enum Does {
     Watched,
     /// A closed power law, by the recurrence of a power of its penetration.
     Pressed,
-    /// The same as the owner of the clock.
-    AsOwner,
-    /// A closed power law that has a way of its own: the owner of the clock, one that starts with it, one that leaves unfelt.
+    /// A closed power law that leaves together with the owner of the clock.
+    AsOwner(PowerLaw),
+    /// A closed power law that has a way of its own: the owner of the clock, one that starts, one that leaves unfelt.
     Alone(PowerLaw),
     /// Another law.
     Else,
+}
+
+impl Does {
+    /// It is a closed power law.
+    pub fn presses(&self) -> bool {
+        matches!(self, Self::Pressed | Self::AsOwner(_) | Self::Alone(_))
+    }
 }
 
 /// Series of four contacts side by side, and their numbers.
@@ -41,6 +48,9 @@ pub(super) struct FourSeries {
     pub start: [f64; LANES],
     pub stiffness: [f64; LANES],
     pub chi: [f64; LANES],
+    /// `1/Contact::across` and `Contact::weight`.
+    pub per_across: [f64; LANES],
+    pub weight: [f64; LANES],
 }
 
 impl Default for FourSeries {
@@ -58,6 +68,8 @@ impl Default for FourSeries {
             start: [1.0; LANES],
             stiffness: zeros,
             chi: zeros,
+            per_across: zeros,
+            weight: zeros,
         }
     }
 }
@@ -73,10 +85,11 @@ impl FourSeries {
             pressed.for_each(|(l, (_, power))| *power = libm::pow(self.start[l], self.exponent[l]));
             return powers;
         }
-        for (l, p) in self.penetration[..=k].iter().enumerate().skip(1) {
-            let u = &self.power[k - l];
+        let mut l = 0.0;
+        for (p, u) in self.penetration[1..=k].iter().zip(self.power[..k].iter().rev()) {
+            l += 1.0;
             for i in 0..LANES {
-                let weight = fused::<P>(l as f64, self.exponent[i] + 1.0, -(k as f64));
+                let weight = fused::<P>(l, self.exponent[i] + 1.0, -(k as f64));
                 powers[i] = fused::<P>(weight * p[i], u[i], powers[i]);
             }
         }
@@ -84,6 +97,44 @@ impl FourSeries {
             powers[i] /= k as f64 * self.start[i];
         }
         powers
+    }
+}
+
+/// Sums of the sizes of four contacts' series at the end of a step.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sums {
+    /// The penetration at the start, and the sums of all terms.
+    pub start: [f64; LANES],
+    pub penetration: [f64; LANES],
+    pub factor: [f64; LANES],
+    /// Of the terms of order N + 1 and more of penetration times power, and of power times factor.
+    pub shortened: [f64; LANES],
+    pub product: [f64; LANES],
+}
+
+impl FourSeries {
+    /// The sums, with the `powers` of the step's length.
+    #[inline(always)]
+    pub fn sums<P: Path>(&self, powers: &[f64; ROW]) -> Sums {
+        let size = |series: &[[f64; LANES]; ROW]| -> [[f64; LANES]; ROW] {
+            std::array::from_fn(|k| std::array::from_fn(|l| series[k][l].abs() * powers[k]))
+        };
+        let sum = |sizes: &[[f64; LANES]; ROW]| {
+            sizes.iter().fold([0.0; LANES], |sum, size| std::array::from_fn(|l| sum[l] + size[l]))
+        };
+        let (p, u, f) = (size(&self.penetration), size(&self.power), size(&self.factor));
+        let (mut shortened, mut product) = ([0.0; LANES], [0.0; LANES]);
+        // `Σ_{i+j>N} a_i b_j`, the last of b summed on the way.
+        let (mut last_power, mut last_factor) = ([0.0; LANES], [0.0; LANES]);
+        for i in 1..ROW {
+            for l in 0..LANES {
+                last_power[l] += u[ROW - i][l];
+                last_factor[l] += f[ROW - i][l];
+                shortened[l] = fused::<P>(p[i][l], last_power[l], shortened[l]);
+                product[l] = fused::<P>(u[i][l], last_factor[l], product[l]);
+            }
+        }
+        Sums { start: p[0], penetration: sum(&p), factor: sum(&f), shortened, product }
     }
 }
 

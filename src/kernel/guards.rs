@@ -1,6 +1,8 @@
 //! The guards of a mode as polynomials in the step's clock.
 
-use super::{Expansion, FACTOR, FORCE, Force, LANES, Motion, RATE, ROW, bound::Tail, motion::Watched, rooted::Owner};
+use super::{
+    Expansion, FACTOR, FORCE, Force, LANES, Motion, RATE, ROW, bound::Tail, motion::Watched, rooted::StepClock,
+};
 use crate::{
     hybrid::{GuardId, Jet},
     system::{Acting, ContactMode, Watch, guard_id, guard_of, zeros},
@@ -33,8 +35,8 @@ impl Motion<'_> {
         let force = |a: &Acting| match (a.force, &s.contacts[a.contact]) {
             (Force::Linear { damping, .. }, c) => c.stiffest * s.deflection_size(c, x) + damping * s.rate_size(c, x),
             (Force::Held, c) => c.effective_mass() * s.acceleration_size(a.contact, &self.mode, x, |_| 0.0),
-            // In plain time it is just leaving.
-            (Force::Power { .. }, _) if step.time.is_empty() => 0.0,
+            // It is just leaving.
+            (Force::Power { .. }, _) if !step.is_estimate => 0.0,
             (Force::Power { .. }, _) => step.work[self.layout.of(a.contact, FORCE)],
         };
         let c = &s.contacts[j];
@@ -62,7 +64,7 @@ impl Motion<'_> {
 impl Expansion<'_> {
     /// Writes the guards of the mode and their errors.
     #[inline(always)]
-    pub(super) fn guards(&self, owner: Option<Owner>, tail: &Tail, out: &mut Jet) {
+    pub(super) fn guards(&self, clock: Option<&StepClock>, tail: &Tail, out: &mut Jet) {
         let reach = out.reach;
         let mut force_tails = zeros(self.s.contacts.len());
         for guard in self.motion.guards.iter().filter(|guard| guard.watch == Watch::Force) {
@@ -75,6 +77,7 @@ impl Expansion<'_> {
         afresh.clear();
         guard_errors.clear();
         guard_series.resize(3 * self.s.contacts.len() * ROW, 0.0);
+        let is_plain = clock.is_none_or(StepClock::is_plain);
         let mut powers = [1.0; ROW + 3];
         powers[1] = reach;
         powers[2] = reach * reach;
@@ -88,12 +91,12 @@ impl Expansion<'_> {
         for &Watched { id, contact: j, watch, sign } in &self.motion.guards {
             let (c, part) = (&self.s.contacts[j], &self.motion.parts[j]);
             let deflection_size = self.s.deflection_size(c, self.request.x);
-            let stretch_size = self.stretch_size(j, owner, deflection_size, work);
+            let stretch_size = self.stretch_size(j, clock, deflection_size, work);
             let row = guards.len() * ROW;
             let series = &mut guard_series[row..row + ROW];
             let (error, size) = match watch {
                 Watch::Force => (force_tails[j], self.force_guard(j, stretch_size, sign, work, series)),
-                _ if owner.is_some_and(|o| o.contact == j && o.root > 1) => {
+                _ if clock.is_some_and(|clock| clock.is_root_of(j)) => {
                     let y = self.layout.y(1);
                     series.copy_from_slice(&work[y..y + ROW]);
                     // Afresh from the state, a penetration within its rounding is none.
@@ -119,7 +122,7 @@ impl Expansion<'_> {
             series.iter_mut().zip(&powers).for_each(|(s, p)| *s *= p);
             let added = size_of(&series[1..]);
             self.write_zeros(j, watch, part.state, series);
-            if let Some(d) = tail.rooted {
+            if let Some(d) = tail.rooted.filter(|_| !is_plain) {
                 guard_rates.resize(guard_series.len(), 0.0);
                 let sign = match (part.side, watch) {
                     (0.0, Watch::DriveFlank) => -1.0,
@@ -137,6 +140,11 @@ impl Expansion<'_> {
             remainder.push(error);
             rounding.push(ROUNDING * size);
             afresh.push(match (watch, part.force()) {
+                // A root is as well known as its power.
+                _ if watch != Watch::Force && clock.is_some_and(|clock| clock.is_root_of(j)) => {
+                    let root = clock.map_or(1, |clock| clock.root);
+                    libm::pow(ROUNDING * (deflection_size + added.powi(root as i32)), f64::from(root).recip())
+                }
                 (Watch::Force, Some(Force::Linear { .. })) => ROUNDING * (size + c.stiffest * deflection_size),
                 (Watch::Force, _) => ROUNDING * size,
                 _ => ROUNDING * (deflection_size + added),
@@ -190,7 +198,7 @@ impl Expansion<'_> {
 
     /// Size of the terms a stretch is the sum of: taken from the state those of the deflection; where it is known better,
     /// carried on from the last step or given by an exact zero, only itself.
-    fn stretch_size(&self, j: usize, owner: Option<Owner>, size: f64, work: &[f64]) -> f64 {
+    fn stretch_size(&self, j: usize, clock: Option<&StepClock>, size: f64, work: &[f64]) -> f64 {
         let carried = self.request.carried.get(j).is_some_and(|stretch| !stretch.is_nan());
         let state = self.motion.parts[j].state;
         let given = state.side() != 0.0
@@ -198,7 +206,7 @@ impl Expansion<'_> {
         let gap = state == ContactMode::Separated && carried;
         if gap {
             work[self.layout.gaps + j].abs()
-        } else if owner.is_none() && (carried || given) {
+        } else if clock.is_none() && (carried || given) {
             work[self.layout.stretches + j].abs()
         } else {
             size

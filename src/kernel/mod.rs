@@ -79,6 +79,8 @@ struct Layout {
     waves: usize,
     /// The contact that owns the clock, if its clock is a root of its penetration; else −1.
     owner: usize,
+    /// Time since contacts with power laws started, where it is known; else NaN.
+    since: usize,
     len: usize,
 }
 
@@ -93,7 +95,18 @@ impl Layout {
         let gaps = stretches + lanes;
         let waves = gaps + s.contacts.len();
         let owner = waves + 2 * s.oscillators.len();
-        Self { contacts, deflections, clock, accelerations, stretches, gaps, waves, owner, len: owner + 1 }
+        Self {
+            contacts,
+            deflections,
+            clock,
+            accelerations,
+            stretches,
+            gaps,
+            waves,
+            owner,
+            since: owner + 1,
+            len: owner + 2,
+        }
     }
 
     /// `cos ωt` of oscillator `i`; its sine follows, one row on.
@@ -239,6 +252,7 @@ impl JetField for Motion<'_> {
             let is_small = stretch.abs() < SMALL_STRETCH * self.structure.deflection_size(c, &step.state);
             if is_small { stretch } else { f64::NAN }
         }));
+        carried.push(step.work[layout.since] + step.time_at(theta));
     }
 }
 
@@ -249,23 +263,25 @@ impl Motion<'_> {
         out.dim = s.dim;
         out.state.resize(ROW * s.dim, 0.0);
         out.work.resize(layout.len, 0.0);
-        let owner = self.owner(request);
+        let clock = self.step_clock(request);
         out.order = ORDER;
-        let h = owner.map_or(request.span, |o| self.root_scale(request, o));
-        out.work[layout.owner] = owner.filter(|o| o.root > 1).map_or(-1.0, |o| o.contact as f64);
+        let h = clock.as_ref().map_or(request.span, |clock| self.clock_span(request, clock));
+        let owner = clock.and_then(|clock| clock.owner.filter(|_| !clock.is_plain()));
+        out.work[layout.owner] = owner.map_or(-1.0, |owner| owner as f64);
+        out.work[layout.since] = clock.map_or(f64::NAN, |clock| clock.since);
         let mut e = Expansion { s, motion: self, request, layout, h };
         let tail = loop {
             e.start(out);
-            match owner {
+            match &clock {
                 None if self.is_linear => e.linear::<P>(out),
                 None => e.plain(out),
-                Some(owner) => e.rooted::<P>(owner, out),
+                Some(clock) => e.rooted::<P>(clock, out),
             }
             out.span = e.h;
-            let reach = match owner {
+            let reach = match &clock {
                 None => e.plain_reach(out),
-                Some(owner) => {
-                    let rooted = e.rooted_reach(owner, out);
+                Some(clock) => {
+                    let rooted = e.rooted_reach(clock, out);
                     rooted.map(|(reach, defect)| (reach, Tail { rooted: Some(defect), ..Tail::default() }))
                 }
             };
@@ -280,8 +296,8 @@ impl Motion<'_> {
                 return;
             }
         };
-        out.is_estimate = owner.is_some();
-        e.guards(owner, &tail, out);
+        out.is_estimate = clock.is_some();
+        e.guards(clock.as_ref(), &tail, out);
     }
 
     /// `δ − σ b` of contact `j` where its force is exactly zero, for the `stretch` that the state gives to within `rounding`.

@@ -1,4 +1,4 @@
-//! The recurrence in a root clock: some power law is closed.
+//! The recurrence while some power law is closed, in one of three clocks.
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
@@ -6,6 +6,7 @@ use super::{
     CARRIED, Elasticity, Expansion, FACTOR, FORCE, Force, LANES, Layout, Motion, ORDER, PENETRATION, POWER, RATE, ROW,
     STIFFNESS,
     fours::{Does, FourSeries, convolve, convolved, lanes},
+    guards::ROUNDING,
     product, waves,
 };
 use crate::{
@@ -18,35 +19,119 @@ use crate::{
 /// A change this much smaller than what it changes is far below rounding.
 const UNFELT: f64 = f64::EPSILON / 64.0;
 
-/// The contact that owns the clock.
-#[derive(Clone, Copy)]
-pub(super) struct Owner {
-    pub contact: usize,
-    pub law: PowerLaw,
-    /// The clock's root q, the law's own. It is 1, plain time, where the contact starts from rest: with neither
-    /// penetration nor speed a root clock stands still, and `p ~ t²` has its root already.
+/// The clock of a step while power laws are closed, `dt = h w(θ) dθ`.
+///
+/// - Plain time, `w = 1`, where no contact is near its boundary.
+/// - The root s of the time since contacts started, `t = s^root`, `w = root s^(root−1)`: a penetration that starts is `s^root β(s)`, and
+///   its power is a series in s. The clock is a polynomial, so that products with it are short, and it is exact.
+/// - The root y of the penetration of its owner, `p = y^root`, `w = root y^(root−1)`: it passes through the end of a contact.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StepClock {
+    /// The contact whose penetration it is a root of.
+    pub owner: Option<usize>,
+    /// 1 in plain time.
     pub root: u32,
+    /// Without an owner, s at the start of the step.
+    pub start: f64,
+    /// Orders after which a free contact has a term again.
+    pub window: usize,
+    /// s of time that a step may have at most.
+    pub span: f64,
+    /// s of time since contacts started; NaN if not known.
+    pub since: f64,
 }
 
+impl StepClock {
+    /// Time itself.
+    pub fn is_plain(&self) -> bool {
+        self.root == 1
+    }
+
+    /// The clock is a root of the penetration of contact `j`.
+    pub fn is_root_of(&self, j: usize) -> bool {
+        self.owner == Some(j) && self.root > 1
+    }
+
+    /// How many terms its weight has.
+    fn terms(&self) -> usize {
+        if self.owner.is_some() && self.root > 1 { ROW } else { self.root as usize }
+    }
+}
+
+/// A contact this many usual spans from its boundary is near it.
+const NEAR: f64 = 1.5;
+/// And this many after its start it is no longer.
+const STARTED: f64 = 6.0;
+/// What has started is `p/ṗ` from its boundary, a little less than the time since then: the start is as near as an end this many times less
+/// far away.
+const BEHIND: f64 = 2.0;
+/// Contacts whose penetrations and rates differ by less than this part of them leave together: the square is below rounding.
+const TOGETHER: f64 = 1e-8;
+/// Radians of the stiffest mode, by its bound, in a usual span.
+const RADIANS: f64 = 2.5;
+/// Usual spans that the clock of a step is scaled to.
+const LONGEST: f64 = 4.0;
+
 impl Motion<'_> {
-    /// Who owns the clock: among closed power-law contacts the one that could reach its boundary first. None if
-    /// all of them are just leaving.
-    pub(super) fn owner(&self, request: &JetRequest<'_>) -> Option<Owner> {
-        let mut nearest: Option<(f64, Owner)> = None;
+    /// The clock of a step from where `request` is. None if all power laws that are closed are just leaving.
+    pub(super) fn step_clock(&self, request: &JetRequest<'_>) -> Option<StepClock> {
+        let mut nearest: Option<(f64, usize, PowerLaw)> = None;
+        let (mut starts, mut root, mut stiffness) = (false, 1, self.growth.frequency().powi(2));
         for (j, part) in self.parts.iter().enumerate().filter(|(_, part)| part.is_pressed()) {
-            let Some(Force::Power { law, .. }) = part.force() else { continue };
+            let Some(Force::Power { law, stiffness: k, .. }) = part.force() else { continue };
             let (p, rate) = self.penetration(j, request);
             if p <= 0.0 && rate < 0.0 {
                 // It leaves at this very instant; its clock would run backwards.
                 continue;
             }
             let time = if p <= 0.0 { 0.0 } else { p / rate.abs() };
-            let root = if p <= 0.0 && rate == 0.0 { 1 } else { law.exponent.q };
-            if nearest.is_none_or(|(t, _)| time < t) {
-                nearest = Some((time, Owner { contact: j, law, root }));
+            starts |= p <= 0.0 && rate > 0.0;
+            root = root.max(law.exponent.q);
+            if p > 0.0 {
+                let c = &self.structure.contacts[j];
+                stiffness += c.push_norm * c.across * k * law.exponent.value() * law.exponent.power(p) / p;
+            }
+            // Of those that are as near the first one.
+            if nearest.is_none_or(|(t, ..)| time < (1.0 - TOGETHER) * t) {
+                nearest = Some((time, j, law));
             }
         }
-        nearest.map(|(_, owner)| owner)
+        let (time, contact, law) = nearest?;
+        let usual = RADIANS / stiffness.sqrt();
+        let span = LONGEST * usual;
+        let since = if starts { 0.0 } else { request.carried.get(self.parts.len()).copied().unwrap_or(f64::NAN) };
+        let plain = StepClock { owner: None, root: 1, start: 0.0, window: 2, span, since };
+        let window = (law.exponent.p + root) as usize;
+        if time == 0.0 {
+            // With neither penetration nor speed a root clock stands still, and `p ~ t²` has its root already.
+            return Some(if starts { StepClock { root, window, ..plain } } else { StepClock { window, ..plain } });
+        }
+        if since < STARTED * usual && since <= BEHIND * time {
+            return Some(StepClock { root, start: libm::pow(since, f64::from(root).recip()), window, ..plain });
+        }
+        let owner = (time < NEAR * usual).then_some(contact);
+        Some(if owner.is_some() { StepClock { owner, root: law.exponent.q, window, ..plain } } else { plain })
+    }
+
+    /// Whether contact `j` leaves together with the `owner` of a root clock, which comes before it: planets in phase do. In the root of one
+    /// penetration alone another one has a branch point beside its end. `p_jⁿ = pⁿ + n pⁿ⁻¹ (p_j − p) + …` has none, and what follows is
+    /// as the square of the difference. `x` is the state at the start of the step.
+    pub(super) fn goes_with(&self, owner: Option<usize>, j: usize, x: &[f64], work: &[f64]) -> bool {
+        let Some(i) = owner.filter(|i| *i < j) else { return false };
+        let s = self.structure;
+        let law = |j: usize| match self.parts[j].force() {
+            Some(Force::Power { law, .. }) if self.parts[j].is_pressed() => Some(law.exponent),
+            _ => None,
+        };
+        let (part, c) = (|j: usize| &self.parts[j], |j: usize| &s.contacts[j]);
+        let [p, other] = [i, j].map(|j| part(j).side * work[self.layout.stretches + j]);
+        let [rate, other_rate] = [i, j].map(|j| part(j).side * work[self.layout.of(j, RATE)]);
+        let size = s.deflection_size(c(i), x).max(s.deflection_size(c(j), x));
+        let rate_size = s.rate_size(c(i), x).max(s.rate_size(c(j), x));
+        law(i).is_some_and(|law| law.p < 2 * law.q)
+            && law(i) == law(j)
+            && (p - other).abs() <= TOGETHER * p + ROUNDING * size
+            && (rate - other_rate).abs() <= TOGETHER * rate.abs() + ROUNDING * rate_size
     }
 
     fn penetration(&self, j: usize, request: &JetRequest<'_>) -> (f64, f64) {
@@ -61,28 +146,38 @@ impl Motion<'_> {
         (p, side * rate)
     }
 
-    /// A first guess of the clock's span that reaches the bound in time.
-    pub(super) fn root_scale(&self, request: &JetRequest<'_>, owner: Owner) -> f64 {
-        let (p, rate) = self.penetration(owner.contact, request);
-        let q = f64::from(owner.root);
-        // From the boundary: p = ṗ t and t = ṗ^(q−1) s^q. From inside: dt = q y^(q−1) ds.
-        let from_boundary = libm::pow(request.span / libm::pow(rate.abs(), q - 1.0), 1.0 / q);
-        let from_inside = request.span / (q * libm::pow(p, (q - 1.0) / q));
-        from_boundary.min(from_inside).min(1e30)
+    /// A first guess of the clock's span: it reaches the bound in time, or is longer than any step.
+    pub(super) fn clock_span(&self, request: &JetRequest<'_>, clock: &StepClock) -> f64 {
+        let span = request.span.min(clock.span);
+        let q = f64::from(clock.root);
+        match clock.owner {
+            _ if clock.is_plain() => span,
+            Some(owner) => {
+                let (p, rate) = self.penetration(owner, request);
+                // From the boundary: p = ṗ t and t = ṗ^(q−1) s^q. From inside: dt = q y^(q−1) ds.
+                let from_boundary = libm::pow(span / libm::pow(rate.abs(), q - 1.0), 1.0 / q);
+                let from_inside = span / (q * libm::pow(p, (q - 1.0) / q));
+                from_boundary.min(from_inside).min(1e30)
+            }
+            None if clock.start == 0.0 => libm::pow(span, 1.0 / q),
+            None => clock.start * libm::expm1(libm::log1p(span / libm::pow(clock.start, q)) / q),
+        }
     }
 }
 
 impl Expansion<'_> {
-    /// All coefficients in the owner's clock.
+    /// All coefficients while power laws are closed.
     #[inline(always)]
-    pub(super) fn rooted<P: Path>(&self, owner: Owner, out: &mut Jet) {
+    pub(super) fn rooted<P: Path>(&self, clock: &StepClock, out: &mut Jet) {
         let (s, layout, h) = (self.s, self.layout, self.h);
         let (n, dim) = (s.n, s.dim);
         let Jet { state, work, time, .. } = out;
         time.clear();
-        time.resize(ORDER + 1, 0.0);
-        let p = (self.motion.parts[owner.contact].side * work[layout.stretches + owner.contact]).max(0.0);
-        work[layout.y(1)] = libm::pow(p, 1.0 / f64::from(owner.root));
+        if !clock.is_plain() {
+            time.resize(ORDER + 1, 0.0);
+        }
+        let terms = clock.terms();
+        self.begin_clock(clock, work);
         // Every number is written before it is read.
         let fours = &mut *self.motion.scratch.borrow_mut();
         fours.resize_with(s.columns.fours.len(), FourSeries::default);
@@ -90,14 +185,17 @@ impl Expansion<'_> {
             let (low, high) = state.split_at_mut((k + 1) * dim);
             let (q, v) = low[k * dim..k * dim + 2 * n].split_at(n);
             for (chunk, four) in fours.iter_mut().enumerate() {
-                self.rates::<P>(chunk, four, k, v, work);
+                self.rates::<P>(chunk, four, (k, terms), v, work);
             }
-            self.clock_series(owner, k, work);
+            if let Some(owner) = clock.owner.filter(|_| !clock.is_plain()) {
+                let rate = if k > 0 { fours[owner / LANES].rate[k - 1][owner % LANES] } else { 0.0 };
+                self.clock_series(owner, clock.root, rate, k, work);
+            }
             for (chunk, four) in fours.iter_mut().enumerate() {
                 if k == 0 {
-                    self.begin(owner, chunk, four, work);
+                    self.begin(clock, chunk, four, work);
                 }
-                self.forces::<P>(owner, chunk, four, k, work);
+                self.forces::<P>(clock, chunk, four, k, work);
             }
             self.accelerations(k, q, v, work);
             let a = &mut work[layout.accelerations + k * n..][..n];
@@ -113,19 +211,43 @@ impl Expansion<'_> {
                 break;
             }
             let step = h / (k + 1) as f64;
+            let last = k.min(terms - 1);
             let mut weights = [0.0; ROW];
-            weights.iter_mut().zip(&work[layout.clock..=layout.clock + k]).for_each(|(w, rate)| *w = step * rate);
+            weights.iter_mut().zip(&work[layout.clock..=layout.clock + last]).for_each(|(w, rate)| *w = step * rate);
+            let weights = &weights[..=last];
             let (q1, v1) = high[..2 * n].split_at_mut(n);
-            convolve::<P>(&weights[..=k], &low[n..], dim, q1);
-            convolve::<P>(&weights[..=k], &work[layout.accelerations..], n, v1);
-            time[k + 1] = step * work[layout.clock + k];
+            convolve::<P>(weights, &low[(k - last) * dim + n..], dim, q1);
+            convolve::<P>(weights, &work[layout.accelerations + (k - last) * n..], n, v1);
+            if let Some(time) = time.get_mut(k + 1) {
+                *time = step * work[layout.clock + k];
+            }
             for (i, o) in s.oscillators.iter().enumerate() {
                 let c = Layout::oscillator(i);
-                let (dc, ds) = (product(work, layout.clock, c, k), product(work, layout.clock, c + ROW, k));
-                (work[c + k + 1], work[c + ROW + k + 1]) = (-step * o.omega * ds, step * o.omega * dc);
+                let sum = |at: usize| {
+                    weights.iter().zip(work[at..=at + k].iter().rev()).fold(0.0, |sum, (w, wave)| sum + w * wave)
+                };
+                (work[c + k + 1], work[c + ROW + k + 1]) = (-o.omega * sum(c + ROW), o.omega * sum(c));
             }
         }
         fours.iter().enumerate().for_each(|(chunk, four)| self.keep(chunk, four, work));
+    }
+
+    /// The weight of a clock that depends on no contact, and y at the start of one that does.
+    fn begin_clock(&self, clock: &StepClock, work: &mut [f64]) {
+        let (layout, q) = (self.layout, clock.root as usize);
+        if let Some(owner) = clock.owner.filter(|_| q > 1) {
+            let p = (self.motion.parts[owner].side * work[layout.stretches + owner]).max(0.0);
+            work[layout.y(1)] = libm::pow(p, 1.0 / f64::from(clock.root));
+            return;
+        }
+        let weight = &mut work[layout.clock..layout.clock + ROW];
+        weight.fill(0.0);
+        // q (s + hθ)^(q−1).
+        let mut binomial = q as f64;
+        for (i, w) in weight[..q].iter_mut().enumerate() {
+            *w = binomial * clock.start.powi((q - 1 - i) as i32) * self.h.powi(i as i32);
+            binomial *= (q - 1 - i) as f64 / (i + 1) as f64;
+        }
     }
 
     /// Writes the series of four contacts one after the other, as far as they are not there.
@@ -133,24 +255,33 @@ impl Expansion<'_> {
     fn keep(&self, chunk: usize, four: &FourSeries, work: &mut [f64]) {
         for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
             let mut write = |which: usize, lanes: &[[f64; LANES]; ROW]| {
-                let row = &mut work[self.layout.of(j, which)..][..ROW];
-                row.iter_mut().zip(lanes).for_each(|(c, lanes)| *c = lanes[l]);
+                if let Some(row) = work[self.layout.of(j, which)..].first_chunk_mut::<ROW>() {
+                    row.iter_mut().zip(lanes).for_each(|(c, lanes)| *c = lanes[l]);
+                }
             };
-            if matches!(four.does[l], Does::Watched | Does::Pressed) {
-                let rows = [&four.penetration, &four.factor, &four.power, &four.force, &four.force];
-                [PENETRATION, FACTOR, POWER, FORCE, CARRIED]
-                    .into_iter()
-                    .zip(rows)
-                    .for_each(|(which, row)| write(which, row));
+            write(RATE, &four.rate);
+            if !matches!(four.does[l], Does::Nothing | Does::Else) {
+                write(PENETRATION, &four.penetration);
+                write(FACTOR, &four.factor);
+                write(POWER, &four.power);
+                write(FORCE, &four.force);
+                write(CARRIED, &four.force);
             }
         }
     }
 
-    /// Rates of four contacts at order `k`, and their deflections, the integrals of `w δ̇`.
+    /// Rates of four contacts at order `k`, and their deflections, the integrals of `w δ̇`, w of so many terms.
     #[inline(always)]
-    fn rates<P: Path>(&self, chunk: usize, four: &mut FourSeries, k: usize, v: &[f64], work: &mut [f64]) {
-        let (s, layout) = (self.s, self.layout);
-        let columns = &s.columns.fours[chunk];
+    fn rates<P: Path>(
+        &self,
+        chunk: usize,
+        four: &mut FourSeries,
+        (k, terms): (usize, usize),
+        v: &[f64],
+        work: &mut [f64],
+    ) {
+        let columns = &self.s.columns.fours[chunk];
+        // One sum in the order of the bodies: what is equal stays equal to the last bit.
         let mut rate = [0.0; LANES];
         for (direction, v) in columns.directions.iter().zip(v) {
             for l in 0..LANES {
@@ -164,32 +295,38 @@ impl Expansion<'_> {
                 rate[l] -= fused::<P>(cosine[l], cos, sine[l] * sin);
             }
         }
-        let contacts = LANES * chunk..s.contacts.len().min(LANES * chunk + LANES);
         if k == 0 && !self.request.still.is_empty() {
-            contacts.clone().zip(&mut rate).filter(|(j, _)| self.is_still(*j)).for_each(|(_, rate)| *rate = 0.0);
+            let contacts = LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES);
+            contacts.zip(&mut rate).filter(|(j, _)| self.is_still(*j)).for_each(|(_, rate)| *rate = 0.0);
         }
         four.rate[k] = rate;
-        let at = layout.deflection(LANES * chunk, k);
-        if k > 0 {
-            let clock = &work[layout.clock..layout.clock + k];
-            let sum = lanes::<P>(clock, &four.rate[..k]);
-            for l in 0..LANES {
-                work[at + l] = self.h / k as f64 * sum[l];
-            }
+        if k == 0 {
+            let rows = (LANES * chunk..self.s.contacts.len()).map(|j| self.layout.of(j, RATE));
+            rows.zip(rate).for_each(|(row, rate)| work[row] = rate);
         }
-        for (l, j) in contacts.enumerate() {
-            work[layout.of(j, RATE) + k] = rate[l];
-            four.penetration[k][l] = four.side[l] * work[at + l];
+        let at = self.layout.deflection(LANES * chunk, k);
+        if k > 0 {
+            let terms = terms.min(k);
+            let clock = &work[self.layout.clock..self.layout.clock + terms];
+            let sum = lanes::<P>(clock, &four.rate[k - terms..k]);
+            let (step, mut deflection) = (self.h / k as f64, [0.0; LANES]);
+            for l in 0..LANES {
+                deflection[l] = step * sum[l];
+                four.penetration[k][l] = four.side[l] * deflection[l];
+            }
+            work[at..at + LANES].copy_from_slice(&deflection);
         }
     }
 
     /// What the contacts of four do, from their penetrations at order zero on.
-    fn begin(&self, owner: Owner, chunk: usize, four: &mut FourSeries, work: &mut [f64]) {
+    fn begin(&self, clock: &StepClock, chunk: usize, four: &mut FourSeries, work: &mut [f64]) {
         let layout = self.layout;
         for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
             let part = &self.motion.parts[j];
             (four.side[l], four.exponent[l], four.start[l]) = (1.0, 0.0, 1.0);
             (four.stiffness[l], four.chi[l]) = (0.0, 0.0);
+            let c = &self.s.contacts[j];
+            (four.per_across[l], four.weight[l]) = (c.across.recip(), c.weight);
             four.penetration[0][l] = part.side * work[layout.stretches + j];
             let Some(power @ Force::Power { law, stiffness, .. }) = part.force() else {
                 four.does[l] = if part.acting.is_some() { Does::Else } else { Does::Nothing };
@@ -203,9 +340,11 @@ impl Expansion<'_> {
                 continue;
             }
             four.stiffness[l] = part.side * stiffness;
-            four.does[l] = if self.is_twin(owner, j, work) {
-                Does::AsOwner
-            } else if owner.contact != j && four.penetration[0][l] > 0.0 && !self.leaves_unfelt(j, n, work) {
+            let rate = part.side * four.rate[0][l];
+            four.does[l] = if self.motion.goes_with(clock.owner.filter(|_| !clock.is_plain()), j, self.request.x, work)
+            {
+                Does::AsOwner(law)
+            } else if clock.owner != Some(j) && four.penetration[0][l] > 0.0 && !self.leaves_unfelt(j, n, rate, work) {
                 four.start[l] = four.penetration[0][l];
                 Does::Pressed
             } else {
@@ -216,7 +355,7 @@ impl Expansion<'_> {
 
     /// The forces of four contacts along their directions at order `k`, and what of them is carried.
     #[inline(always)]
-    fn forces<P: Path>(&self, owner: Owner, chunk: usize, four: &mut FourSeries, k: usize, work: &mut [f64]) {
+    fn forces<P: Path>(&self, clock: &StepClock, chunk: usize, four: &mut FourSeries, k: usize, work: &mut [f64]) {
         let layout = self.layout;
         let mut factor = [0.0; LANES];
         for l in 0..LANES {
@@ -225,10 +364,22 @@ impl Expansion<'_> {
         four.factor[k] = factor;
         four.power[k] = four.powers::<P>(k);
         for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
-            if let Does::Alone(law) = four.does[l] {
-                work[layout.of(j, PENETRATION) + k] = four.penetration[k][l];
-                self.power(owner, j, law, k, work);
-                four.power[k][l] = work[layout.of(j, POWER) + k];
+            match (four.does[l], clock.owner) {
+                (Does::Alone(law), _) => {
+                    work[layout.of(j, PENETRATION) + k] = four.penetration[k][l];
+                    let rate = four.side[l] * four.rate[0][l];
+                    self.power(clock, j, law, (k, rate), work);
+                    four.power[k][l] = work[layout.of(j, POWER) + k];
+                }
+                // What is equal stays equal to the last bit.
+                (Does::AsOwner(law), Some(owner)) => {
+                    let (own, apart) = (layout.of(owner, PENETRATION) + k, layout.of(j, STIFFNESS));
+                    work[apart + k] = four.penetration[k][l] - work[own];
+                    let slope = layout.y((law.exponent.p - law.exponent.q) as usize);
+                    let changed = law.exponent.value() * product(work, slope, apart, k);
+                    four.power[k][l] = work[layout.of(owner, POWER) + k] + changed;
+                }
+                _ => {}
             }
         }
         let sum = convolved::<P>(&four.power[..=k], &four.factor[..=k]);
@@ -237,69 +388,32 @@ impl Expansion<'_> {
             force[l] = four.stiffness[l] * sum[l];
         }
         for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
-            match four.does[l] {
-                Does::Nothing | Does::Watched | Does::Pressed => {}
-                // The owner's force, as its own clock gives it: what is equal stays equal to the last bit.
-                Does::AsOwner => {
-                    for which in [PENETRATION, FACTOR, POWER, FORCE, CARRIED] {
-                        work[layout.of(j, which) + k] = work[layout.of(owner.contact, which) + k];
-                    }
-                    force[l] = work[layout.of(j, CARRIED) + k];
-                }
-                Does::Else => {
-                    force[l] = self.linear_force(j, k, work);
-                    work[layout.of(j, FORCE) + k] = force[l];
-                    force[l] = if self.motion.parts[j].acting.is_some_and(|a| a.is_carried) { force[l] } else { 0.0 };
-                    work[layout.of(j, CARRIED) + k] = force[l];
-                }
-                Does::Alone(_) => {
-                    work[layout.of(j, FACTOR) + k] = factor[l];
-                    work[layout.of(j, FORCE) + k] = force[l];
-                    work[layout.of(j, CARRIED) + k] = force[l];
-                }
+            if let Does::Else = four.does[l] {
+                force[l] = self.linear_force(j, four.rate[k][l], k, work);
+                work[layout.of(j, FORCE) + k] = force[l];
+                force[l] = if self.motion.parts[j].acting.is_some_and(|a| a.is_carried) { force[l] } else { 0.0 };
+                work[layout.of(j, CARRIED) + k] = force[l];
             }
         }
         four.force[k] = force;
     }
 
-    /// Whether contact `j` is equal to the owner, in its numbers and in its motion. The owner is the first of equals.
-    pub(super) fn is_twin(&self, owner: Owner, j: usize, work: &[f64]) -> bool {
-        let (s, x, i) = (self.s, self.request.x, owner.contact);
-        let latched = |j: usize| s.contacts[j].latch.map(|latch| x[latch]);
-        j > i
-            && j < s.contacts.len()
-            && s.symmetry.are_equal(i, j)
-            && self.motion.parts[i].state == self.motion.parts[j].state
-            && latched(i) == latched(j)
-            && work[self.layout.stretches + i] == work[self.layout.stretches + j]
-            && self.rate(i, 0, &x[s.n..], work) == self.rate(j, 0, &x[s.n..], work)
-            // What else moves their bodies is equal too.
-            && s.is_symmetric(&self.motion.mode, x)
-    }
-
-    /// `y`, its powers and `w = q y^(q−1)` at order `k`.
-    fn clock_series(&self, owner: Owner, k: usize, work: &mut [f64]) {
-        let layout = self.layout;
-        let side = self.motion.parts[owner.contact].side;
-        let q = owner.root as usize;
+    /// `y`, its powers and `w = q y^(q−1)` at order `k`, by the `rate` of the owner at the order before.
+    fn clock_series(&self, owner: usize, root: u32, rate: f64, k: usize, work: &mut [f64]) {
+        let (layout, q) = (self.layout, root as usize);
         if k > 0 {
-            work[layout.y(1) + k] = self.h / k as f64 * side * work[layout.of(owner.contact, RATE) + k - 1];
+            work[layout.y(1) + k] = self.h / k as f64 * self.motion.parts[owner].side * rate;
         }
         for m in 2..q {
             work[layout.y(m) + k] = product(work, layout.y(m - 1), layout.y(1), k);
         }
-        work[layout.clock + k] = match q {
-            1 => f64::from(u8::from(k == 0)),
-            _ => q as f64 * work[layout.y(q - 1) + k],
-        };
+        work[layout.clock + k] = q as f64 * work[layout.y(q - 1) + k];
     }
 
     /// The force of a contact without a power law at order `k`; that of one at rest follows from the accelerations.
-    fn linear_force(&self, j: usize, k: usize, work: &mut [f64]) -> f64 {
+    fn linear_force(&self, j: usize, rate: f64, k: usize, work: &mut [f64]) -> f64 {
         match self.motion.parts[j].force() {
-            Some(Force::Linear { stiffness, damping }) => {
-                self.spring(j, stiffness, k, work) + damping * work[self.layout.of(j, RATE) + k]
-            }
+            Some(Force::Linear { stiffness, damping }) => self.spring(j, stiffness, k, work) + damping * rate,
             _ => 0.0,
         }
     }
@@ -325,19 +439,18 @@ impl Expansion<'_> {
     /// Whether contact `j` is leaving and so near its end that the rest of its force changes neither its rate nor, in
     /// proportion, its penetration: with `p/|ṗ|` left, by `K p^(n+1)/(m ṗ²)`. Where it leaves together with the clock's
     /// owner its branch point would hold up every step.
-    fn leaves_unfelt(&self, j: usize, n: f64, work: &[f64]) -> bool {
+    fn leaves_unfelt(&self, j: usize, n: f64, rate: f64, work: &[f64]) -> bool {
         let c = &self.s.contacts[j];
         let p = work[self.layout.of(j, PENETRATION)];
-        let rate = self.motion.parts[j].side * work[self.layout.of(j, RATE)];
         rate < 0.0 && p > 0.0 && c.spec.stiffness.mean() * c.mobility * libm::pow(p, n + 1.0) <= UNFELT * rate * rate
     }
 
-    /// `pⁿ` at order `k`.
-    fn power(&self, owner: Owner, j: usize, law: PowerLaw, k: usize, work: &mut [f64]) {
+    /// `pⁿ` at order `k` of a contact with the `rate` ṗ at the start.
+    fn power(&self, clock: &StepClock, j: usize, law: PowerLaw, (k, rate): (usize, f64), work: &mut [f64]) {
         let layout = self.layout;
         let (p, u) = (layout.of(j, PENETRATION), layout.of(j, POWER));
         let exponent = law.exponent;
-        if owner.contact == j && owner.root == exponent.q {
+        if clock.owner == Some(j) && clock.root == exponent.q {
             // n = a + r/q: pⁿ = p^a y^r, products only.
             let (a, r) = ((exponent.p / exponent.q) as usize, (exponent.p % exponent.q) as usize);
             let mut series = p;
@@ -357,7 +470,7 @@ impl Expansion<'_> {
         // (the owner's q; twice as many from rest), and pⁿ = θ^(mn) βⁿ; βⁿ by the recurrence of a power of a series. Where mn
         // is not whole there is no power series: the force is left out, and the step so short that it changes nothing.
         let n = exponent.value();
-        if k > 0 && work[u] == 0.0 && work[p] > 0.0 || k == 0 && self.leaves_unfelt(j, n, work) {
+        if k > 0 && work[u] == 0.0 && work[p] > 0.0 || k == 0 && self.leaves_unfelt(j, n, rate, work) {
             work[u + k] = 0.0;
             return;
         }

@@ -65,11 +65,13 @@ impl Motion<'_> {
         for k in 1..ROW {
             powers[k] = powers[k - 1] * step.reach;
         }
-        let rows = Rows { motion: self, step, is_rooted: !step.time.is_empty(), powers };
+        let rows = Rows { motion: self, step, is_pressed: step.is_estimate, powers };
         let mut sum = [0.0; TWICE];
         let mut is_any = false;
         match what {
-            Shown::Time if rows.is_rooted => return out.extend(step.time.iter().zip(&powers).map(|(t, p)| t * p)),
+            Shown::Time if !step.time.is_empty() => {
+                return out.extend(step.time.iter().zip(&powers).map(|(t, p)| t * p));
+            }
             Shown::Time => return out.extend([0.0, step.span * step.reach]),
             Shown::Deflection(j) => return out.extend_from_slice(&rows.deflection(j)),
             Shown::Transmission(j) => return out.extend_from_slice(&rows.transmission(j)),
@@ -102,7 +104,8 @@ impl Motion<'_> {
 struct Rows<'a> {
     motion: &'a Motion<'a>,
     step: &'a Jet,
-    is_rooted: bool,
+    /// Power laws are closed: all series that the recurrence has formed are there.
+    is_pressed: bool,
     /// Of the reach. A step may be far shorter than what its coefficients belong to: their products would overflow.
     powers: Series,
 }
@@ -153,7 +156,7 @@ impl Rows<'_> {
     /// `δ̇`. The linear recurrence does without it.
     #[inline(always)]
     fn rate(&self, j: usize) -> Series {
-        if self.is_rooted || !self.motion.is_linear {
+        if self.is_pressed || !self.motion.is_linear {
             return self.work(j, RATE);
         }
         let deflection = self.deflection(j);
@@ -179,9 +182,9 @@ impl Rows<'_> {
                 Some(series)
             }
             Force::Held => Some(self.work(j, FORCE)),
-            _ if self.is_rooted => Some(self.work(j, CARRIED)),
+            _ if self.is_pressed => Some(self.work(j, CARRIED)),
             Force::Linear { .. } => Some(self.work(j, FORCE)),
-            // In plain time only what is leaving at this very instant.
+            // What is leaving at this very instant.
             Force::Power { .. } => None,
         }
     }
@@ -203,7 +206,7 @@ impl Rows<'_> {
     fn loss(&self, j: usize, sum: &mut Product) -> bool {
         match self.force_of(j) {
             Some(Force::Linear { damping, .. }) if damping != 0.0 => add_square(sum, damping, &self.rate(j)),
-            Some(force @ Force::Power { stiffness, .. }) if self.is_rooted && force.chi(&self.step.state) != 0.0 => {
+            Some(force @ Force::Power { stiffness, .. }) if self.is_pressed && force.chi(&self.step.state) != 0.0 => {
                 let mut square = [0.0; TWICE];
                 add_square(&mut square, force.chi(&self.step.state) * stiffness, &self.work(j, RATE));
                 add_product(sum, 1.0, &self.work(j, POWER), &square);
@@ -245,7 +248,7 @@ impl Rows<'_> {
     /// How the force of contact `j` changes, times `dt/dθ`; `None` for zero.
     fn change(&self, j: usize, what: Shown) -> Option<Series> {
         let force = self.force_of(j)?;
-        let clock: Series = match self.is_rooted {
+        let clock: Series = match !self.step.time.is_empty() {
             true => gather(
                 self.step.time[1..].iter().zip(&self.powers[1..]).enumerate().map(|(k, (t, p))| (k + 1) as f64 * t * p),
             ),
@@ -260,13 +263,13 @@ impl Rows<'_> {
             (Force::Linear { stiffness: Elasticity::Constant(k), .. }, Shown::ByDeflection(_)) => {
                 Some(scaled(k, clock))
             }
-            (Force::Linear { .. }, Shown::ByDeflection(_)) if self.is_rooted => {
+            (Force::Linear { .. }, Shown::ByDeflection(_)) if self.is_pressed => {
                 Some(times(&self.work(j, STIFFNESS), &clock))
             }
             (Force::Linear { .. }, Shown::ByDeflection(_)) => Some(times(&self.stiffness(j), &clock)),
             (Force::Linear { damping, .. }, Shown::ByRate(_)) => Some(scaled(damping, clock)),
-            // In plain time only what is leaving at this very instant.
-            (Force::Power { .. }, _) if !self.is_rooted => None,
+            // What is leaving at this very instant.
+            (Force::Power { .. }, _) if !self.is_pressed => None,
             (Force::Power { law, stiffness, .. }, Shown::ByDeflection(_)) => {
                 // A force that is left out does not change either.
                 if self.work(j, POWER).iter().all(|c| *c == 0.0) {
@@ -291,9 +294,10 @@ impl Rows<'_> {
     /// `pⁿ⁻¹` of a closed power law; `None` where it has no series, and the force is left out.
     fn slope(&self, j: usize, law: PowerLaw) -> Option<Series> {
         let layout = &self.motion.layout;
-        let (p, owner) = (self.work(j, PENETRATION), self.step.work[layout.owner]);
+        let p = self.work(j, PENETRATION);
+        let owner = Some(self.step.work[layout.owner]).filter(|owner| *owner >= 0.0).map(|owner| owner as usize);
         let (m, q) = (law.exponent.p as usize, law.exponent.q as usize);
-        let owns = owner >= 0.0 && (owner as usize == j || self.work(owner as usize, PENETRATION) == p);
+        let owns = owner == Some(j) || self.motion.goes_with(owner, j, &self.step.state, &self.step.work);
         if owns {
             // `p = y^q`: `pⁿ⁻¹ = y^(m − q)`, products only.
             let y = self.every(1, &self.step.work[layout.y(1)..]);
@@ -371,7 +375,7 @@ impl Rows<'_> {
         let work = &self.step.work;
         sum(waves.map(|w| {
             let o = Layout::oscillator(w.index);
-            if self.is_rooted {
+            if self.is_pressed {
                 return std::array::from_fn(|k| (w.cosine * work[o + k] + w.sine * work[o + ROW + k]) * self.powers[k]);
             }
             let omega = self.motion.structure.oscillators[w.index].omega;

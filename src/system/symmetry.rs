@@ -109,11 +109,6 @@ impl Symmetry {
         }
     }
 
-    /// Whether contacts `i` and `j` are equal by the numbers of the train.
-    pub fn are_equal(&self, i: usize, j: usize) -> bool {
-        self.contacts.iter().any(|class| class.contains(&i) && class.contains(&j))
-    }
-
     /// Whether all contacts of each class are in the same state, as `state` gives it.
     pub fn agree<T: PartialEq>(&self, state: impl Fn(usize) -> T) -> bool {
         self.contacts.iter().all(|class| class.iter().all(|j| state(*j) == state(class[0])))
