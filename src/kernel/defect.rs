@@ -12,7 +12,7 @@ use super::{
     Elasticity, Expansion, Force, LANES, Layout, ORDER, PENETRATION, POWER, ROW, STIFFNESS,
     bound::root_below,
     fours::{Does, FourSeries, Sums},
-    rooted::StepClock,
+    rooted::{Room, StepClock},
     sizes::{Factor, Sizes, beyond, paired, sizes, tails, total},
 };
 use crate::{
@@ -113,9 +113,11 @@ impl Expansion<'_> {
     #[inline(always)]
     pub(super) fn rooted_reach(&self, clock: &StepClock, out: &Jet) -> Option<(f64, Defect)> {
         let goal = self.request.tolerance;
-        let fours = &*self.motion.scratch.borrow();
-        let largest = self.largest(fours, out);
-        let trial = |theta| self.s.instructions.run(Trial { step: self, clock, theta, largest: &largest, fours, out });
+        let room = &*self.motion.room.borrow();
+        let largest = self.largest(room, out);
+        let trial = |theta| {
+            self.s.instructions.run(Trial { step: self, clock, theta, largest: &largest, fours: &room.fours, out })
+        };
         let (mut low, mut high): (Option<(f64, Defect)>, f64) = (None, f64::INFINITY);
         let row = ROW as f64;
         let guess = GUESSED * self.guess(clock, &largest);
@@ -157,27 +159,28 @@ impl Expansion<'_> {
     }
 
     #[inline(always)]
-    fn largest(&self, fours: &[FourSeries], out: &Jet) -> Largest {
-        let (s, layout, work) = (self.s, self.layout, &out.work);
+    fn largest(&self, room: &Room, out: &Jet) -> Largest {
+        let (s, work) = (self.s, &out.work);
         let zero = [0.0; ROW];
         let mut largest = Largest { velocity: zero, acceleration: zero, rate: zero, felt: zero, ring: zero };
-        let weighted = |row: &[f64]| {
-            let mut most = [0.0; LANES];
-            let ((fours, rest), (by_four, by_rest)) = (row.as_chunks::<LANES>(), s.weights.as_chunks::<LANES>());
-            for (x, w) in fours.iter().zip(by_four) {
-                for l in 0..LANES {
-                    let size = x[l].abs() * w[l];
-                    most[l] = if size > most[l] { size } else { most[l] };
+        let blocks = &s.columns.blocks;
+        let largest_of = |rows: &[[f64; LANES]]| -> Sizes {
+            let mut sizes = [0.0; ROW];
+            for (size, row) in sizes.iter_mut().zip(rows.chunks_exact(blocks.len())) {
+                let mut most = [0.0; LANES];
+                for (x, block) in row.iter().zip(blocks) {
+                    for l in 0..LANES {
+                        let weighted = x[l].abs() * block.weights[l];
+                        most[l] = if weighted > most[l] { weighted } else { most[l] };
+                    }
                 }
+                *size = most.into_iter().fold(0.0, f64::max);
             }
-            let rest = rest.iter().zip(by_rest).map(|(x, w)| x.abs() * w);
-            most.into_iter().chain(rest).fold(0.0, f64::max)
+            sizes
         };
-        for k in 0..=ORDER {
-            largest.velocity[k] = weighted(&out.state[k * s.dim + s.n..k * s.dim + 2 * s.n]);
-            largest.acceleration[k] = weighted(&work[layout.accelerations + k * s.n..][..s.n]);
-        }
-        for four in fours {
+        largest.velocity = largest_of(&room.velocities);
+        largest.acceleration = largest_of(&room.accelerations);
+        for four in &room.fours {
             for k in 0..ROW {
                 for l in 0..LANES {
                     let rate = four.rate[k][l].abs();

@@ -1,7 +1,9 @@
 //! Series of four contacts side by side, and their products.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use super::{LANES, ROW};
+use std::hint::black_box;
+
+use super::{LANES, ORDER, ROW};
 use crate::{
     gear::contact::PowerLaw,
     vectors::{Path, fused},
@@ -37,11 +39,16 @@ impl Does {
 pub(super) struct FourSeries {
     pub rate: [[f64; LANES]; ROW],
     pub penetration: [[f64; LANES]; ROW],
-    pub power: [[f64; LANES]; ROW],
+    /// `pⁿ`, the highest order first.
+    pub backward: [[f64; LANES]; ROW],
+    /// `l (n + 1) p_l`.
+    pub raised: [[f64; LANES]; ROW],
     pub factor: [[f64; LANES]; ROW],
     /// Forces carried.
     pub force: [[f64; LANES]; ROW],
     pub does: [Does; LANES],
+    /// Some of them have a way of their own.
+    pub is_mixed: bool,
     pub side: [f64; LANES],
     pub exponent: [f64; LANES],
     /// Penetrations at the start; 1 for those that do without.
@@ -59,10 +66,12 @@ impl Default for FourSeries {
         Self {
             rate: rows,
             penetration: rows,
-            power: rows,
+            backward: rows,
+            raised: rows,
             factor: rows,
             force: rows,
             does: [Does::Nothing; LANES],
+            is_mixed: false,
             side: [1.0; LANES],
             exponent: zeros,
             start: [1.0; LANES],
@@ -75,28 +84,42 @@ impl Default for FourSeries {
 }
 
 impl FourSeries {
-    /// `pⁿ` at order `k`, of those that are pressed: `k p_0 u_k = Σ (l (n + 1) − k) p_l u_{k−l}`.
+    /// At order `k`, `pⁿ` of those that are pressed, and the terms of `pⁿ (1 + χ ṗ)` without the one of that order of pⁿ:
+    /// `k p_0 u_k = Σ (l (n + 1) − k) p_l u_{k−l}` and `Σ f_l u_{k−l}`, l from 1 on.
     #[inline(always)]
-    pub fn powers<P: Path>(&self, k: usize) -> [f64; LANES] {
-        let mut powers = [0.0; LANES];
+    pub fn powers<P: Path>(&mut self, k: usize) -> [[f64; LANES]; 2] {
+        let zero = [0.0; LANES];
         if k == 0 {
-            let pressed =
-                self.does.iter().zip(&mut powers).enumerate().filter(|(_, (does, _))| matches!(does, Does::Pressed));
-            pressed.for_each(|(l, (_, power))| *power = libm::pow(self.start[l], self.exponent[l]));
-            return powers;
+            let mut power = zero;
+            let pressed = self.does.iter().enumerate().filter(|(_, does)| matches!(does, Does::Pressed));
+            pressed.for_each(|(l, _)| power[l] = libm::pow(self.start[l], self.exponent[l]));
+            return [power, zero];
         }
-        let mut l = 0.0;
-        for (p, u) in self.penetration[1..=k].iter().zip(self.power[..k].iter().rev()) {
-            l += 1.0;
-            for i in 0..LANES {
-                let weight = fused::<P>(l, self.exponent[i] + 1.0, -(k as f64));
-                powers[i] = fused::<P>(weight * p[i], u[i], powers[i]);
+        let (p, order) = (self.penetration[k], k as f64);
+        for l in 0..LANES {
+            self.raised[k][l] = order * (self.exponent[l] + 1.0) * p[l];
+        }
+        let (mut raised, mut plain, mut product) = (zero, zero, zero);
+        let terms = self.raised[1..=k].iter().zip(&self.penetration[1..=k]).zip(&self.factor[1..=k]);
+        for (((r, p), f), u) in terms.zip(&self.backward[ROW - k..]) {
+            for l in 0..LANES {
+                raised[l] = fused::<P>(r[l], u[l], raised[l]);
+                plain[l] = fused::<P>(p[l], u[l], plain[l]);
+                product[l] = fused::<P>(f[l], u[l], product[l]);
             }
         }
-        for i in 0..LANES {
-            powers[i] /= k as f64 * self.start[i];
+        // Otherwise the compiler takes the vectors apart, as some lanes go their own way later.
+        let [raised, plain, product] = black_box([raised, plain, product]);
+        let mut power = zero;
+        for l in 0..LANES {
+            power[l] = fused::<P>(-order, plain[l], raised[l]) / (order * self.start[l]);
         }
-        powers
+        [power, product]
+    }
+
+    /// Where `pⁿ` of order `k` is.
+    pub fn power(&mut self, k: usize) -> &mut [f64; LANES] {
+        &mut self.backward[ORDER - k]
     }
 }
 
@@ -119,77 +142,36 @@ impl FourSeries {
         let size = |series: &[[f64; LANES]; ROW]| -> [[f64; LANES]; ROW] {
             std::array::from_fn(|k| std::array::from_fn(|l| series[k][l].abs() * powers[k]))
         };
+        let backward = std::array::from_fn(|k| std::array::from_fn(|l| self.backward[k][l].abs() * powers[ORDER - k]));
         let sum = |sizes: &[[f64; LANES]; ROW]| {
             sizes.iter().fold([0.0; LANES], |sum, size| std::array::from_fn(|l| sum[l] + size[l]))
         };
-        let (p, u, f) = (size(&self.penetration), size(&self.power), size(&self.factor));
+        let (p, u, f): (_, [[f64; LANES]; ROW], _) = (size(&self.penetration), backward, size(&self.factor));
         let (mut shortened, mut product) = ([0.0; LANES], [0.0; LANES]);
         // `Σ_{i+j>N} a_i b_j`, the last of b summed on the way.
         let (mut last_power, mut last_factor) = ([0.0; LANES], [0.0; LANES]);
         for i in 1..ROW {
             for l in 0..LANES {
-                last_power[l] += u[ROW - i][l];
+                last_power[l] += u[i - 1][l];
                 last_factor[l] += f[ROW - i][l];
                 shortened[l] = fused::<P>(p[i][l], last_power[l], shortened[l]);
-                product[l] = fused::<P>(u[i][l], last_factor[l], product[l]);
+                product[l] = fused::<P>(u[ORDER - i][l], last_factor[l], product[l]);
             }
         }
         Sums { start: p[0], penetration: sum(&p), factor: sum(&f), shortened, product }
     }
 }
 
-/// `Σ w_i rows_{k−i}` into `out`, whose length the rows have; they begin `stride` apart. Sixteen columns at a time stay in registers.
+/// `Σ w_i rows_{k−i}`; row k is `at`, and the others `stride` apart before it.
 #[inline(always)]
-pub(super) fn convolve<P: Path>(weights: &[f64], rows: &[f64], stride: usize, out: &mut [f64]) {
-    let mut at = 0;
-    while at < out.len() {
-        let left = out.len() - at;
-        let (rows, out) = (&rows[at..], &mut out[at..]);
-        at += match left {
-            16.. => columns::<P, 16>(weights, rows, stride, out),
-            8.. => columns::<P, 8>(weights, rows, stride, out),
-            4.. => columns::<P, 4>(weights, rows, stride, out),
-            _ => columns::<P, 1>(weights, rows, stride, out),
-        };
-    }
-}
-
-/// The first `W` columns.
-#[inline(always)]
-fn columns<P: Path, const W: usize>(weights: &[f64], rows: &[f64], stride: usize, out: &mut [f64]) -> usize {
-    let mut sums = [0.0; W];
-    let last = weights.len() - 1;
-    for (i, w) in weights.iter().enumerate() {
-        if let Some(row) = rows[(last - i) * stride..].first_chunk::<W>() {
-            for c in 0..W {
-                sums[c] = fused::<P>(*w, row[c], sums[c]);
-            }
-        }
-    }
-    out[..W].copy_from_slice(&sums);
-    W
-}
-
-/// `Σ w_i rows_{k−i}`.
-#[inline(always)]
-pub(super) fn lanes<P: Path>(weights: &[f64], rows: &[[f64; LANES]]) -> [f64; LANES] {
-    let mut sums = [0.0; LANES];
-    for (w, row) in weights.iter().zip(rows.iter().rev()) {
+pub(super) fn convolved<P: Path>(weights: &[f64], rows: &[[f64; LANES]], stride: usize, at: usize) -> [f64; LANES] {
+    let (mut sums, mut at) = ([0.0; LANES], at);
+    for w in weights {
+        let Some(row) = rows.get(at) else { break };
         for l in 0..LANES {
             sums[l] = fused::<P>(*w, row[l], sums[l]);
         }
-    }
-    sums
-}
-
-/// `Σ a_i b_{k−i}`.
-#[inline(always)]
-pub(super) fn convolved<P: Path>(a: &[[f64; LANES]], b: &[[f64; LANES]]) -> [f64; LANES] {
-    let mut sums = [0.0; LANES];
-    for (a, b) in a.iter().zip(b.iter().rev()) {
-        for l in 0..LANES {
-            sums[l] = fused::<P>(a[l], b[l], sums[l]);
-        }
+        at = at.wrapping_sub(stride);
     }
     sums
 }

@@ -43,16 +43,14 @@ use crate::vectors::{Path, Work};
 const ORDER: usize = 24;
 /// Room for one series.
 const ROW: usize = ORDER + 1;
-/// Series of one contact: rate, the law's force, the force carried, penetration, its power,
-/// stiffness, hysteresis factor `1 + χ ṗ`.
-const CONTACT_ROWS: usize = 7;
+/// Series of one contact: rate, the law's force, penetration, its power, stiffness, hysteresis factor `1 + χ ṗ`.
+const CONTACT_ROWS: usize = 6;
 const RATE: usize = 0;
 const FORCE: usize = 1;
 const PENETRATION: usize = 2;
 const POWER: usize = 3;
 const STIFFNESS: usize = 4;
 const FACTOR: usize = 5;
-const CARRIED: usize = 6;
 
 /// Deflections are kept four contacts side by side.
 const LANES: usize = 4;
@@ -260,18 +258,25 @@ impl Motion<'_> {
     #[inline(always)]
     fn expand<P: Path>(&self, request: &JetRequest<'_>, out: &mut Jet) {
         let (s, layout) = (self.structure, &self.layout);
-        out.dim = s.dim;
+        if out.dim != s.dim {
+            // Latched speeds have no terms but the first.
+            out.dim = s.dim;
+            out.state.clear();
+        }
         out.state.resize(ROW * s.dim, 0.0);
         out.work.resize(layout.len, 0.0);
-        let clock = self.step_clock(request);
         out.order = ORDER;
-        let h = clock.as_ref().map_or(request.span, |clock| self.clock_span(request, clock));
+        let mut e = Expansion { s, motion: self, request, layout, h: request.span };
+        e.start(out);
+        let clock = if self.is_pressed { e.step_clock(&out.work) } else { None };
+        if let Some(clock) = &clock {
+            e.h = e.clock_span(clock, &out.work);
+        }
         let owner = clock.and_then(|clock| clock.owner.filter(|_| !clock.is_plain()));
         out.work[layout.owner] = owner.map_or(-1.0, |owner| owner as f64);
         out.work[layout.since] = clock.map_or(f64::NAN, |clock| clock.since);
-        let mut e = Expansion { s, motion: self, request, layout, h };
         let tail = loop {
-            e.start(out);
+            out.low.clear();
             match &clock {
                 None if self.is_linear => e.linear::<P>(out),
                 None => e.plain(out),
@@ -319,11 +324,6 @@ impl Expansion<'_> {
         let (s, layout, dim) = (self.s, self.layout, self.s.dim);
         out.low.clear();
         out.state[..dim].copy_from_slice(self.request.x);
-        if dim > 2 * s.n {
-            for k in 1..=ORDER {
-                out.state[k * dim + 2 * s.n..(k + 1) * dim].fill(0.0);
-            }
-        }
         let work = &mut out.work;
         s.oscillate(self.request.at, |i, cosine, sine| {
             work[Layout::oscillator(i)] = cosine;

@@ -8,10 +8,10 @@ use std::{
 use super::{
     Layout,
     bound::{Forcing, Growth},
-    fours::FourSeries,
     linear::{Four, LARGEST},
     pressed::Pressed,
     propagator::Propagator,
+    rooted::Room,
 };
 use crate::{
     hybrid::{GuardId, JetField, Mode},
@@ -76,12 +76,14 @@ pub(super) struct Motion<'s> {
     pub(super) growth: Growth,
     /// No power law is inside its flank's zone, nothing rests, and the degrees of freedom are few enough for the fast path.
     pub(super) is_linear: bool,
+    /// Some power law is closed.
+    pub(super) is_pressed: bool,
     /// Some stiffness is a series.
     pub(super) is_varying: bool,
     /// The contacts four at a time.
     pub(super) fours: Box<[Four]>,
-    /// Room for series in a root clock.
-    pub(super) scratch: RefCell<Vec<FourSeries>>,
+    /// Room for series of closed power laws.
+    pub(super) room: RefCell<Room>,
     /// Formed when it is first asked for.
     pub(super) propagator: OnceCell<Option<Rc<Propagator>>>,
     /// As well.
@@ -110,11 +112,12 @@ impl<'s> Motion<'s> {
             growth: Growth::new(structure, &forcing, &parts, held.as_ref()),
             forcing,
             is_linear: structure.n <= LARGEST && parts.iter().all(is_affine),
+            is_pressed: parts.iter().any(Part::is_pressed),
             is_varying: parts.iter().any(varies),
             fours: Four::all(&parts),
             held,
             parts,
-            scratch: RefCell::default(),
+            room: RefCell::default(),
             propagator: OnceCell::new(),
             pressed: OnceCell::new(),
         }

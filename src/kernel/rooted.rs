@@ -3,21 +3,34 @@
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
 use super::{
-    CARRIED, Elasticity, Expansion, FACTOR, FORCE, Force, LANES, Layout, Motion, ORDER, PENETRATION, POWER, RATE, ROW,
+    Elasticity, Expansion, FACTOR, FORCE, Force, LANES, Layout, Motion, ORDER, PENETRATION, POWER, RATE, ROW,
     STIFFNESS,
-    fours::{Does, FourSeries, convolve, convolved, lanes},
+    fours::{Does, FourSeries, convolved},
     guards::ROUNDING,
     product, waves,
 };
 use crate::{
     gear::contact::PowerLaw,
-    hybrid::{Jet, JetRequest},
-    system::{Spring, Watch, guard_id},
+    hybrid::Jet,
+    system::{Block, Spring},
     vectors::{Path, fused},
 };
 
 /// A change this much smaller than what it changes is far below rounding.
 const UNFELT: f64 = f64::EPSILON / 64.0;
+
+/// Room for the series of motions with closed power laws.
+#[derive(Debug, Default)]
+pub(super) struct Room {
+    /// Of the contacts.
+    pub fours: Vec<FourSeries>,
+    /// Of displacements, velocities and accelerations, in blocks of four, order by order.
+    pub displacements: Vec<[f64; LANES]>,
+    pub velocities: Vec<[f64; LANES]>,
+    pub accelerations: Vec<[f64; LANES]>,
+    /// Forces of one order.
+    forces: Vec<f64>,
+}
 
 /// The clock of a step while power laws are closed, `dt = h w(θ) dθ`.
 ///
@@ -73,46 +86,6 @@ const RADIANS: f64 = 2.5;
 const LONGEST: f64 = 4.0;
 
 impl Motion<'_> {
-    /// The clock of a step from where `request` is. None if all power laws that are closed are just leaving.
-    pub(super) fn step_clock(&self, request: &JetRequest<'_>) -> Option<StepClock> {
-        let mut nearest: Option<(f64, usize, PowerLaw)> = None;
-        let (mut starts, mut root, mut stiffness) = (false, 1, self.growth.frequency().powi(2));
-        for (j, part) in self.parts.iter().enumerate().filter(|(_, part)| part.is_pressed()) {
-            let Some(Force::Power { law, stiffness: k, .. }) = part.force() else { continue };
-            let (p, rate) = self.penetration(j, request);
-            if p <= 0.0 && rate < 0.0 {
-                // It leaves at this very instant; its clock would run backwards.
-                continue;
-            }
-            let time = if p <= 0.0 { 0.0 } else { p / rate.abs() };
-            starts |= p <= 0.0 && rate > 0.0;
-            root = root.max(law.exponent.q);
-            if p > 0.0 {
-                let c = &self.structure.contacts[j];
-                stiffness += c.push_norm * c.across * k * law.exponent.value() * law.exponent.power(p) / p;
-            }
-            // Of those that are as near the first one.
-            if nearest.is_none_or(|(t, ..)| time < (1.0 - TOGETHER) * t) {
-                nearest = Some((time, j, law));
-            }
-        }
-        let (time, contact, law) = nearest?;
-        let usual = RADIANS / stiffness.sqrt();
-        let span = LONGEST * usual;
-        let since = if starts { 0.0 } else { request.carried.get(self.parts.len()).copied().unwrap_or(f64::NAN) };
-        let plain = StepClock { owner: None, root: 1, start: 0.0, window: 2, span, since };
-        let window = (law.exponent.p + root) as usize;
-        if time == 0.0 {
-            // With neither penetration nor speed a root clock stands still, and `p ~ t²` has its root already.
-            return Some(if starts { StepClock { root, window, ..plain } } else { StepClock { window, ..plain } });
-        }
-        if since < STARTED * usual && since <= BEHIND * time {
-            return Some(StepClock { root, start: libm::pow(since, f64::from(root).recip()), window, ..plain });
-        }
-        let owner = (time < NEAR * usual).then_some(contact);
-        Some(if owner.is_some() { StepClock { owner, root: law.exponent.q, window, ..plain } } else { plain })
-    }
-
     /// Whether contact `j` leaves together with the `owner` of a root clock, which comes before it: planets in phase do. In the root of one
     /// penetration alone another one has a branch point beside its end. `p_jⁿ = pⁿ + n pⁿ⁻¹ (p_j − p) + …` has none, and what follows is
     /// as the square of the difference. `x` is the state at the start of the step.
@@ -133,27 +106,98 @@ impl Motion<'_> {
             && (p - other).abs() <= TOGETHER * p + ROUNDING * size
             && (rate - other_rate).abs() <= TOGETHER * rate.abs() + ROUNDING * rate_size
     }
+}
 
-    fn penetration(&self, j: usize, request: &JetRequest<'_>) -> (f64, f64) {
-        let (s, side) = (self.structure, self.parts[j].side);
-        let (deflection, rate) = s.deflection(j, request.at, request.x);
-        let flank = if side > 0.0 { Watch::DriveFlank } else { Watch::BackFlank };
-        let p = match request.carried.get(j) {
-            _ if request.pinned.contains(guard_id(j, flank)) => 0.0,
-            Some(stretch) if !stretch.is_nan() => (side * stretch).max(0.0),
-            _ => (side * deflection - s.contacts[j].gap()).max(0.0),
-        };
-        (p, side * rate)
+impl Block {
+    /// The accelerations of the block at order `k`, of displacements and velocities of all degrees of freedom, forces and oscillators.
+    #[inline(always)]
+    fn acceleration<P: Path>(
+        &self,
+        number: usize,
+        k: usize,
+        (q, v): (&[f64], &[f64]),
+        forces: &[f64],
+        waves: impl Fn(usize) -> [f64; 2],
+    ) -> [f64; LANES] {
+        let mut a = if k == 0 { self.load } else { [0.0; LANES] };
+        let (own_q, own_v) = (&q.as_chunks::<LANES>().0[number], &v.as_chunks::<LANES>().0[number]);
+        for l in 0..LANES {
+            a[l] = fused::<P>(self.by_q[l], own_q[l], fused::<P>(self.by_v[l], own_v[l], a[l]));
+        }
+        for (j, by_q, by_v) in &self.couplings {
+            let (q, v) = (q[*j], v[*j]);
+            for l in 0..LANES {
+                a[l] = fused::<P>(by_q[l], q, fused::<P>(by_v[l], v, a[l]));
+            }
+        }
+        for (i, cosine, sine) in &self.waves {
+            let [cos, sin] = waves(*i);
+            for l in 0..LANES {
+                a[l] = fused::<P>(cosine[l], cos, fused::<P>(sine[l], sin, a[l]));
+            }
+        }
+        for (j, push) in &self.pushes {
+            let force = -forces[*j];
+            for l in 0..LANES {
+                a[l] = fused::<P>(push[l], force, a[l]);
+            }
+        }
+        a
+    }
+}
+
+impl Expansion<'_> {
+    /// The clock of the step. None if all power laws that are closed are just leaving.
+    pub(super) fn step_clock(&self, work: &[f64]) -> Option<StepClock> {
+        let (s, motion, request) = (self.s, self.motion, self.request);
+        let mut nearest: Option<(f64, usize, PowerLaw)> = None;
+        let (mut starts, mut root, mut stiffness) = (false, 1, motion.growth.frequency().powi(2));
+        for (j, part) in motion.parts.iter().enumerate().filter(|(_, part)| part.is_pressed()) {
+            let Some(Force::Power { law, stiffness: k, .. }) = part.force() else { continue };
+            let p = (part.side * work[self.layout.stretches + j]).max(0.0);
+            let rate = part.side * self.rate(j, 0, &request.x[s.n..], work);
+            if p <= 0.0 && rate < 0.0 {
+                // It leaves at this very instant; its clock would run backwards.
+                continue;
+            }
+            let time = if p <= 0.0 { 0.0 } else { p / rate.abs() };
+            starts |= p <= 0.0 && rate > 0.0;
+            root = root.max(law.exponent.q);
+            if p > 0.0 {
+                let c = &s.contacts[j];
+                stiffness += c.push_norm * c.across * k * law.exponent.value() * law.exponent.power(p) / p;
+            }
+            // Of those that are as near the first one.
+            if nearest.is_none_or(|(t, ..)| time < (1.0 - TOGETHER) * t) {
+                nearest = Some((time, j, law));
+            }
+        }
+        let (time, contact, law) = nearest?;
+        let usual = RADIANS / stiffness.sqrt();
+        let span = LONGEST * usual;
+        let since = if starts { 0.0 } else { request.carried.get(motion.parts.len()).copied().unwrap_or(f64::NAN) };
+        let plain = StepClock { owner: None, root: 1, start: 0.0, window: 2, span, since };
+        let window = (law.exponent.p + root) as usize;
+        if time == 0.0 {
+            // With neither penetration nor speed a root clock stands still, and `p ~ t²` has its root already.
+            return Some(if starts { StepClock { root, window, ..plain } } else { StepClock { window, ..plain } });
+        }
+        if since < STARTED * usual && since <= BEHIND * time {
+            return Some(StepClock { root, start: libm::pow(since, f64::from(root).recip()), window, ..plain });
+        }
+        let owner = (time < NEAR * usual).then_some(contact);
+        Some(if owner.is_some() { StepClock { owner, root: law.exponent.q, window, ..plain } } else { plain })
     }
 
     /// A first guess of the clock's span: it reaches the bound in time, or is longer than any step.
-    pub(super) fn clock_span(&self, request: &JetRequest<'_>, clock: &StepClock) -> f64 {
-        let span = request.span.min(clock.span);
+    pub(super) fn clock_span(&self, clock: &StepClock, work: &[f64]) -> f64 {
+        let span = self.request.span.min(clock.span);
         let q = f64::from(clock.root);
         match clock.owner {
             _ if clock.is_plain() => span,
             Some(owner) => {
-                let (p, rate) = self.penetration(owner, request);
+                let p = (self.motion.parts[owner].side * work[self.layout.stretches + owner]).max(0.0);
+                let rate = self.rate(owner, 0, &self.request.x[self.s.n..], work);
                 // From the boundary: p = ṗ t and t = ṗ^(q−1) s^q. From inside: dt = q y^(q−1) ds.
                 let from_boundary = libm::pow(span / libm::pow(rate.abs(), q - 1.0), 1.0 / q);
                 let from_inside = span / (q * libm::pow(p, (q - 1.0) / q));
@@ -169,8 +213,8 @@ impl Expansion<'_> {
     /// All coefficients while power laws are closed.
     #[inline(always)]
     pub(super) fn rooted<P: Path>(&self, clock: &StepClock, out: &mut Jet) {
-        let (s, layout, h) = (self.s, self.layout, self.h);
-        let (n, dim) = (s.n, s.dim);
+        let (s, h) = (self.s, self.h);
+        let (n, dim, blocks) = (s.n, s.dim, s.columns.blocks.len());
         let Jet { state, work, time, .. } = out;
         time.clear();
         if !clock.is_plain() {
@@ -179,54 +223,69 @@ impl Expansion<'_> {
         let terms = clock.terms();
         self.begin_clock(clock, work);
         // Every number is written before it is read.
-        let fours = &mut *self.motion.scratch.borrow_mut();
+        let Room { fours, displacements, velocities, accelerations, forces } = &mut *self.motion.room.borrow_mut();
         fours.resize_with(s.columns.fours.len(), FourSeries::default);
+        forces.resize(LANES * fours.len(), 0.0);
+        for rows in [&mut *displacements, &mut *velocities, &mut *accelerations] {
+            rows.resize(ROW * blocks, [0.0; LANES]);
+        }
+        displacements.as_flattened_mut()[..n].copy_from_slice(&self.request.x[..n]);
+        velocities.as_flattened_mut()[..n].copy_from_slice(&self.request.x[n..2 * n]);
         for k in 0..=ORDER {
-            let (low, high) = state.split_at_mut((k + 1) * dim);
-            let (q, v) = low[k * dim..k * dim + 2 * n].split_at(n);
+            let row = k * blocks..(k + 1) * blocks;
+            let (q, v) = (displacements[row.clone()].as_flattened(), velocities[row.clone()].as_flattened());
             for (chunk, four) in fours.iter_mut().enumerate() {
-                self.rates::<P>(chunk, four, (k, terms), v, work);
+                self.rates::<P>(chunk, four, (k, terms), &v[..n], work);
             }
             if let Some(owner) = clock.owner.filter(|_| !clock.is_plain()) {
                 let rate = if k > 0 { fours[owner / LANES].rate[k - 1][owner % LANES] } else { 0.0 };
                 self.clock_series(owner, clock.root, rate, k, work);
             }
-            for (chunk, four) in fours.iter_mut().enumerate() {
+            for (chunk, (four, force)) in fours.iter_mut().zip(forces.as_chunks_mut().0).enumerate() {
                 if k == 0 {
                     self.begin(clock, chunk, four, work);
                 }
-                self.forces::<P>(clock, chunk, four, k, work);
+                *force = self.forces::<P>(clock, chunk, four, k, work);
             }
-            self.accelerations(k, q, v, work);
-            let a = &mut work[layout.accelerations + k * n..][..n];
-            for (four, columns) in fours.iter().zip(&s.columns.fours) {
-                for (push, force) in columns.pushes.iter().zip(&four.force[k]).filter(|(_, force)| **force != 0.0) {
-                    a.iter_mut().zip(push).for_each(|(a, p)| *a = fused::<P>(-p, *force, *a));
-                }
+            let waves = |i: usize| [0, ROW].map(|sine| work[Layout::oscillator(i) + sine + k]);
+            for (b, (block, a)) in s.columns.blocks.iter().zip(&mut accelerations[row.clone()]).enumerate() {
+                *a = block.acceleration::<P>(b, k, (q, v), forces, waves);
             }
             if let Some(held) = &self.motion.held {
+                let a = self.layout.accelerations + k * n;
+                work[a..a + n].copy_from_slice(&accelerations[row.clone()].as_flattened()[..n]);
                 self.hold(held, k, work);
+                accelerations[row.clone()].as_flattened_mut()[..n].copy_from_slice(&work[a..a + n]);
             }
             if k == ORDER {
                 break;
             }
-            let step = h / (k + 1) as f64;
-            let last = k.min(terms - 1);
+            let (step, last) = (h / (k + 1) as f64, k.min(terms - 1));
             let mut weights = [0.0; ROW];
-            weights.iter_mut().zip(&work[layout.clock..=layout.clock + last]).for_each(|(w, rate)| *w = step * rate);
+            let clock_row = &work[self.layout.clock..=self.layout.clock + last];
+            weights.iter_mut().zip(clock_row).for_each(|(w, rate)| *w = step * rate);
             let weights = &weights[..=last];
-            let (q1, v1) = high[..2 * n].split_at_mut(n);
-            convolve::<P>(weights, &low[(k - last) * dim + n..], dim, q1);
-            convolve::<P>(weights, &work[layout.accelerations + (k - last) * n..], n, v1);
+            for b in 0..blocks {
+                let at = k * blocks + b;
+                displacements[at + blocks] = convolved::<P>(weights, velocities, blocks, at);
+                velocities[at + blocks] = convolved::<P>(weights, accelerations, blocks, at);
+            }
+            let next = (k + 1) * blocks..(k + 2) * blocks;
+            let row = &mut state[(k + 1) * dim..];
+            row[..n].copy_from_slice(&displacements[next.clone()].as_flattened()[..n]);
+            row[n..2 * n].copy_from_slice(&velocities[next].as_flattened()[..n]);
             if let Some(time) = time.get_mut(k + 1) {
-                *time = step * work[layout.clock + k];
+                *time = step * work[self.layout.clock + k];
             }
             for (i, o) in s.oscillators.iter().enumerate() {
                 let c = Layout::oscillator(i);
-                let sum = |at: usize| {
-                    weights.iter().zip(work[at..=at + k].iter().rev()).fold(0.0, |sum, (w, wave)| sum + w * wave)
-                };
-                (work[c + k + 1], work[c + ROW + k + 1]) = (-o.omega * sum(c + ROW), o.omega * sum(c));
+                let [mut cosine, mut sine] = [0.0; 2];
+                for (i, w) in weights.iter().enumerate() {
+                    let at = c + k - i;
+                    cosine -= w * work[at + ROW];
+                    sine += w * work[at];
+                }
+                (work[c + k + 1], work[c + ROW + k + 1]) = (o.omega * cosine, o.omega * sine);
             }
         }
         fours.iter().enumerate().for_each(|(chunk, four)| self.keep(chunk, four, work));
@@ -263,9 +322,10 @@ impl Expansion<'_> {
             if !matches!(four.does[l], Does::Nothing | Does::Else) {
                 write(PENETRATION, &four.penetration);
                 write(FACTOR, &four.factor);
-                write(POWER, &four.power);
                 write(FORCE, &four.force);
-                write(CARRIED, &four.force);
+                if let Some(row) = work[self.layout.of(j, POWER)..].first_chunk_mut::<ROW>() {
+                    row.iter_mut().zip(four.backward.iter().rev()).for_each(|(c, lanes)| *c = lanes[l]);
+                }
             }
         }
     }
@@ -308,7 +368,7 @@ impl Expansion<'_> {
         if k > 0 {
             let terms = terms.min(k);
             let clock = &work[self.layout.clock..self.layout.clock + terms];
-            let sum = lanes::<P>(clock, &four.rate[k - terms..k]);
+            let sum = convolved::<P>(clock, &four.rate, 1, k - 1);
             let (step, mut deflection) = (self.h / k as f64, [0.0; LANES]);
             for l in 0..LANES {
                 deflection[l] = step * sum[l];
@@ -351,51 +411,61 @@ impl Expansion<'_> {
                 Does::Alone(law)
             };
         }
+        let is_lone = |does: &Does| matches!(does, Does::Alone(_) | Does::AsOwner(_) | Does::Else);
+        four.is_mixed = four.does.iter().any(is_lone);
     }
 
-    /// The forces of four contacts along their directions at order `k`, and what of them is carried.
+    /// The forces of four contacts along their directions that are carried at order `k`.
     #[inline(always)]
-    fn forces<P: Path>(&self, clock: &StepClock, chunk: usize, four: &mut FourSeries, k: usize, work: &mut [f64]) {
+    fn forces<P: Path>(
+        &self,
+        clock: &StepClock,
+        chunk: usize,
+        four: &mut FourSeries,
+        k: usize,
+        work: &mut [f64],
+    ) -> [f64; LANES] {
         let layout = self.layout;
-        let mut factor = [0.0; LANES];
+        let rate = four.rate[k];
         for l in 0..LANES {
-            factor[l] = four.chi[l] * four.side[l] * four.rate[k][l] + if k == 0 { 1.0 } else { 0.0 };
+            four.factor[k][l] = four.chi[l] * four.side[l] * rate[l] + if k == 0 { 1.0 } else { 0.0 };
         }
-        four.factor[k] = factor;
-        four.power[k] = four.powers::<P>(k);
-        for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
-            match (four.does[l], clock.owner) {
-                (Does::Alone(law), _) => {
-                    work[layout.of(j, PENETRATION) + k] = four.penetration[k][l];
-                    let rate = four.side[l] * four.rate[0][l];
-                    self.power(clock, j, law, (k, rate), work);
-                    four.power[k][l] = work[layout.of(j, POWER) + k];
+        let [mut power, product] = four.powers::<P>(k);
+        let contacts = LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES);
+        if four.is_mixed {
+            for (l, j) in contacts.clone().enumerate() {
+                match (four.does[l], clock.owner) {
+                    (Does::Alone(law), _) => {
+                        work[layout.of(j, PENETRATION) + k] = four.penetration[k][l];
+                        self.power(clock, j, law, (k, four.side[l] * four.rate[0][l]), work);
+                        power[l] = work[layout.of(j, POWER) + k];
+                    }
+                    // What is equal stays equal to the last bit.
+                    (Does::AsOwner(law), Some(owner)) => {
+                        let (own, apart) = (layout.of(owner, PENETRATION) + k, layout.of(j, STIFFNESS));
+                        work[apart + k] = four.penetration[k][l] - work[own];
+                        let slope = layout.y((law.exponent.p - law.exponent.q) as usize);
+                        let changed = law.exponent.value() * super::product(work, slope, apart, k);
+                        power[l] = work[layout.of(owner, POWER) + k] + changed;
+                    }
+                    _ => {}
                 }
-                // What is equal stays equal to the last bit.
-                (Does::AsOwner(law), Some(owner)) => {
-                    let (own, apart) = (layout.of(owner, PENETRATION) + k, layout.of(j, STIFFNESS));
-                    work[apart + k] = four.penetration[k][l] - work[own];
-                    let slope = layout.y((law.exponent.p - law.exponent.q) as usize);
-                    let changed = law.exponent.value() * product(work, slope, apart, k);
-                    four.power[k][l] = work[layout.of(owner, POWER) + k] + changed;
-                }
-                _ => {}
             }
         }
-        let sum = convolved::<P>(&four.power[..=k], &four.factor[..=k]);
+        *four.power(k) = power;
         let mut force = [0.0; LANES];
         for l in 0..LANES {
-            force[l] = four.stiffness[l] * sum[l];
+            force[l] = four.stiffness[l] * fused::<P>(four.factor[0][l], power[l], product[l]);
         }
-        for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
-            if let Does::Else = four.does[l] {
-                force[l] = self.linear_force(j, four.rate[k][l], k, work);
-                work[layout.of(j, FORCE) + k] = force[l];
-                force[l] = if self.motion.parts[j].acting.is_some_and(|a| a.is_carried) { force[l] } else { 0.0 };
-                work[layout.of(j, CARRIED) + k] = force[l];
+        if four.is_mixed {
+            for (l, j) in contacts.enumerate().filter(|(l, _)| matches!(four.does[*l], Does::Else)) {
+                let law = self.linear_force(j, rate[l], k, work);
+                work[layout.of(j, FORCE) + k] = law;
+                force[l] = if self.motion.parts[j].acting.is_some_and(|a| a.is_carried) { law } else { 0.0 };
             }
         }
         four.force[k] = force;
+        force
     }
 
     /// `y`, its powers and `w = q y^(q−1)` at order `k`, by the `rate` of the owner at the order before.

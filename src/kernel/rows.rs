@@ -2,7 +2,7 @@
 //!
 //! They are products of series that the recurrence has formed; a series without terms is None.
 
-use super::{CARRIED, FACTOR, FORCE, LANES, Layout, Motion, PENETRATION, POWER, RATE, ROW, STIFFNESS};
+use super::{FACTOR, FORCE, LANES, Layout, Motion, PENETRATION, POWER, RATE, ROW, STIFFNESS};
 use crate::{
     gear::contact::PowerLaw,
     hybrid::{Jet, Shown},
@@ -181,11 +181,9 @@ impl Rows<'_> {
                 }
                 Some(series)
             }
-            Force::Held => Some(self.work(j, FORCE)),
-            _ if self.is_pressed => Some(self.work(j, CARRIED)),
-            Force::Linear { .. } => Some(self.work(j, FORCE)),
             // What is leaving at this very instant.
-            Force::Power { .. } => None,
+            Force::Power { .. } if !self.is_pressed => None,
+            _ => Some(self.work(j, FORCE)),
         }
     }
 

@@ -149,6 +149,26 @@ pub(crate) struct Columns {
     pub couplings: Vec<(u32, u32, f64, f64)>,
     /// The contacts, four at a time.
     pub fours: Vec<FourColumns>,
+    /// The degrees of freedom, four at a time.
+    pub blocks: Vec<Block>,
+}
+
+/// What moves four degrees of freedom; zero beyond the last one.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Block {
+    /// Diagonals of `−M⁻¹K` and `−M⁻¹C`.
+    pub by_q: [f64; 4],
+    pub by_v: [f64; 4],
+    /// Columns of their entries off the diagonal: degree of freedom, by q, by v.
+    pub couplings: Vec<(usize, [f64; 4], [f64; 4])>,
+    /// `M⁻¹ f₀`.
+    pub load: [f64; 4],
+    /// Harmonic loads over M: oscillator, cosine and sine parts.
+    pub waves: Vec<(usize, [f64; 4], [f64; 4])>,
+    /// `M⁻¹ g` of the contacts that move them.
+    pub pushes: Vec<(usize, [f64; 4])>,
+    /// `√M_ii`.
+    pub weights: [f64; 4],
 }
 
 /// Four contacts.
@@ -163,7 +183,7 @@ pub(crate) struct FourColumns {
 }
 
 impl Columns {
-    fn new(k: &DMatrix<f64>, c: &DMatrix<f64>, contacts: &[Contact]) -> Self {
+    fn new(k: &DMatrix<f64>, c: &DMatrix<f64>, contacts: &[Contact], loads: Loads<'_>) -> Self {
         let n = k.nrows();
         let entries = |i: usize, j: usize| (i as u32, j as u32, -k[(i, j)], -c[(i, j)]);
         Self {
@@ -174,6 +194,40 @@ impl Columns {
                 .filter(|(_, _, k, c)| *k != 0.0 || *c != 0.0)
                 .collect(),
             fours: contacts.chunks(4).map(|four| FourColumns::new(four, n)).collect(),
+            blocks: (0..n).step_by(4).map(|first| Block::new(first, (k, c), contacts, loads)).collect(),
+        }
+    }
+}
+
+/// `M⁻¹ f₀`, the harmonic loads and `√M_ii`.
+type Loads<'a> = (&'a [f64], &'a [LoadWave], &'a [f64]);
+
+impl Block {
+    fn new(
+        first: usize,
+        (k, c): (&DMatrix<f64>, &DMatrix<f64>),
+        contacts: &[Contact],
+        (load, waves, weights): Loads<'_>,
+    ) -> Self {
+        let n = k.nrows();
+        let four = |f: &dyn Fn(usize) -> f64| -> [f64; 4] {
+            std::array::from_fn(|l| if first + l < n { f(first + l) } else { 0.0 })
+        };
+        let is_any = |four: &[f64; 4]| four.iter().any(|x| *x != 0.0);
+        let off = |m: &DMatrix<f64>, j: usize| four(&|i| if i == j { 0.0 } else { -m[(i, j)] });
+        let coupling = |j: usize| (j, off(k, j), off(c, j));
+        let push = |j: usize| {
+            let entry = |i: usize| contacts[j].push.iter().find(|(at, _)| *at as usize == i).map_or(0.0, |(_, p)| *p);
+            (j, four(&entry))
+        };
+        Self {
+            by_q: four(&|i| -k[(i, i)]),
+            by_v: four(&|i| -c[(i, i)]),
+            couplings: (0..n).map(coupling).filter(|(_, k, c)| is_any(k) || is_any(c)).collect(),
+            load: four(&|i| load[i]),
+            waves: waves.iter().map(|w| (w.index, four(&|i| w.cosine[i]), four(&|i| w.sine[i]))).collect(),
+            pushes: (0..contacts.len()).map(push).filter(|(_, push)| is_any(push)).collect(),
+            weights: four(&|i| weights[i]),
         }
     }
 }
@@ -243,7 +297,7 @@ impl Structure {
             cosine: scale * h.amplitude * libm::cos(h.phase),
             sine: -scale * h.amplitude * libm::sin(h.phase),
         };
-        let load_waves = spec
+        let load_waves: Vec<LoadWave> = spec
             .load_harmonics
             .iter()
             .map(|l| {
@@ -309,10 +363,11 @@ impl Structure {
                     .collect()
             })
             .collect();
+        let load = over_mass(&spec.load);
         let structure = Self {
-            load: over_mass(&spec.load),
+            columns: Columns::new(&k, &c, &contacts, (&load, &load_waves, &weights)),
+            load,
             rows,
-            columns: Columns::new(&k, &c, &contacts),
             n,
             dim,
             clock,

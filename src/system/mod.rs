@@ -22,8 +22,8 @@ mod variation;
 mod view;
 
 pub(crate) use acting::{Acting, Elasticity, Force};
+pub(crate) use assemble::{Block, Oscillator, PerContact, Spring, Wave, dot, zeros};
 pub use assemble::{Contact, Structure};
-pub(crate) use assemble::{Oscillator, PerContact, Spring, Wave, dot, zeros};
 pub use automaton::{Start, StartError};
 pub use check::AssembleError;
 pub(crate) use contact_mode::{ContactMode, Watch};
