@@ -197,7 +197,7 @@ const BUDGET: usize = 400;
 /// Lines that a room may have, comments included: its size of today, so that growth is a decision.
 const ROOMS: &[(&str, usize)] = &[
     ("accuracy", 2550),
-    ("analysis", 1950),
+    ("analysis", 2000),
     ("baseline", 1500),
     ("branch", 2700),
     ("cli", 2650),
@@ -207,7 +207,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("gear", 1000),
     ("hybrid", 1350),
     ("integrate", 1750),
-    ("kernel", 5400),
+    ("kernel", 5750),
     ("linalg", 150),
     ("map", 3000),
     ("orbit", 2750),
@@ -218,7 +218,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("simulation", 1400),
     ("study", 6750),
     ("sweep", 1250),
-    ("system", 3850),
+    ("system", 3900),
     ("tangent", 850),
     ("train", 1550),
     ("verify", 800),

@@ -13,7 +13,7 @@ use super::{
 use crate::{
     engine::Observer,
     event::EventRecord,
-    hybrid::{Clock, ContactMode, ContactView, HybridSystem, Instant, Mode, Shown},
+    hybrid::{Clock, ContactMode, ContactView, HybridSystem, Instant, Mode, Power, Shown},
     integrate::DenseStep,
 };
 
@@ -25,7 +25,7 @@ pub struct Contacts<'s, S: ?Sized> {
     from: Option<Instant>,
     keep: usize,
     piece: Piece,
-    rows: [Row; 3],
+    rows: [Row; 2],
     impulses: Vec<f64>,
     time: Sum,
     tracks: Vec<Track>,
@@ -94,7 +94,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
 
     /// The piece `[a, b]` of a step.
     fn piece(&mut self, mode: &Mode, step: &dyn DenseStep, a: f64, b: f64, measured: bool) {
-        let Self { system, piece, rows: [deflection, force, loss], tracks, .. } = self;
+        let Self { system, piece, rows: [deflection, force], tracks, .. } = self;
         piece.cut(step, a, b);
         let length = piece.length;
         if measured {
@@ -123,16 +123,17 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
             if !measured && !presses {
                 continue;
             }
-            let [of_deflection, of_force, of_loss] = [Shown::Deflection(j), Shown::Force(j), Shown::Loss(j)];
+            let [of_deflection, of_force] = [Shown::Deflection(j), Shown::Force(j)];
             if !presses {
                 piece.rows(step, [of_deflection], [deflection], |at, x, _| [system.deflection(j, at, x).0]);
                 Extent::extend([&mut track.deflection], deflection);
                 continue;
             }
-            piece.rows(step, [of_deflection, of_force, of_loss], [deflection, force, loss], |at, x, _| {
-                [system.deflection(j, at, x).0, system.force(j, mode, at, x), system.dissipation(j, mode, at, x)]
+            piece.rows(step, [of_deflection, of_force], [deflection, force], |at, x, _| {
+                [system.deflection(j, at, x).0, system.force(j, mode, at, x)]
             });
-            let (impulse, lost) = (piece.integral(force), piece.integral(loss));
+            let impulse = piece.integral(force);
+            let [lost] = piece.integrals(step, [Power::Loss(j)], |at, x| [system.dissipation(j, mode, at, x)]);
             let Some(spell) = track.spell.as_mut() else { continue };
             spell.impulse.add(impulse);
             spell.lost.add(lost);

@@ -4,19 +4,16 @@ use std::ops::ControlFlow;
 
 use serde::Serialize;
 
-use super::{
-    piece::{Piece, Row},
-    sum::Sum,
-};
+use super::{piece::Piece, sum::Sum};
 use crate::{
     engine::Observer,
     event::EventRecord,
-    hybrid::{Clock, HybridSystem, Mode, PowerBalance, Shown},
+    hybrid::{Clock, HybridSystem, Mode, Power, PowerBalance},
     integrate::DenseStep,
 };
 
 /// The powers integrated, in the order of their columns.
-const POWERS: [Shown; 5] = [Shown::Load, Shown::Error, Shown::Parametric, Shown::Damping, Shown::Contacts];
+const POWERS: [Power; 5] = [Power::Load, Power::Error, Power::Parametric, Power::Damping, Power::Contacts];
 
 /// Integrates the powers along the flow, adds the jumps at events, and compares with the energy.
 ///
@@ -28,7 +25,6 @@ pub struct Ledger<'s, S: ?Sized> {
     system: &'s S,
     clock: Clock,
     piece: Piece,
-    rows: [Row; 5],
     x: Vec<f64>,
     start: Option<f64>,
     end: f64,
@@ -113,7 +109,6 @@ impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {
             system,
             clock: *system.clock(),
             piece: Piece::new(*system.clock(), system.dim()),
-            rows: Default::default(),
             x: vec![0.0; system.dim()],
             start: None,
             end: 0.0,
@@ -176,11 +171,11 @@ impl<S: HybridSystem + PowerBalance + ?Sized> Observer for Ledger<'_, S> {
             self.largest = energy.abs();
         }
         self.piece.cut(step, 0.0, until);
-        self.piece.rows(step, POWERS, self.rows.each_mut(), |at, x, _| {
-            let p = self.system.powers(mode, at, x);
+        let system = self.system;
+        let work = self.piece.integrals(step, POWERS, |at, x| {
+            let p = system.powers(mode, at, x);
             [p.load, p.error, p.parametric, p.damping, p.contact]
         });
-        let work = self.rows.each_ref().map(|row| self.piece.integral(row));
         let t = &mut self.totals;
         let columns = [&mut t.load, &mut t.error, &mut t.parametric, &mut t.damping, &mut t.contact];
         for (column, w) in columns.into_iter().zip(work) {

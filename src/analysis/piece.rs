@@ -1,8 +1,10 @@
 //! A piece of a step, and what it shows as polynomials on it.
 
-use super::quadrature::theta_at;
+use std::sync::LazyLock;
+
+use super::quadrature::{Rule, theta_at};
 use crate::{
-    hybrid::{Clock, Instant, Shown},
+    hybrid::{Clock, Instant, Power, SAMPLES, Samples, Shown},
     integrate::DenseStep,
     poly::{self, CHEBYSHEV, Chebyshev, DEGREE},
 };
@@ -10,8 +12,14 @@ use crate::{
 /// A polynomial on `[0, 1]`, the piece; empty for zero.
 pub(super) type Row = Vec<f64>;
 
-/// Terms of the longest row: the product of two series of order 24.
-const MOMENTS: usize = 49;
+/// Terms of the longest row: a series of order 24.
+const MOMENTS: usize = 25;
+
+/// Places and weights of the quadrature of powers.
+static GAUSS: LazyLock<[Samples; 2]> = LazyLock::new(|| {
+    let rule = Rule::gauss(SAMPLES);
+    [std::array::from_fn(|i| rule.nodes[i]), std::array::from_fn(|i| rule.weights[i])]
+});
 
 /// The piece `[low, low + width]` of a step.
 #[derive(Clone, Debug)]
@@ -79,6 +87,30 @@ impl Piece {
             row.resize(DEGREE + 1, 0.0);
             CHEBYSHEV.to_powers(&coefficients, row);
         }
+    }
+
+    /// The integrals `∫ P dt` over the piece of powers. Where the step does not know them, `value` forms them from the instant and the state.
+    pub fn integrals<const M: usize>(
+        &mut self,
+        step: &dyn DenseStep,
+        powers: [Power; M],
+        mut value: impl FnMut(Instant, &[f64]) -> [f64; M],
+    ) -> [f64; M] {
+        let [nodes, weights] = &*GAUSS;
+        let thetas: Samples = std::array::from_fn(|i| self.low + self.width * nodes[i]);
+        let mut values = [[0.0; SAMPLES]; M];
+        if !powers.iter().zip(&mut values).all(|(what, values)| step.sample(*what, &thetas, values)) {
+            for (i, theta) in thetas.iter().enumerate() {
+                step.state(*theta, &mut self.x);
+                let at = self.clock.advance(step.start(), step.time(*theta));
+                for (values, value) in values.iter_mut().zip(value(at, &self.x)) {
+                    values[i] = value;
+                }
+            }
+        }
+        let mut rates = [0.0; SAMPLES];
+        self.values(nodes, &self.rate, &mut rates);
+        values.map(|values| (0..SAMPLES).fold(0.0, |sum, i| sum + weights[i] * rates[i] * values[i]))
     }
 
     /// `dt/dθ` on the piece, s.

@@ -44,13 +44,18 @@ pub trait JetField {
     }
 
     /// Keeps from `theta` on a step what the state alone holds with less precision, such as a penetration or a gap that is a
-    /// small difference of displacements. A jump that moves it says so by an exact zero.
-    fn carry(&self, step: &Jet, theta: f64, carried: &mut Vec<f64>) {
+    /// small difference of displacements. A jump that moves it says so by an exact zero. The arc `ends` there, or goes on.
+    fn carry(&self, step: &Jet, theta: f64, ends: bool, carried: &mut Vec<f64>) {
         carried.clear();
     }
 
     /// A quantity on `step` as a series in θ, into `series`, empty for zero. `false` where the field does not know it.
     fn show(&self, step: &Jet, what: Shown, series: &mut Vec<f64>) -> bool {
+        false
+    }
+
+    /// A power on `step` at the places `thetas`. `false` where the field does not know it.
+    fn sample(&self, step: &Jet, what: Power, thetas: &Samples, values: &mut Samples) -> bool {
         false
     }
 }
@@ -116,18 +121,6 @@ pub enum Shown {
     Transmission(usize),
     /// The force carried, N.
     Force(usize),
-    /// The power lost in one contact, W.
-    Loss(usize),
-    /// The power of the loads, W.
-    Load,
-    /// The power of the transmission errors, W.
-    Error,
-    /// The power of stiffnesses that vary, W.
-    Parametric,
-    /// The power lost in the structure's dampers, W.
-    Damping,
-    /// The power lost in all contacts, W.
-    Contacts,
     /// Change of the force along g with the deflection, times the rate of the clock `dt/dθ`, N s/m.
     ByDeflection(usize),
     /// The same with the rate of the deflection, kg.
@@ -135,6 +128,31 @@ pub enum Shown {
     /// The same with the latched speed, kg.
     ByLatch(usize),
 }
+
+/// A power that measures ask of a step, W. It is a product of series, and only its integral counts: so it is asked for at the places of a
+/// quadrature.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Power {
+    /// Lost in one contact.
+    Loss(usize),
+    /// Of the loads.
+    Load,
+    /// Of the transmission errors.
+    Error,
+    /// Of stiffnesses that vary.
+    Parametric,
+    /// Lost in the structure's dampers.
+    Damping,
+    /// Lost in all contacts.
+    Contacts,
+}
+
+/// Places of a quadrature on a step. Gauss's rule with so many is exact to degree 31: where a series of order 24 holds to rounding, the terms
+/// of a product of three of them beyond that are below its square.
+pub const SAMPLES: usize = 16;
+
+/// Values there.
+pub type Samples = [f64; SAMPLES];
 
 /// Whether all are finite. A finite number times zero is zero; NaN and the infinities are not.
 fn are_finite(numbers: &[f64]) -> bool {

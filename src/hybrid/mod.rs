@@ -13,7 +13,7 @@ mod system;
 
 pub use contact::{ContactMode, ContactView, Watch};
 pub(crate) use flow::normalise;
-pub use flow::{Jet, JetField, JetRequest, Known, Leap, Passage, Shown, VectorField};
+pub use flow::{Jet, JetField, JetRequest, Known, Leap, Passage, Power, SAMPLES, Samples, Shown, VectorField};
 pub use guard::{GuardId, GuardSet};
 pub use instant::{Clock, Instant, Wide};
 pub use mode::Mode;

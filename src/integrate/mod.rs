@@ -12,7 +12,7 @@ mod taylor;
 
 use std::ops::ControlFlow;
 
-use crate::hybrid::{GuardId, GuardSet, HybridSystem, Instant, JetField, Mode, Shown, Wide};
+use crate::hybrid::{GuardId, GuardSet, HybridSystem, Instant, JetField, Mode, Power, Samples, Shown, Wide};
 
 #[cfg(feature = "diffsol")]
 pub use self::diffsol::{Diffsol, Method};
@@ -67,6 +67,10 @@ pub trait DenseStep {
     /// A quantity as a polynomial in θ, coefficients in rising powers, into `row`, empty for zero; `false` where the step does not
     /// know it, and it has to be interpolated.
     fn show(&self, what: Shown, row: &mut Vec<f64>) -> bool {
+        false
+    }
+    /// A power at the places `thetas`; `false` where the step does not know it, and it has to be formed from the state.
+    fn sample(&self, what: Power, thetas: &Samples, values: &mut Samples) -> bool {
         false
     }
     /// `Some(h)` if the clock is plain time, `t = h θ`.

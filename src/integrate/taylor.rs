@@ -3,7 +3,9 @@
 use std::ops::ControlFlow;
 
 use super::{Arc, DenseStep, IntegrateError, Integrator, in_plain_time};
-use crate::hybrid::{GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Shown, Wide};
+use crate::hybrid::{
+    GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Power, Samples, Shown, Wide,
+};
 
 /// Taylor steps of a [`JetField`](crate::hybrid::JetField).
 ///
@@ -154,14 +156,12 @@ impl DenseStep for Step<'_> {
     }
     fn gathered(&self, i: usize, theta: f64, zeros: usize) -> f64 {
         let sizes = self.field.term_sizes(self.jet.guards[i], self.jet, self.extent);
-        gathered(sizes, self.count, self.time(theta), zeros)
+        // In a root clock that starts, time is a power of it: as many zeros are one in time.
+        let power = self.jet.time.iter().position(|t| *t != 0.0).unwrap_or(1).max(1);
+        gathered(sizes, self.count, self.time(theta), zeros.div_ceil(power))
     }
     fn carry(&self, theta: f64, carried: &mut Vec<f64>) {
-        carried.clear();
-        // In a root clock the time of an event is not known well enough for a gap to be better than the state.
-        if !self.jet.is_estimate {
-            self.field.carry(self.jet, theta, carried);
-        }
+        self.field.carry(self.jet, theta, true, carried);
     }
     fn guard_rounding(&self, i: usize) -> f64 {
         self.jet.afresh.get(i).copied().unwrap_or(self.jet.rounding[i])
@@ -171,6 +171,9 @@ impl DenseStep for Step<'_> {
     }
     fn show(&self, what: Shown, row: &mut Vec<f64>) -> bool {
         self.field.show(self.jet, what, row)
+    }
+    fn sample(&self, what: Power, thetas: &Samples, values: &mut Samples) -> bool {
+        self.field.sample(self.jet, what, thetas, values)
     }
     fn plain_span(&self) -> Option<f64> {
         self.jet.time.is_empty().then_some(self.jet.span * self.jet.reach)
@@ -237,7 +240,7 @@ impl Integrator for Taylor {
                 return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });
             }
             jet.state_in_two(1.0, x, low);
-            field.carry(jet, 1.0, carried);
+            field.carry(jet, 1.0, false, carried);
             if x.iter().any(|v| !v.is_finite()) {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }

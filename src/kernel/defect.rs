@@ -10,21 +10,17 @@
 
 use super::{
     Elasticity, Expansion, Force, LANES, Layout, ORDER, PENETRATION, POWER, ROW, STIFFNESS,
-    bound::root_below,
+    clock::StepClock,
     fours::{Does, FourSeries, Sums},
-    rooted::{Room, StepClock},
+    rooted::Room,
     sizes::{Factor, Sizes, beyond, paired, sizes, tails, total},
 };
 use crate::{
     gear::contact::PowerLaw,
     hybrid::Jet,
-    poly::{FirstRoot, first_root},
     system::{Contact, Spring, Structure, Wave, zeros},
-    vectors::{Path, Work},
+    vectors::Path,
 };
-
-/// What of the guessed length of a step is right most often.
-const GUESSED: f64 = 0.88;
 
 /// Bounds on the error of a step in a root clock.
 #[derive(Clone, Copy, Debug, Default)]
@@ -60,14 +56,14 @@ impl Defect {
 
 /// What is the same for all lengths of a step: for each order the largest size of all bodies, contacts or oscillators. Products of such
 /// sizes are as large as those of any one of them.
-struct Largest {
+pub(super) struct Largest {
     /// Weighted velocities and accelerations.
-    velocity: Sizes,
+    pub velocity: Sizes,
     acceleration: Sizes,
     /// Rates of contacts over `Contact::across`.
     rate: Sizes,
     /// The same as weighted velocities of what the contact feels.
-    felt: Sizes,
+    pub felt: Sizes,
     /// `|cos| + |sin|` of the oscillators.
     ring: Sizes,
 }
@@ -89,77 +85,9 @@ impl Structure {
     }
 }
 
-/// The error of a step of length `theta`.
-struct Trial<'a> {
-    step: &'a Expansion<'a>,
-    clock: &'a StepClock,
-    theta: f64,
-    largest: &'a Largest,
-    fours: &'a [FourSeries],
-    out: &'a Jet,
-}
-
-impl Work for Trial<'_> {
-    type Output = (f64, Defect);
-
-    #[inline(always)]
-    fn on<P: Path>(self) -> (f64, Defect) {
-        self.step.defect::<P>(self.clock, self.theta, self.largest, self.fours, self.out)
-    }
-}
-
 impl Expansion<'_> {
-    /// The step's length θ and its error: the error of each quantity is brought to the tolerance times its size.
     #[inline(always)]
-    pub(super) fn rooted_reach(&self, clock: &StepClock, out: &Jet) -> Option<(f64, Defect)> {
-        let goal = self.request.tolerance;
-        let room = &*self.motion.room.borrow();
-        let largest = self.largest(room, out);
-        let trial = |theta| {
-            self.s.instructions.run(Trial { step: self, clock, theta, largest: &largest, fours: &room.fours, out })
-        };
-        let (mut low, mut high): (Option<(f64, Defect)>, f64) = (None, f64::INFINITY);
-        let row = ROW as f64;
-        let guess = GUESSED * self.guess(clock, &largest);
-        let (mut theta, mut order, mut before) = (guess, row, None);
-        // The error is a power of θ or nearly so: a few trials settle it, and some more find the way from a bad guess.
-        for _ in 0..24 {
-            let (share, defect) = trial(theta);
-            if share <= goal {
-                low = Some((theta, defect));
-                if share >= 0.02 * goal || theta >= 1.0 {
-                    break;
-                }
-            } else {
-                high = theta;
-            }
-            if let Some((t, s)) = before
-                && t != theta
-            {
-                let slope = libm::log(share / s) / libm::log(theta / t);
-                order = if slope.is_finite() { slope.clamp(2.0, 4.0 * row) } else { order };
-            }
-            before = Some((theta, share));
-            let next = theta * libm::pow(0.3 * goal / share, 1.0 / order).clamp(1e-6, 1e3);
-            let lower = low.map_or(0.0, |(t, _)| t);
-            theta = if next.is_finite() && lower < next && next < high {
-                next.min(1.0)
-            } else if lower > 0.0 && high.is_finite() {
-                (lower * high).sqrt()
-            } else {
-                0.25 * theta
-            };
-            if theta <= lower * 1.05 {
-                break;
-            }
-        }
-        let (theta, defect) = low?;
-        let cut = self.within_bound(theta, out);
-        Some(if cut < theta { (cut, trial(cut).1) } else { (theta, defect) })
-    }
-
-    #[inline(always)]
-    fn largest(&self, room: &Room, out: &Jet) -> Largest {
+    pub(super) fn largest(&self, room: &Room, out: &Jet) -> Largest {
         let (s, work) = (self.s, &out.work);
         let zero = [0.0; ROW];
         let mut largest = Largest { velocity: zero, acceleration: zero, rate: zero, felt: zero, ring: zero };
@@ -199,7 +127,7 @@ impl Expansion<'_> {
 
     /// The error up to `theta`, and its largest ratio to the size of what it is the error of.
     #[inline(always)]
-    fn defect<P: Path>(
+    pub(super) fn defect<P: Path>(
         &self,
         clock: &StepClock,
         theta: f64,
@@ -339,39 +267,6 @@ impl Expansion<'_> {
         let penetration = sizes(&work[self.layout.of(j, PENETRATION)..], powers);
         forces.by_time += push * by_time * total(&penetration);
         forces.missing += push * beyond(&sizes(&work[self.layout.of(j, STIFFNESS)..], powers), &penetration, ORDER + 1);
-    }
-
-    /// A guess of the step's length by the root test: as the coefficients fall over the last p + q orders (in a free
-    /// contact no others are there) they reach the tolerance, relative to the largest of the first ones.
-    #[inline(always)]
-    fn guess(&self, clock: &StepClock, largest: &Largest) -> f64 {
-        let size = |k: usize| largest.velocity[k].max(largest.felt[k]);
-        let first: [f64; 17] = std::array::from_fn(|k| if k <= clock.root as usize { size(k) } else { 0.0 });
-        let last: [f64; ROW] = std::array::from_fn(|k| if k + clock.window > ORDER { size(k) } else { 0.0 });
-        let shrink = libm::pow(self.request.tolerance, 1.0 / ORDER as f64);
-        let mut reach: f64 = 1.0;
-        for _ in 0..4 {
-            let allowed = first.iter().rev().fold((0.0, reach.powi(16)), |(m, t), a| (f64::max(m, a * t), t / reach)).0;
-            let terms = last.iter().enumerate().filter(|(_, a)| **a > 0.0);
-            let next = terms.fold(1.0, |m: f64, (k, a)| m.min(shrink * root_below(allowed / a, k)));
-            let settled = (next - reach).abs() <= 0.1 * next;
-            reach = next;
-            if settled {
-                break;
-            }
-        }
-        reach
-    }
-
-    /// Not beyond the bound in time.
-    fn within_bound(&self, reach: f64, out: &Jet) -> f64 {
-        let mut left = [0.0; ROW];
-        left.iter_mut().zip(&out.time).for_each(|(l, t)| *l = -t);
-        left[0] += self.request.span;
-        match first_root(&left, reach, 0.0).root {
-            FirstRoot::At(theta) => theta,
-            FirstRoot::None => reach,
-        }
     }
 
     /// What the product `k(t) p` of contact `j` leaves out in a root clock, N.

@@ -1,7 +1,7 @@
 //! The guards of a mode as polynomials in the step's clock.
 
 use super::{
-    Expansion, FACTOR, FORCE, Force, LANES, Motion, RATE, ROW, bound::Tail, motion::Watched, rooted::StepClock,
+    Expansion, FACTOR, FORCE, Force, LANES, Motion, RATE, ROW, bound::Tail, clock::StepClock, motion::Watched,
 };
 use crate::{
     hybrid::{GuardId, Jet},

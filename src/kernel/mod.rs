@@ -12,6 +12,7 @@
 //! a contact, where in plain time `pⁿ` has a branch point.
 
 mod bound;
+mod clock;
 mod defect;
 mod fours;
 mod guards;
@@ -25,6 +26,7 @@ mod piece;
 mod plain;
 mod pressed;
 mod propagator;
+mod reach;
 mod rooted;
 mod rows;
 mod sizes;
@@ -35,7 +37,7 @@ use bound::Tail;
 use motion::Motion;
 use pressed::Pressed;
 
-use crate::hybrid::{GuardId, Instant, Jet, JetField, JetRequest, Leap, Shown};
+use crate::hybrid::{GuardId, Instant, Jet, JetField, JetRequest, Leap, Power, Samples, Shown};
 use crate::system::{ContactMode, Elasticity, Force, Structure, Watch, Wave, dot, guard_id};
 use crate::vectors::{Path, Work};
 
@@ -189,6 +191,24 @@ impl Work for Forward<'_> {
     }
 }
 
+/// A power to be sampled.
+struct Sample<'a> {
+    motion: &'a Motion<'a>,
+    step: &'a Jet,
+    what: Power,
+    thetas: &'a Samples,
+    values: &'a mut Samples,
+}
+
+impl Work for Sample<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<P: Path>(self) {
+        *self.values = self.motion.sampled::<P>(self.step, self.what, self.thetas);
+    }
+}
+
 /// A quantity to be shown.
 struct Show<'a> {
     motion: &'a Motion<'a>,
@@ -225,6 +245,11 @@ impl JetField for Motion<'_> {
         true
     }
 
+    fn sample(&self, step: &Jet, what: Power, thetas: &Samples, values: &mut Samples) -> bool {
+        self.structure.instructions.run(Sample { motion: self, step, what, thetas, values });
+        true
+    }
+
     fn restore(&self, at: Instant, x: &mut [f64]) {
         if self.held.is_some() {
             self.structure.rest(&self.mode, at, x);
@@ -234,15 +259,17 @@ impl JetField for Motion<'_> {
     /// The stretch `δ − σ b` of closed contacts, and of separated ones from the flank that they have left. It is a small difference of
     /// displacements: taken afresh at every step, the rounding of a penetration times the contact force would be energy from
     /// nowhere, and a gap would lose the digits that tell when it closes. Where it is not small nothing is kept (NaN): the
-    /// state is then as good, and cannot drift apart from it.
-    fn carry(&self, step: &Jet, theta: f64, carried: &mut Vec<f64>) {
+    /// state is then as good, and cannot drift apart from it. The last number is the time since contacts with power laws started.
+    fn carry(&self, step: &Jet, theta: f64, ends: bool, carried: &mut Vec<f64>) {
         let layout = &self.layout;
         let s = theta * step.reach;
         carried.clear();
+        // While power laws are closed the time of an event is not known well enough for a gap to be better than the state.
+        let is_lost = ends && step.is_estimate;
         carried.extend(self.parts.iter().zip(&self.structure.contacts).enumerate().map(|(j, (part, c))| {
             let is_closed = part.state.side() != 0.0;
             let start = step.work[if is_closed { layout.stretches } else { layout.gaps } + j];
-            if start.is_nan() || part.is_bilateral() || !is_closed && step.is_estimate {
+            if is_lost || start.is_nan() || part.is_bilateral() || !is_closed && step.is_estimate {
                 return f64::NAN;
             }
             let highest = layout.deflection(j, step.order);

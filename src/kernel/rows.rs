@@ -1,20 +1,21 @@
-//! What a step shows besides its state and guards: deflections, forces and powers as series in θ.
+//! What a step shows besides its state and guards: deflections and forces as series in θ, and powers at the places of a quadrature.
 //!
-//! They are products of series that the recurrence has formed; a series without terms is None.
+//! They follow from series that the recurrence has formed; a series without terms is None.
 
 use super::{FACTOR, FORCE, LANES, Layout, Motion, PENETRATION, POWER, RATE, ROW, STIFFNESS};
+use smallvec::SmallVec;
+
 use crate::{
     gear::contact::PowerLaw,
-    hybrid::{Jet, Shown},
+    hybrid::{Jet, Power, SAMPLES, Samples, Shown},
     system::{Elasticity, Force, Spring, Wave},
+    vectors::{Path, fused},
 };
 
+/// Degrees of freedom whose samples need no allocation.
+const MANY: usize = 32;
+
 type Series = [f64; ROW];
-
-/// Room for the product of two series. It is kept whole: where a step holds to rounding, its square needs more orders than it.
-const TWICE: usize = 2 * ROW - 1;
-
-type Product = [f64; TWICE];
 
 #[inline(always)]
 fn gather(orders: impl Iterator<Item = f64>) -> Series {
@@ -23,23 +24,14 @@ fn gather(orders: impl Iterator<Item = f64>) -> Series {
     series
 }
 
-/// Adds `factor a b`; of a product that is longer than a series, up to the highest power kept.
+/// `a b` up to the highest power kept; a clock has few terms, or one.
 #[inline(always)]
-fn add_product(sum: &mut Product, factor: f64, a: &Series, b: &[f64]) {
-    for (i, a) in a.iter().enumerate() {
-        let a = factor * a;
-        sum[i..].iter_mut().zip(b).for_each(|(s, b)| *s += a * b);
+fn times(a: &Series, b: &Series) -> Series {
+    let mut product = [0.0; ROW];
+    for (i, a) in a.iter().enumerate().filter(|(_, a)| **a != 0.0) {
+        product[i..].iter_mut().zip(b).for_each(|(s, b)| *s += a * b);
     }
-}
-
-/// Adds `factor a²`.
-#[inline(always)]
-fn add_square(sum: &mut Product, factor: f64, a: &Series) {
-    for (i, c) in a.iter().enumerate() {
-        let once = factor * c;
-        sum[2 * i] += once * c;
-        sum[2 * i + 1..].iter_mut().zip(&a[i + 1..]).for_each(|(s, b)| *s += 2.0 * once * b);
-    }
+    product
 }
 
 #[inline(always)]
@@ -66,38 +58,57 @@ impl Motion<'_> {
             powers[k] = powers[k - 1] * step.reach;
         }
         let rows = Rows { motion: self, step, is_pressed: step.is_estimate, powers };
-        let mut sum = [0.0; TWICE];
-        let mut is_any = false;
-        match what {
+        let series = match what {
             Shown::Time if !step.time.is_empty() => {
                 return out.extend(step.time.iter().zip(&powers).map(|(t, p)| t * p));
             }
             Shown::Time => return out.extend([0.0, step.span * step.reach]),
-            Shown::Deflection(j) => return out.extend_from_slice(&rows.deflection(j)),
-            Shown::Transmission(j) => return out.extend_from_slice(&rows.transmission(j)),
-            Shown::Force(j) => return rows.force(j).iter().for_each(|force| out.extend_from_slice(force)),
-            Shown::Loss(j) => is_any = rows.loss(j, &mut sum),
-            Shown::ByDeflection(j) | Shown::ByRate(j) | Shown::ByLatch(j) => {
-                return rows.change(j, what).iter().for_each(|change| out.extend_from_slice(change));
-            }
-            Shown::Load => {
-                rows.load(&mut sum);
-                is_any = true;
-            }
-            Shown::Damping => is_any = rows.damping(&mut sum),
-            Shown::Error | Shown::Parametric | Shown::Contacts => {
-                for j in 0..self.parts.len() {
-                    is_any |= match what {
-                        Shown::Error => rows.error(j, &mut sum),
-                        Shown::Parametric => rows.parametric(j, &mut sum),
-                        _ => rows.loss(j, &mut sum),
-                    };
-                }
-            }
+            Shown::Deflection(j) => Some(rows.deflection(j)),
+            Shown::Transmission(j) => Some(rows.transmission(j)),
+            Shown::Force(j) => rows.force(j),
+            Shown::ByDeflection(j) | Shown::ByRate(j) | Shown::ByLatch(j) => rows.change(j, what),
+        };
+        series.iter().for_each(|series| out.extend_from_slice(series));
+    }
+
+    /// A power at the places `thetas`.
+    #[inline(always)]
+    pub(super) fn sampled<P: Path>(&self, step: &Jet, what: Power, thetas: &Samples) -> Samples {
+        let mut powers = [1.0; ROW];
+        for k in 1..ROW {
+            powers[k] = powers[k - 1] * step.reach;
         }
-        if is_any {
-            out.extend_from_slice(&sum);
+        let rows = Rows { motion: self, step, is_pressed: step.is_estimate, powers };
+        let mut sum = [0.0; SAMPLES];
+        match what {
+            Power::Loss(j) => rows.loss::<P>(j, thetas, &mut sum),
+            Power::Load => rows.load::<P>(thetas, &mut sum),
+            Power::Damping => rows.damping::<P>(thetas, &mut sum),
+            Power::Error => (0..self.parts.len()).for_each(|j| rows.error::<P>(j, thetas, &mut sum)),
+            Power::Parametric => (0..self.parts.len()).for_each(|j| rows.parametric::<P>(j, thetas, &mut sum)),
+            Power::Contacts => (0..self.parts.len()).for_each(|j| rows.loss::<P>(j, thetas, &mut sum)),
         }
+        sum
+    }
+}
+
+/// The values of a series at `thetas`.
+#[inline(always)]
+fn values<P: Path>(series: &Series, thetas: &Samples) -> Samples {
+    let mut values = [0.0; SAMPLES];
+    for c in series.iter().rev() {
+        for i in 0..SAMPLES {
+            values[i] = fused::<P>(values[i], thetas[i], *c);
+        }
+    }
+    values
+}
+
+/// Adds `factor a b`.
+#[inline(always)]
+fn add(sum: &mut Samples, factor: f64, a: &Samples, b: &Samples) {
+    for i in 0..SAMPLES {
+        sum[i] += factor * a[i] * b[i];
     }
 }
 
@@ -170,11 +181,7 @@ impl Rows<'_> {
                 let mut series = match stiffness {
                     Elasticity::Constant(k) => scaled(k, self.stretch(j)),
                     // The linear recurrence ends without the last order of these forces.
-                    _ => {
-                        let mut product = [0.0; TWICE];
-                        add_product(&mut product, 1.0, &self.stiffness(j), &self.stretch(j));
-                        gather(product.into_iter())
-                    }
+                    _ => times(&self.stiffness(j), &self.stretch(j)),
                 };
                 if damping != 0.0 {
                     series.iter_mut().zip(self.rate(j)).for_each(|(f, r)| *f += damping * r);
@@ -201,34 +208,36 @@ impl Rows<'_> {
 
     /// Adds `c δ̇²`, or `K pⁿ χ ṗ²`, if there is such a power.
     #[inline(always)]
-    fn loss(&self, j: usize, sum: &mut Product) -> bool {
+    fn loss<P: Path>(&self, j: usize, thetas: &Samples, sum: &mut Samples) {
         match self.force_of(j) {
-            Some(Force::Linear { damping, .. }) if damping != 0.0 => add_square(sum, damping, &self.rate(j)),
-            Some(force @ Force::Power { stiffness, .. }) if self.is_pressed && force.chi(&self.step.state) != 0.0 => {
-                let mut square = [0.0; TWICE];
-                add_square(&mut square, force.chi(&self.step.state) * stiffness, &self.work(j, RATE));
-                add_product(sum, 1.0, &self.work(j, POWER), &square);
+            Some(Force::Linear { damping, .. }) if damping != 0.0 => {
+                let rate = values::<P>(&self.rate(j), thetas);
+                add(sum, damping, &rate, &rate);
             }
-            _ => return false,
+            Some(force @ Force::Power { stiffness, .. }) if self.is_pressed && force.chi(&self.step.state) != 0.0 => {
+                let (rate, power) =
+                    (values::<P>(&self.work(j, RATE), thetas), values::<P>(&self.work(j, POWER), thetas));
+                let squares = std::array::from_fn(|i| rate[i] * rate[i]);
+                add(sum, force.chi(&self.step.state) * stiffness, &power, &squares);
+            }
+            _ => {}
         }
-        true
     }
 
     /// Adds `−F ė`, if the error moves and the force is carried.
     #[inline(always)]
-    fn error(&self, j: usize, sum: &mut Product) -> bool {
+    fn error<P: Path>(&self, j: usize, thetas: &Samples, sum: &mut Samples) {
         let contact = &self.motion.structure.contacts[j];
-        let Some(rate) = self.follow(contact.error_rate.iter().copied()) else { return false };
-        let Some(force) = self.force(j) else { return false };
-        add_product(sum, -1.0, &force, &rate);
-        true
+        let Some(rate) = self.follow(contact.error_rate.iter().copied()) else { return };
+        let Some(force) = self.force(j) else { return };
+        add(sum, -1.0, &values::<P>(&force, thetas), &values::<P>(&rate, thetas));
     }
 
     /// Adds `½ k̇ (δ − σ b)²`, if the stiffness moves.
     #[inline(always)]
-    fn parametric(&self, j: usize, sum: &mut Product) -> bool {
+    fn parametric<P: Path>(&self, j: usize, thetas: &Samples, sum: &mut Samples) {
         let s = self.motion.structure;
-        let Some(Force::Linear { stiffness, .. }) = self.force_of(j) else { return false };
+        let Some(Force::Linear { stiffness, .. }) = self.force_of(j) else { return };
         let rate = match (stiffness, &s.contacts[j].spring) {
             (Elasticity::Ramp { slope, .. }, _) => Some(std::array::from_fn(|k| if k == 0 { slope } else { 0.0 })),
             (Elasticity::Waves, Spring::Waves(_, waves)) => {
@@ -236,11 +245,10 @@ impl Rows<'_> {
             }
             _ => None,
         };
-        let Some(rate) = rate else { return false };
-        let mut square = [0.0; TWICE];
-        add_square(&mut square, 0.5, &self.stretch(j));
-        add_product(sum, 1.0, &rate, &square);
-        true
+        let Some(rate) = rate else { return };
+        let stretch = values::<P>(&self.stretch(j), thetas);
+        let squares = std::array::from_fn(|i| stretch[i] * stretch[i]);
+        add(sum, 0.5, &values::<P>(&rate, thetas), &squares);
     }
 
     /// How the force of contact `j` changes, times `dt/dθ`; `None` for zero.
@@ -252,19 +260,14 @@ impl Rows<'_> {
             ),
             false => gather(std::iter::once(self.step.span * self.step.reach)),
         };
-        let times = |a: &Series, b: &Series| {
-            let mut product = [0.0; TWICE];
-            add_product(&mut product, 1.0, a, b);
-            gather(product.into_iter())
-        };
         match (force, what) {
             (Force::Linear { stiffness: Elasticity::Constant(k), .. }, Shown::ByDeflection(_)) => {
                 Some(scaled(k, clock))
             }
             (Force::Linear { .. }, Shown::ByDeflection(_)) if self.is_pressed => {
-                Some(times(&self.work(j, STIFFNESS), &clock))
+                Some(times(&clock, &self.work(j, STIFFNESS)))
             }
-            (Force::Linear { .. }, Shown::ByDeflection(_)) => Some(times(&self.stiffness(j), &clock)),
+            (Force::Linear { .. }, Shown::ByDeflection(_)) => Some(times(&clock, &self.stiffness(j))),
             (Force::Linear { damping, .. }, Shown::ByRate(_)) => Some(scaled(damping, clock)),
             // What is leaving at this very instant.
             (Force::Power { .. }, _) if !self.is_pressed => None,
@@ -274,12 +277,12 @@ impl Rows<'_> {
                     return None;
                 }
                 let n = law.exponent.value();
-                let slope = scaled(n * stiffness, times(&self.slope(j, law)?, &clock));
+                let slope = scaled(n * stiffness, times(&clock, &self.slope(j, law)?));
                 Some(times(&slope, &self.work(j, FACTOR)))
             }
             (Force::Power { stiffness, latch: Some(latch), .. }, _) => {
                 let chi = force.chi(&self.step.state);
-                let damped = scaled(chi * stiffness, times(&self.work(j, POWER), &clock));
+                let damped = scaled(chi * stiffness, times(&clock, &self.work(j, POWER)));
                 match what {
                     Shown::ByRate(_) => Some(damped),
                     _ => Some(scaled(-self.step.state[latch].recip(), times(&damped, &self.work(j, RATE)))),
@@ -301,9 +304,7 @@ impl Rows<'_> {
             let y = self.every(1, &self.step.work[layout.y(1)..]);
             let mut power: Series = gather(std::iter::once(1.0));
             for _ in 0..m - q {
-                let mut product = [0.0; TWICE];
-                add_product(&mut product, 1.0, &power, &y);
-                power = gather(product.into_iter());
+                power = times(&power, &y);
             }
             return Some(power);
         }
@@ -339,32 +340,30 @@ impl Rows<'_> {
     }
 
     #[inline(always)]
-    fn load(&self, sum: &mut Product) {
+    fn load<P: Path>(&self, thetas: &Samples, sum: &mut Samples) {
         let s = self.motion.structure;
-        sum[..ROW].copy_from_slice(&self.along(&s.spec.load));
+        add(sum, 1.0, &[1.0; SAMPLES], &values::<P>(&self.along(&s.spec.load), thetas));
         for (load, wave) in s.spec.load_harmonics.iter().zip(&s.load_waves) {
             let (sin, cos) = libm::sincos(load.phase);
             if let Some(force) = self.follow([Wave { index: wave.index, cosine: cos, sine: -sin }].into_iter()) {
-                add_product(sum, 1.0, &force, &self.along(&load.vector));
+                add(sum, 1.0, &values::<P>(&force, thetas), &values::<P>(&self.along(&load.vector), thetas));
             }
         }
     }
 
     /// Adds `q̇ᵀ C q̇`, each pair of degrees of freedom once, if there is damping.
     #[inline(always)]
-    fn damping(&self, sum: &mut Product) -> bool {
-        let mut is_any = false;
+    fn damping<P: Path>(&self, thetas: &Samples, sum: &mut Samples) {
+        let n = self.motion.structure.n;
+        let mut velocities: SmallVec<[Samples; MANY]> = SmallVec::with_capacity(n);
+        for i in 0..n {
+            velocities.push(values::<P>(&self.velocity(i), thetas));
+        }
         for (i, column) in self.motion.structure.forms[1].iter().enumerate() {
             for (j, c) in column.iter().map(|(j, c)| (*j as usize, *c)).filter(|(j, _)| *j <= i) {
-                is_any = true;
-                if i == j {
-                    add_square(sum, c, &self.velocity(i));
-                } else {
-                    add_product(sum, 2.0 * c, &self.velocity(i), &self.velocity(j));
-                }
+                add(sum, if i == j { c } else { 2.0 * c }, &velocities[i], &velocities[j]);
             }
         }
-        is_any
     }
 
     /// A sum of oscillators. The linear recurrence does not keep them: in plain time each order follows from the one before.

@@ -39,7 +39,7 @@ impl Coefficients {
         let part = |series: &Vec<f64>| {
             let mut shifted = series.clone();
             // Taylor's shift by Horner's scheme, then the scale.
-            for i in 0..shifted.len() {
+            for i in 0..if from == 0.0 { 0 } else { shifted.len() } {
                 for k in (i..shifted.len() - 1).rev() {
                     shifted[k] += from * shifted[k + 1];
                 }

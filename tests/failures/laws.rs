@@ -142,7 +142,10 @@ fn d5_a_stale_latch_never_makes_the_contact_pull() {
         assert!((record.x_plus[1] + latched / 0.3825).abs() <= 1e-13 * latched, "{:?}", record.x_plus);
         assert!(record.x_plus[0] > 0.0);
     }
-    assert!(contacts.report(0).force_min.unwrap() >= 0.0);
+    // Where it lets go its force is zero, as a sum of 25 terms that are as large as the spring's force.
+    let report = contacts.report(0);
+    let (least, largest) = (report.force_min.unwrap(), report.force_max.unwrap());
+    assert!(least >= -4.0 * f64::EPSILON * largest, "{least:e} of {largest:e}");
 }
 
 /// D6. The power of a negative penetration is no number. Where a solver's stage leaves the flank in the mode of contact, the

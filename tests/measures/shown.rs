@@ -8,7 +8,7 @@ use flank::{
         Harmonic, Stiffness,
         contact::{Law, Linear, Release},
     },
-    hybrid::{ContactView, HybridSystem, Mode, PowerBalance, Shown},
+    hybrid::{ContactView, HybridSystem, Mode, Power, PowerBalance, SAMPLES, Shown},
     integrate::{DenseStep, Taylor},
     poly::eval,
     system::{ContactSpec, Spec, Structure},
@@ -16,6 +16,12 @@ use flank::{
 use nalgebra::DMatrix;
 
 use crate::trains::{self, Case, mesh, rigid};
+
+/// What a step is asked for.
+enum Asked {
+    Row(Shown),
+    Sample(Power),
+}
 
 /// Compares every row with the system, at points of each step, relative to the largest value met of its kind.
 struct Compare<'s> {
@@ -32,24 +38,33 @@ impl Observer for Compare<'_> {
         for theta in [0.0, 0.31 * until, 0.77 * until, until] {
             step.state(theta, &mut x);
             let at = s.clock().advance(step.start(), step.time(theta));
-            let mut compare = |kind: usize, what: Shown, value: f64| {
-                assert!(step.show(what, &mut self.row), "{what:?}");
-                let found = eval(&self.row, theta);
+            let mut values = [0.0; SAMPLES];
+            let mut compare = |kind: usize, what: Asked, value: f64| {
+                let found = match what {
+                    Asked::Row(what) => {
+                        assert!(step.show(what, &mut self.row), "{what:?}");
+                        eval(&self.row, theta)
+                    }
+                    Asked::Sample(what) => {
+                        assert!(step.sample(what, &[theta; SAMPLES], &mut values), "{what:?}");
+                        values[0]
+                    }
+                };
                 self.largest[kind] = self.largest[kind].max(value.abs());
                 self.worst[kind] = self.worst[kind].max((found - value).abs());
             };
             for j in 0..s.contact_count() {
-                compare(0, Shown::Deflection(j), ContactView::deflection(s, j, at, &x).0);
-                compare(1, Shown::Transmission(j), s.transmission(j, &x));
-                compare(2, Shown::Force(j), s.force(j, mode, at, &x));
-                compare(3, Shown::Loss(j), s.dissipation(j, mode, at, &x));
+                compare(0, Asked::Row(Shown::Deflection(j)), ContactView::deflection(s, j, at, &x).0);
+                compare(1, Asked::Row(Shown::Transmission(j)), s.transmission(j, &x));
+                compare(2, Asked::Row(Shown::Force(j)), s.force(j, mode, at, &x));
+                compare(3, Asked::Sample(Power::Loss(j)), s.dissipation(j, mode, at, &x));
             }
             let powers = s.powers(mode, at, &x);
-            compare(4, Shown::Load, powers.load);
-            compare(5, Shown::Error, powers.error);
-            compare(6, Shown::Parametric, powers.parametric);
-            compare(7, Shown::Damping, powers.damping);
-            compare(8, Shown::Contacts, powers.contact);
+            compare(4, Asked::Sample(Power::Load), powers.load);
+            compare(5, Asked::Sample(Power::Error), powers.error);
+            compare(6, Asked::Sample(Power::Parametric), powers.parametric);
+            compare(7, Asked::Sample(Power::Damping), powers.damping);
+            compare(8, Asked::Sample(Power::Contacts), powers.contact);
         }
         ControlFlow::Continue(())
     }

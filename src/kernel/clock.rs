@@ -1,0 +1,173 @@
+//! The clock of a step while power laws are closed, and which contacts leave together in it.
+
+use super::{Expansion, Force, Motion, RATE, ROW, guards::ROUNDING, product};
+use crate::gear::contact::PowerLaw;
+
+/// The clock of a step while power laws are closed, `dt = h w(θ) dθ`.
+///
+/// - Plain time, `w = 1`, where no contact is near its boundary.
+/// - The root s of the time since contacts started, `t = s^root`, `w = root s^(root−1)`: a penetration that starts is `s^root β(s)`, and
+///   its power is a series in s. The clock is a polynomial, so that products with it are short, and it is exact.
+/// - The root y of the penetration of its owner, `p = y^root`, `w = root y^(root−1)`: it passes through the end of a contact.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StepClock {
+    /// The contact whose penetration it is a root of.
+    pub owner: Option<usize>,
+    /// 1 in plain time.
+    pub root: u32,
+    /// Without an owner, s at the start of the step.
+    pub start: f64,
+    /// Orders after which a free contact has a term again.
+    pub window: usize,
+    /// s of time that a step may have at most.
+    pub span: f64,
+    /// s of time since contacts started; NaN if not known.
+    pub since: f64,
+}
+
+impl StepClock {
+    /// Time itself.
+    pub fn is_plain(&self) -> bool {
+        self.root == 1
+    }
+
+    /// The clock is a root of the penetration of contact `j`.
+    pub fn is_root_of(&self, j: usize) -> bool {
+        self.owner == Some(j) && self.root > 1
+    }
+
+    /// How many terms its weight has.
+    pub fn terms(&self) -> usize {
+        if self.owner.is_some() && self.root > 1 { ROW } else { self.root as usize }
+    }
+}
+
+/// A contact this many usual spans from its boundary is near it.
+const NEAR: f64 = 1.5;
+/// And this many after its start it is no longer.
+const STARTED: f64 = 6.0;
+/// What has started is `p/ṗ` from its boundary, a little less than the time since then: the start is as near as an end this many times less
+/// far away.
+const BEHIND: f64 = 2.0;
+/// Contacts whose penetrations and rates differ by less than this part of them leave together: the square is below rounding.
+const TOGETHER: f64 = 1e-8;
+/// Radians of the stiffest mode, by its bound, in a usual span.
+const RADIANS: f64 = 2.5;
+/// Usual spans that the clock of a step is scaled to.
+const LONGEST: f64 = 4.0;
+
+impl Motion<'_> {
+    /// Whether contact `j` leaves together with the `owner` of a root clock, which comes before it: planets in phase do. In the root of one
+    /// penetration alone another one has a branch point beside its end. `p_jⁿ = pⁿ + n pⁿ⁻¹ (p_j − p) + …` has none, and what follows is
+    /// as the square of the difference. `x` is the state at the start of the step.
+    pub(super) fn goes_with(&self, owner: Option<usize>, j: usize, x: &[f64], work: &[f64]) -> bool {
+        let Some(i) = owner.filter(|i| *i < j) else { return false };
+        let s = self.structure;
+        let law = |j: usize| match self.parts[j].force() {
+            Some(Force::Power { law, .. }) if self.parts[j].is_pressed() => Some(law.exponent),
+            _ => None,
+        };
+        let (part, c) = (|j: usize| &self.parts[j], |j: usize| &s.contacts[j]);
+        let [p, other] = [i, j].map(|j| part(j).side * work[self.layout.stretches + j]);
+        let [rate, other_rate] = [i, j].map(|j| part(j).side * work[self.layout.of(j, RATE)]);
+        let size = s.deflection_size(c(i), x).max(s.deflection_size(c(j), x));
+        let rate_size = s.rate_size(c(i), x).max(s.rate_size(c(j), x));
+        law(i).is_some_and(|law| law.p < 2 * law.q)
+            && law(i) == law(j)
+            && (p - other).abs() <= TOGETHER * p + ROUNDING * size
+            && (rate - other_rate).abs() <= TOGETHER * rate.abs() + ROUNDING * rate_size
+    }
+}
+
+impl Expansion<'_> {
+    /// The clock of the step. None if all power laws that are closed are just leaving.
+    pub(super) fn step_clock(&self, work: &[f64]) -> Option<StepClock> {
+        let (s, motion, request) = (self.s, self.motion, self.request);
+        let mut nearest: Option<(f64, usize, PowerLaw)> = None;
+        let (mut starts, mut root, mut stiffness) = (false, 1, motion.growth.frequency().powi(2));
+        for (j, part) in motion.parts.iter().enumerate().filter(|(_, part)| part.is_pressed()) {
+            let Some(Force::Power { law, stiffness: k, .. }) = part.force() else { continue };
+            let p = (part.side * work[self.layout.stretches + j]).max(0.0);
+            let rate = part.side * self.rate(j, 0, &request.x[s.n..], work);
+            if p <= 0.0 && rate < 0.0 {
+                // It leaves at this very instant; its clock would run backwards.
+                continue;
+            }
+            let time = if p <= 0.0 { 0.0 } else { p / rate.abs() };
+            starts |= p <= 0.0 && rate > 0.0;
+            root = root.max(law.exponent.q);
+            if p > 0.0 {
+                let c = &s.contacts[j];
+                stiffness += c.push_norm * c.across * k * law.exponent.value() * law.exponent.power(p) / p;
+            }
+            // Of those that are as near the first one.
+            if nearest.is_none_or(|(t, ..)| time < (1.0 - TOGETHER) * t) {
+                nearest = Some((time, j, law));
+            }
+        }
+        let (time, contact, law) = nearest?;
+        let usual = RADIANS / stiffness.sqrt();
+        let span = LONGEST * usual;
+        let since = if starts { 0.0 } else { request.carried.get(motion.parts.len()).copied().unwrap_or(f64::NAN) };
+        let plain = StepClock { owner: None, root: 1, start: 0.0, window: 2, span, since };
+        let window = (law.exponent.p + root) as usize;
+        if time == 0.0 {
+            // With neither penetration nor speed a root clock stands still, and `p ~ t²` has its root already.
+            return Some(if starts { StepClock { root, window, ..plain } } else { StepClock { window, ..plain } });
+        }
+        if since < STARTED * usual && since <= BEHIND * time {
+            return Some(StepClock { root, start: libm::pow(since, f64::from(root).recip()), window, ..plain });
+        }
+        let owner = (time < NEAR * usual).then_some(contact);
+        Some(if owner.is_some() { StepClock { owner, root: law.exponent.q, window, ..plain } } else { plain })
+    }
+
+    /// A first guess of the clock's span: it reaches the bound in time, or is longer than any step.
+    pub(super) fn clock_span(&self, clock: &StepClock, work: &[f64]) -> f64 {
+        let span = self.request.span.min(clock.span);
+        let q = f64::from(clock.root);
+        match clock.owner {
+            _ if clock.is_plain() => span,
+            Some(owner) => {
+                let p = (self.motion.parts[owner].side * work[self.layout.stretches + owner]).max(0.0);
+                let rate = self.rate(owner, 0, &self.request.x[self.s.n..], work);
+                // From the boundary: p = ṗ t and t = ṗ^(q−1) s^q. From inside: dt = q y^(q−1) ds.
+                let from_boundary = libm::pow(span / libm::pow(rate.abs(), q - 1.0), 1.0 / q);
+                let from_inside = span / (q * libm::pow(p, (q - 1.0) / q));
+                from_boundary.min(from_inside).min(1e30)
+            }
+            None if clock.start == 0.0 => libm::pow(span, 1.0 / q),
+            None => clock.start * libm::expm1(libm::log1p(span / libm::pow(clock.start, q)) / q),
+        }
+    }
+
+    /// The weight of a clock that depends on no contact, and y at the start of one that does.
+    pub(super) fn begin_clock(&self, clock: &StepClock, work: &mut [f64]) {
+        let (layout, q) = (self.layout, clock.root as usize);
+        if let Some(owner) = clock.owner.filter(|_| q > 1) {
+            let p = (self.motion.parts[owner].side * work[layout.stretches + owner]).max(0.0);
+            work[layout.y(1)] = libm::pow(p, 1.0 / f64::from(clock.root));
+            return;
+        }
+        let weight = &mut work[layout.clock..layout.clock + ROW];
+        weight.fill(0.0);
+        // q (s + hθ)^(q−1).
+        let mut binomial = q as f64;
+        for (i, w) in weight[..q].iter_mut().enumerate() {
+            *w = binomial * clock.start.powi((q - 1 - i) as i32) * self.h.powi(i as i32);
+            binomial *= (q - 1 - i) as f64 / (i + 1) as f64;
+        }
+    }
+
+    /// `y`, its powers and `w = q y^(q−1)` at order `k`, by the `rate` of the owner at the order before.
+    pub(super) fn clock_series(&self, owner: usize, root: u32, rate: f64, k: usize, work: &mut [f64]) {
+        let (layout, q) = (self.layout, root as usize);
+        if k > 0 {
+            work[layout.y(1) + k] = self.h / k as f64 * self.motion.parts[owner].side * rate;
+        }
+        for m in 2..q {
+            work[layout.y(m) + k] = product(work, layout.y(m - 1), layout.y(1), k);
+        }
+        work[layout.clock + k] = q as f64 * work[layout.y(q - 1) + k];
+    }
+}
