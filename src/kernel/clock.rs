@@ -42,6 +42,15 @@ impl StepClock {
     }
 }
 
+/// Largest common root: there are as many terms in a series as powers of time times this.
+const MOST: u32 = 12;
+
+/// The least common multiple of two roots, in which contacts of both start as series; where it is too large, the larger one.
+fn common(a: u32, b: u32) -> u32 {
+    let least = (a..=MOST).step_by(a as usize).find(|m| m.is_multiple_of(b));
+    least.unwrap_or(a.max(b))
+}
+
 /// A contact this many usual spans from its boundary is near it.
 const NEAR: f64 = 1.5;
 /// And this many after its start it is no longer.
@@ -84,7 +93,8 @@ impl Expansion<'_> {
     pub(super) fn step_clock(&self, work: &[f64]) -> Option<StepClock> {
         let (s, motion, request) = (self.s, self.motion, self.request);
         let mut nearest: Option<(f64, usize, PowerLaw)> = None;
-        let (mut starts, mut root, mut stiffness) = (false, 1, motion.growth.frequency().powi(2));
+        // The roots of the contacts that start here, and of all.
+        let (mut starting, mut root, mut stiffness) = (None, 1, motion.growth.frequency().powi(2));
         for (j, part) in motion.parts.iter().enumerate().filter(|(_, part)| part.is_pressed()) {
             let Some(Force::Power { law, stiffness: k, .. }) = part.force() else { continue };
             let p = (part.side * work[self.layout.stretches + j]).max(0.0);
@@ -94,7 +104,9 @@ impl Expansion<'_> {
                 continue;
             }
             let time = if p <= 0.0 { 0.0 } else { p / rate.abs() };
-            starts |= p <= 0.0 && rate > 0.0;
+            if p <= 0.0 && rate > 0.0 {
+                starting = Some(common(starting.unwrap_or(1), law.exponent.q));
+            }
             root = root.max(law.exponent.q);
             if p > 0.0 {
                 let c = &s.contacts[j];
@@ -108,12 +120,14 @@ impl Expansion<'_> {
         let (time, contact, law) = nearest?;
         let usual = RADIANS / stiffness.sqrt();
         let span = LONGEST * usual;
-        let since = if starts { 0.0 } else { request.carried.get(motion.parts.len()).copied().unwrap_or(f64::NAN) };
+        let since =
+            if starting.is_some() { 0.0 } else { request.carried.get(motion.parts.len()).copied().unwrap_or(f64::NAN) };
         let plain = StepClock { owner: None, root: 1, start: 0.0, window: 2, span, since };
         let window = (law.exponent.p + root) as usize;
         if time == 0.0 {
             // With neither penetration nor speed a root clock stands still, and `p ~ t²` has its root already.
-            return Some(if starts { StepClock { root, window, ..plain } } else { StepClock { window, ..plain } });
+            let root = starting.unwrap_or(1);
+            return Some(StepClock { root, window: (law.exponent.p + root) as usize, ..plain });
         }
         if since < STARTED * usual && since <= BEHIND * time {
             return Some(StepClock { root, start: libm::pow(since, f64::from(root).recip()), window, ..plain });
