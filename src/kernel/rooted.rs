@@ -91,6 +91,7 @@ impl Expansion<'_> {
         }
         displacements.as_flattened_mut()[..n].copy_from_slice(&self.request.x[..n]);
         velocities.as_flattened_mut()[..n].copy_from_slice(&self.request.x[n..2 * n]);
+        let mut weights = [0.0; ROW];
         for k in 0..=ORDER {
             let row = k * blocks..(k + 1) * blocks;
             let (q, v) = (displacements[row.clone()].as_flattened(), velocities[row.clone()].as_flattened());
@@ -121,19 +122,25 @@ impl Expansion<'_> {
                 break;
             }
             let (step, last) = (h / (k + 1) as f64, k.min(terms - 1));
-            let mut weights = [0.0; ROW];
             let clock_row = &work[self.layout.clock..=self.layout.clock + last];
             weights.iter_mut().zip(clock_row).for_each(|(w, rate)| *w = step * rate);
             let weights = &weights[..=last];
-            for b in 0..blocks {
+            let (next_q, next_v) = state[(k + 1) * dim..][..2 * n].split_at_mut(n);
+            for (b, (q, v)) in next_q.chunks_mut(LANES).zip(next_v.chunks_mut(LANES)).enumerate() {
                 let at = k * blocks + b;
-                displacements[at + blocks] = convolved::<P>(weights, velocities, blocks, at);
-                velocities[at + blocks] = convolved::<P>(weights, accelerations, blocks, at);
+                let next = [
+                    convolved::<P>(weights, velocities, blocks, at),
+                    convolved::<P>(weights, accelerations, blocks, at),
+                ];
+                [displacements[at + blocks], velocities[at + blocks]] = next;
+                for (row, next) in [q, v].into_iter().zip(&next) {
+                    // A whole block is one store.
+                    match row.as_chunks_mut::<LANES>() {
+                        ([whole], _) => *whole = *next,
+                        (_, rest) => rest.copy_from_slice(&next[..rest.len()]),
+                    }
+                }
             }
-            let next = (k + 1) * blocks..(k + 2) * blocks;
-            let row = &mut state[(k + 1) * dim..];
-            row[..n].copy_from_slice(&displacements[next.clone()].as_flattened()[..n]);
-            row[n..2 * n].copy_from_slice(&velocities[next].as_flattened()[..n]);
             if let Some(time) = time.get_mut(k + 1) {
                 *time = step * work[self.layout.clock + k];
             }

@@ -77,7 +77,7 @@ pub(super) struct Orders {
     terms: Vec<Lanes>,
     /// `f_x` without contacts, applied to them.
     base: Vec<Lanes>,
-    /// `gᵀδq` and `gᵀδq̇` of contacts.
+    /// `gᵀδq` and `gᵀδq̇` of contacts, all orders of one after the other.
     along: [Vec<Lanes>; 2],
     /// The sums, of all columns.
     sums: Vec<f64>,
@@ -124,7 +124,7 @@ fn expand<P: Path>(
     sizes: &[f64],
     work: &mut Orders,
 ) -> Option<usize> {
-    let (n, dim, contacts) = (s.freedoms(), sizes.len(), c.changes.len());
+    let (n, dim) = (s.freedoms(), sizes.len());
     let gap = 3 + c.clock.iter().take_while(|a| **a == 0.0).count();
     let is_small = |terms: &[Lanes], share: f64| {
         let largest = |lanes: &Lanes| lanes.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
@@ -135,21 +135,26 @@ fn expand<P: Path>(
         let (low, high) = work.terms.split_at_mut((k + 1) * dim);
         let (start, low, next) = (&low[..dim], &low[k * dim..], &mut high[..dim]);
         s.apply_lanes::<P>(low, &mut work.base[k * dim..(k + 1) * dim]);
-        for (i, term) in next.iter_mut().enumerate() {
-            let mut sum = [0.0; LANES];
-            for (a, clock) in c.clock.iter().enumerate().take(k + 1) {
-                let base = &work.base[(k - a) * dim + i];
-                sum = std::array::from_fn(|l| fused::<P>(*clock, base[l], sum[l]));
+        if let [clock] = c.clock[..] {
+            for (term, base) in next.iter_mut().zip(&work.base[k * dim..]) {
+                *term = base.map(|x| clock * x);
             }
-            *term = sum;
+        } else {
+            for (i, term) in next.iter_mut().enumerate() {
+                let mut sum = [0.0; LANES];
+                for (a, clock) in c.clock.iter().enumerate().take(k + 1) {
+                    let base = &work.base[(k - a) * dim + i];
+                    sum = std::array::from_fn(|l| fused::<P>(*clock, base[l], sum[l]));
+                }
+                *term = sum;
+            }
         }
         for (place, (j, latch, [by_deflection, by_rate, by_latch])) in c.changes.iter().enumerate() {
             let mut force = [0.0; LANES];
             for (half, by) in [by_deflection, by_rate].into_iter().enumerate() {
-                let along = &mut work.along[half];
-                along[k * contacts + place] = s.along_lanes::<P>(*j, &low[half * n..]);
-                for (a, by) in by.iter().enumerate().take(k + 1) {
-                    let x = &along[(k - a) * contacts + place];
+                let along = &mut work.along[half][place * ORDER..][..=k];
+                along[k] = s.along_lanes::<P>(*j, &low[half * n..]);
+                for (by, x) in by.iter().zip(along.iter().rev()) {
                     force = std::array::from_fn(|l| fused::<P>(*by, x[l], force[l]));
                 }
             }
@@ -201,7 +206,8 @@ impl Tangent<'_> {
         [from, to]: [f64; 2],
         depth: u32,
     ) {
-        if self.expand(mode, &c.part(from, to)) {
+        let is_whole = from == 0.0 && to == 1.0;
+        if is_whole && self.expand(mode, c) || !is_whole && self.expand(mode, &c.part(from, to)) {
             return;
         }
         if depth >= DEEPEST {
