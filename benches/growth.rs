@@ -2,11 +2,12 @@
 //!
 //! ```text
 //! cargo bench --bench growth
+//! cargo bench --bench growth -- --svg docs/growth.svg
 //! ```
 //!
 //! A chain of equal masses between springs, lightly damped; the first mass is driven and meets a compliant wall, and further masses meet
 //! walls of their own where more contacts are asked for. One number is varied at a time. The table has the best of five runs, as every
-//! disturbance makes a run longer.
+//! disturbance makes a run longer; with `--svg` a chart of it is written too.
 
 use std::{
     error::Error,
@@ -21,6 +22,7 @@ use flank::{
         contact::{Law, Linear, Release},
     },
     integrate::{Choice, build},
+    plot::{Axis, Figure, Panel, Series, Style, Theme},
     system::{ContactSpec, Flanks, LoadHarmonic, Spec, Structure},
 };
 use nalgebra::DMatrix;
@@ -91,27 +93,56 @@ fn run(size: Size) -> Result<(f64, Counters), Box<dyn Error>> {
     Ok((best, work))
 }
 
+/// Time for an event against what is varied, one panel for each.
+fn chart(points: &[(&str, f64, f64)]) -> Figure {
+    let mut panels: Vec<Panel> = Vec::new();
+    for (name, value, time) in points {
+        if panels.last().is_none_or(|panel| panel.x.label != *name) {
+            let y = Axis { logarithmic: true, ..Axis::new("time for an event", "µs") }.between(0.5, 2000.0);
+            let x = Axis { logarithmic: true, ..Axis::new(*name, "") };
+            let series = vec![Series::default().styled(Style::Joined)];
+            panels.push(Panel { x, y, series, ..Panel::default() });
+        }
+        if let Some(series) = panels.last_mut().and_then(|panel| panel.series.first_mut()) {
+            series.x.push(*value);
+            series.y.push(*time);
+        }
+    }
+    let title = "How the cost of an event grows".to_owned();
+    Figure { id: "growth".to_owned(), title, columns: 2, panels, ..Figure::default() }
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let mut out = io::stdout().lock();
+    let svg = std::env::args().skip_while(|word| word != "--svg").nth(1);
     let vary = |name: &'static str, values: &[usize], with: &dyn Fn(usize) -> Size| {
         values.iter().map(|value| (name, *value, with(*value))).collect::<Vec<_>>()
     };
     let sizes = [
-        vary("freedoms", &[2, 3, 5, 8, 12, 16, 24, 25, 50, 100, 200], &|freedoms| Size { freedoms, ..USUAL }),
-        vary("contacts", &[1, 2, 4, 8, 16, 32, 64], &|contacts| Size { contacts, freedoms: 24.max(contacts), ..USUAL }),
+        vary("degrees of freedom", &[2, 3, 5, 8, 12, 16, 24, 25, 50, 100, 200], &|freedoms| Size { freedoms, ..USUAL }),
+        vary("contacts (24 masses or more)", &[1, 2, 4, 8, 16, 32, 64], &|contacts| Size {
+            contacts,
+            freedoms: 24.max(contacts),
+            ..USUAL
+        }),
         vary("harmonics", &[1, 3, 10, 30, 100], &|harmonics| Size { harmonics, ..USUAL }),
-        vary("cycles", &[1_000, 10_000, 100_000], &|cycles| Size { cycles: cycles as u64, ..USUAL }),
+        vary("cycles", &[1_000, 10_000, 100_000, 1_000_000], &|cycles| Size { cycles: cycles as u64, ..USUAL }),
     ];
     writeln!(
         out,
-        "{:<10} {:>7} {:>9} {:>9} {:>10} {:>10}",
+        "{:<28} {:>7} {:>9} {:>9} {:>10} {:>10}",
         "varied", "value", "steps", "events", "us/event", "us/step"
     )?;
+    let mut points = Vec::new();
     for (name, value, size) in sizes.into_iter().flatten() {
         let (seconds, work) = run(size)?;
         let each = |count: u64| 1e6 * seconds / count.max(1) as f64;
         let (events, steps) = (each(work.events), each(work.steps));
-        writeln!(out, "{name:<10} {value:>7} {:>9} {:>9} {events:>10.2} {steps:>10.2}", work.steps, work.events)?;
+        writeln!(out, "{name:<28} {value:>7} {:>9} {:>9} {events:>10.2} {steps:>10.2}", work.steps, work.events)?;
+        points.push((name, value as f64, events));
+    }
+    if let Some(file) = svg {
+        std::fs::write(file, chart(&points).svg(Theme::Light))?;
     }
     Ok(())
 }

@@ -207,7 +207,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("gear", 1000),
     ("hybrid", 1350),
     ("integrate", 1750),
-    ("kernel", 5750),
+    ("kernel", 5800),
     ("linalg", 150),
     ("map", 3000),
     ("orbit", 2750),
