@@ -17,11 +17,11 @@ pub(super) struct StepClock {
     pub root: u32,
     /// Without an owner, s at the start of the step.
     pub start: f64,
-    /// Orders after which a free contact has a term again.
+    /// Of so many orders in a row at least one has a term, where nothing but the contact acts.
     pub window: usize,
-    /// s of time that a step may have at most.
+    /// The longest time of a step, s.
     pub span: f64,
-    /// s of time since contacts started; NaN if not known.
+    /// The time since contacts started, s; NaN if not known.
     pub since: f64,
 }
 
@@ -42,10 +42,10 @@ impl StepClock {
     }
 }
 
-/// Largest common root: there are as many terms in a series as powers of time times this.
-const MOST: u32 = 12;
+/// Largest root of time. A series of order 24 in it has 24 over this powers of time, and above 6 the root of a penetration takes fewer steps.
+const MOST: u32 = 6;
 
-/// The least common multiple of two roots, in which contacts of both start as series; where it is too large, the larger one.
+/// The least common multiple of two roots, in which contacts of both start as series; where it is above [`MOST`], the larger one.
 fn common(a: u32, b: u32) -> u32 {
     let least = (a..=MOST).step_by(a as usize).find(|m| m.is_multiple_of(b));
     least.unwrap_or(a.max(b))
@@ -55,11 +55,13 @@ fn common(a: u32, b: u32) -> u32 {
 const NEAR: f64 = 1.5;
 /// And this many after its start it is no longer.
 const STARTED: f64 = 6.0;
-/// What has started is `p/ṗ` from its boundary, a little less than the time since then: the start is as near as an end this many times less
-/// far away.
+/// A start counts as near if the time since then is at most this many times the time to the nearest boundary. The start itself is at `p/ṗ`,
+/// which is a little less than the time since then.
 const BEHIND: f64 = 2.0;
-/// Contacts whose penetrations and rates differ by less than this part of them leave together: the square is below rounding.
-const TOGETHER: f64 = 1e-8;
+/// Contacts whose times to their boundaries differ by less than this part of them are equally near.
+const EQUAL: f64 = 1e-6;
+/// What contacts that leave together may leave out of a power of their penetrations, relative to it: a tenth of the truncation of a step.
+const TOGETHER: f64 = 1e-17;
 /// Radians of the stiffest mode, by its bound, in a usual span.
 const RADIANS: f64 = 2.5;
 /// Usual spans that the clock of a step is scaled to.
@@ -67,8 +69,8 @@ const LONGEST: f64 = 4.0;
 
 impl Motion<'_> {
     /// Whether contact `j` leaves together with the `owner` of a root clock, which comes before it: planets in phase do. In the root of one
-    /// penetration alone another one has a branch point beside its end. `p_jⁿ = pⁿ + n pⁿ⁻¹ (p_j − p) + …` has none, and what follows is
-    /// as the square of the difference. `x` is the state at the start of the step.
+    /// penetration alone another one has a branch point beside its end. `p_jⁿ = pⁿ + n pⁿ⁻¹ d + …`, `d = p_j − p`, has none, and what
+    /// follows is at most `(4 d)ⁿ`. `x` is the state at the start of the step.
     pub(super) fn goes_with(&self, owner: Option<usize>, j: usize, x: &[f64], work: &[f64]) -> bool {
         let Some(i) = owner.filter(|i| *i < j) else { return false };
         let s = self.structure;
@@ -81,10 +83,12 @@ impl Motion<'_> {
         let [rate, other_rate] = [i, j].map(|j| part(j).side * work[self.layout.of(j, RATE)]);
         let size = s.deflection_size(c(i), x).max(s.deflection_size(c(j), x));
         let rate_size = s.rate_size(c(i), x).max(s.rate_size(c(j), x));
-        law(i).is_some_and(|law| law.p < 2 * law.q)
-            && law(i) == law(j)
-            && (p - other).abs() <= TOGETHER * p + ROUNDING * size
-            && (rate - other_rate).abs() <= TOGETHER * rate.abs() + ROUNDING * rate_size
+        let Some(exponent) = law(i).filter(|exponent| exponent.p < 2 * exponent.q && law(j) == Some(*exponent)) else {
+            return false;
+        };
+        let share = 0.25 * libm::pow(TOGETHER, exponent.value().recip());
+        (p - other).abs() <= share * p + ROUNDING * size
+            && (rate - other_rate).abs() <= share * rate.abs() + ROUNDING * rate_size
     }
 }
 
@@ -93,7 +97,7 @@ impl Expansion<'_> {
     pub(super) fn step_clock(&self, work: &[f64]) -> Option<StepClock> {
         let (s, motion, request) = (self.s, self.motion, self.request);
         let mut nearest: Option<(f64, usize, PowerLaw)> = None;
-        // The roots of the contacts that start here, and of all.
+        // The roots of the contacts that start here, and of all that have a root of time.
         let (mut starting, mut root, mut stiffness) = (None, 1, motion.growth.frequency().powi(2));
         for (j, part) in motion.parts.iter().enumerate().filter(|(_, part)| part.is_pressed()) {
             let Some(Force::Power { law, stiffness: k, .. }) = part.force() else { continue };
@@ -103,17 +107,22 @@ impl Expansion<'_> {
                 // It leaves at this very instant; its clock would run backwards.
                 continue;
             }
-            let time = if p <= 0.0 { 0.0 } else { p / rate.abs() };
+            // A penetration within its rounding is as near as one can be, whatever the rate.
+            let c = &s.contacts[j];
+            let time = match p {
+                _ if p <= 0.0 => 0.0,
+                _ if p <= ROUNDING * s.deflection_size(c, request.x) => f64::MIN_POSITIVE,
+                _ => p / rate.abs(),
+            };
             if p <= 0.0 && rate > 0.0 {
                 starting = Some(common(starting.unwrap_or(1), law.exponent.q));
             }
-            root = root.max(law.exponent.q);
+            root = if law.exponent.q <= MOST { root.max(law.exponent.q) } else { root };
             if p > 0.0 {
-                let c = &s.contacts[j];
                 stiffness += c.push_norm * c.across * k * law.exponent.value() * law.exponent.power(p) / p;
             }
             // Of those that are as near the first one.
-            if nearest.is_none_or(|(t, ..)| time < (1.0 - TOGETHER) * t) {
+            if nearest.is_none_or(|(t, ..)| time < (1.0 - EQUAL) * t) {
                 nearest = Some((time, j, law));
             }
         }
@@ -126,10 +135,11 @@ impl Expansion<'_> {
         let window = (law.exponent.p + root) as usize;
         if time == 0.0 {
             // With neither penetration nor speed a root clock stands still, and `p ~ t²` has its root already.
-            let root = starting.unwrap_or(1);
-            return Some(StepClock { root, window: (law.exponent.p + root) as usize, ..plain });
+            let owner = starting.filter(|root| *root > MOST).map(|_| contact);
+            let root = if owner.is_some() { law.exponent.q } else { starting.unwrap_or(1) };
+            return Some(StepClock { owner, root, window: (law.exponent.p + root) as usize, ..plain });
         }
-        if since < STARTED * usual && since <= BEHIND * time {
+        if root > 1 && since < STARTED * usual && since <= BEHIND * time {
             return Some(StepClock { root, start: libm::pow(since, f64::from(root).recip()), window, ..plain });
         }
         let owner = (time < NEAR * usual).then_some(contact);

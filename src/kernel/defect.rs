@@ -1,6 +1,6 @@
-//! The error of a step in a root clock, from its defect.
+//! The error of a step while power laws are closed, from its defect.
 //!
-//! In the owner's clock the truncated series are polynomials `z(θ)`, and what they miss in `z′ = f(z)` is known: the
+//! In the clock of the step the truncated series are polynomials `z(θ)`, and what they miss in `z′ = f(z)` is known: the
 //! terms of f from order N on, `N` the last order kept. Sums of absolute coefficients bound these terms, products of
 //! all orders included. With `D = Σ_{k≥N} |d_k|/(k+1)` and B a bound on `|∂f/∂z|` over the step, the error obeys
 //! `|e|′ ≤ B|e| + |d|`, and so `|e| ≤ exp(B) D`, for the four parts of z together: the root y, the time, displacements
@@ -12,6 +12,7 @@ use super::{
     Elasticity, Expansion, Force, LANES, Layout, ORDER, PENETRATION, POWER, ROW, STIFFNESS,
     clock::StepClock,
     fours::{Does, FourSeries, Sums},
+    guards::ROUNDING,
     rooted::Room,
     sizes::{Factor, Sizes, beyond, paired, sizes, tails, total},
 };
@@ -193,16 +194,18 @@ impl Expansion<'_> {
                         }
                     }
                     _ => {
-                        let penetration = sizes(&work[layout.of(j, PENETRATION)..], &powers);
+                        let penetration = |j: usize| sizes(&work[layout.of(j, PENETRATION)..], &powers);
                         let goes = matches!(four.does[l], Does::AsOwner(_));
-                        if clock.root == law.exponent.q && (clock.owner == Some(j) || goes) {
-                            let left = root.power(law, k * f, (j, penetration), c, &mut forces);
-                            let apart = total(&sizes(&work[layout.of(j, STIFFNESS)..], &powers));
-                            left + if goes { beside(e, p, apart) } else { 0.0 }
+                        let owner = if goes { clock.owner } else { Some(j).filter(|j| clock.owner == Some(*j)) };
+                        if let Some(i) = owner.filter(|_| clock.root == law.exponent.q) {
+                            let left = root.power(law, k * f, (i, penetration(i)), c, &mut forces);
+                            let apart = || sizes(&work[layout.of(j, STIFFNESS)..], &powers);
+                            let rounding = ROUNDING * s.deflection_size(c, self.request.x);
+                            left + if goes { root.beside(law, &apart(), rounding) } else { 0.0 }
                         } else {
                             let slope = if p > 0.0 { e * pressed / p } else { 0.0 };
                             forces.by_stretch += k * slope * f * c.across;
-                            missing_power(&penetration, &sizes(&work[layout.of(j, POWER)..], &powers), e)
+                            missing_power(&penetration(j), &sizes(&work[layout.of(j, POWER)..], &powers), e)
                         }
                     }
                 };
@@ -300,7 +303,7 @@ impl Expansion<'_> {
     }
 }
 
-/// The root y that the clock is of the penetration of its owner, and its powers.
+/// The root y of the owner's penetration, where that is the clock, and its powers.
 struct Root<'a> {
     step: &'a Expansion<'a>,
     y: Factor,
@@ -353,6 +356,15 @@ impl<'a> Root<'a> {
         forces.by_root += k * p.total.powi(a) * r as f64 * y.powi(r as i32 - 1);
         Factor::new(sizes(&self.work[at..], self.powers), left).product(&root)
     }
+
+    /// What `pⁿ + n pⁿ⁻¹ d` leaves out of `(p + d)ⁿ`, `1 < n < 2`, with d of the sizes `apart`: at most `(4 d)ⁿ`, as each of the three terms is
+    /// at most that where d is the larger one, and `n (n − 1)/2 pⁿ⁻² d²` is where p is. A d within the `rounding` of the state is none. To
+    /// that comes what the series of the product leaves out.
+    fn beside(&self, law: PowerLaw, apart: &Sizes, rounding: f64) -> f64 {
+        let (n, m) = (law.exponent.value(), (law.exponent.p - law.exponent.q) as usize);
+        let slope = Factor::new(sizes(&self.work[self.step.layout.y(m)..], self.powers), self.missing[m]);
+        n * slope.product(&Factor::new(*apart, 0.0)) + libm::pow(4.0 * (total(apart) - rounding).max(0.0), n)
+    }
 }
 
 /// `exp(B) d`.
@@ -368,15 +380,6 @@ fn grown(b: &[[f64; 4]; 4], d: [f64; 4]) -> [f64; 4] {
         }
     }
     [f64::INFINITY; 4]
-}
-
-/// What `pⁿ + n pⁿ⁻¹ d`, with `d` at most `apart` and `1 < n < 2`, leaves out of `(p + d)ⁿ`: `n (n − 1)/2 pⁿ⁻² d²` while d is the smaller
-/// one, and no more than all terms at their end.
-fn beside(n: f64, p: f64, apart: f64) -> f64 {
-    if apart == 0.0 {
-        return 0.0;
-    }
-    0.5 * n * (n - 1.0) * libm::pow(p, n - 2.0) * apart * apart + libm::pow(4.0 * apart, n)
 }
 
 /// What the series of `pⁿ` leaves out; of all of it where it has no power series in this clock and is written as zero.

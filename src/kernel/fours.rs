@@ -166,7 +166,7 @@ impl FourSeries {
 #[inline(always)]
 pub(super) fn convolved<P: Path>(weights: &[f64], rows: &[[f64; LANES]], stride: usize, at: usize) -> [f64; LANES] {
     let (mut sums, mut at) = ([0.0; LANES], at);
-    // In plain time there is one.
+    // Plain time has one weight.
     if let ([w], Some(row)) = (weights, rows.get(at)) {
         return row.map(|x| w * x);
     }

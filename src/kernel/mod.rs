@@ -6,10 +6,9 @@
 //! (k+1) q_{k+1} = h (w v)_k,   (k+1) v_{k+1} = h (w a)_k,   a = M⁻¹(f − C v − K q − Σ g_j F_j)
 //! ```
 //!
-//! where `(w v)_k = Σ_i w_i v_{k−i}`. Plain time has `w = 1`. While a power law is in contact the clock
-//! belongs to the contact nearest to its boundary: with penetration `p = y^q` and `w = q y^(q−1)`,
-//! `dy/dθ = h ṗ`, and everything is a polynomial in y again. The series then runs through the start and the end of
-//! a contact, where in plain time `pⁿ` has a branch point.
+//! where `(w v)_k = Σ_i w_i v_{k−i}`. Plain time has `w = 1`. Near the start or the end of a contact
+//! with a power law, where `pⁿ` has a branch point in plain time, the clock is a root of the time or of a penetration, and the
+//! series run through it ([`StepClock`](clock::StepClock)).
 
 mod bound;
 mod clock;

@@ -13,7 +13,7 @@ use crate::{
     vectors::{Path, Work},
 };
 
-/// What of the guessed length of a step is right most often.
+/// Most often the length of a step is about this part of its guess.
 const GUESSED: f64 = 0.88;
 
 /// The error of a step of length `theta`.

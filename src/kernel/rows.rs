@@ -24,7 +24,7 @@ fn gather(orders: impl Iterator<Item = f64>) -> Series {
     series
 }
 
-/// `a b` up to the highest power kept; a clock has few terms, or one.
+/// `a b` up to the highest power kept, for an a that has few terms.
 #[inline(always)]
 fn times(a: &Series, b: &Series) -> Series {
     let mut product = [0.0; ROW];
