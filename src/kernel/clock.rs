@@ -97,7 +97,7 @@ impl Expansion<'_> {
     pub(super) fn step_clock(&self, work: &[f64]) -> Option<StepClock> {
         let (s, motion, request) = (self.s, self.motion, self.request);
         let mut nearest: Option<(f64, usize, PowerLaw)> = None;
-        // The roots of the contacts that start here, and of all that have a root of time.
+        // The common root of the contacts that start here, with the first of them, and the root of all that have one of time.
         let (mut starting, mut root, mut stiffness) = (None, 1, motion.growth.frequency().powi(2));
         for (j, part) in motion.parts.iter().enumerate().filter(|(_, part)| part.is_pressed()) {
             let Some(Force::Power { law, stiffness: k, .. }) = part.force() else { continue };
@@ -115,7 +115,8 @@ impl Expansion<'_> {
                 _ => p / rate.abs(),
             };
             if p <= 0.0 && rate > 0.0 {
-                starting = Some(common(starting.unwrap_or(1), law.exponent.q));
+                let (together, first) = starting.unwrap_or((1, (j, law)));
+                starting = Some((common(together, law.exponent.q), first));
             }
             root = if law.exponent.q <= MOST { root.max(law.exponent.q) } else { root };
             if p > 0.0 {
@@ -135,8 +136,11 @@ impl Expansion<'_> {
         let window = (law.exponent.p + root) as usize;
         if time == 0.0 {
             // With neither penetration nor speed a root clock stands still, and `p ~ t²` has its root already.
-            let owner = starting.filter(|root| *root > MOST).map(|_| contact);
-            let root = if owner.is_some() { law.exponent.q } else { starting.unwrap_or(1) };
+            let (owner, root, law) = match starting {
+                Some((root, (first, law))) if root > MOST => (Some(first), law.exponent.q, law),
+                Some((root, (_, law))) => (None, root, law),
+                None => (None, 1, law),
+            };
             return Some(StepClock { owner, root, window: (law.exponent.p + root) as usize, ..plain });
         }
         if root > 1 && since < STARTED * usual && since <= BEHIND * time {
