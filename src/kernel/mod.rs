@@ -284,11 +284,7 @@ impl Motion<'_> {
     #[inline(always)]
     fn expand<P: Path>(&self, request: &JetRequest<'_>, out: &mut Jet) {
         let (s, layout) = (self.structure, &self.layout);
-        if out.dim != s.dim {
-            // Latched speeds have no terms but the first.
-            out.dim = s.dim;
-            out.state.clear();
-        }
+        out.dim = s.dim;
         out.state.resize(ROW * s.dim, 0.0);
         out.work.resize(layout.len, 0.0);
         out.order = ORDER;
@@ -350,6 +346,11 @@ impl Expansion<'_> {
         let (s, layout, dim) = (self.s, self.layout, self.s.dim);
         out.low.clear();
         out.state[..dim].copy_from_slice(self.request.x);
+        if dim > 2 * s.n {
+            for k in 1..=ORDER {
+                out.state[k * dim + 2 * s.n..(k + 1) * dim].fill(0.0);
+            }
+        }
         let work = &mut out.work;
         s.oscillate(self.request.at, |i, cosine, sine| {
             work[Layout::oscillator(i)] = cosine;
