@@ -4,7 +4,7 @@ use super::Conditioning;
 use crate::{
     hybrid::{GuardId, GuardSet},
     integrate::DenseStep,
-    poly::{self, FirstRoot},
+    poly::{self, Deflated, FirstRoot},
 };
 
 /// The first event on a step.
@@ -29,16 +29,11 @@ pub struct Locator {
     pub splits: u64,
 }
 
-/// `p″(x)`.
-fn curvature(p: &[f64], x: f64) -> f64 {
-    p.iter().enumerate().skip(2).rev().fold(0.0, |s, (k, c)| s * x + (k * (k - 1)) as f64 * c)
-}
-
 /// The lowest point of `p` near a touch at `x`: Newton's method for the slope. `None` if it is not in `(0, end]`: the step before or
 /// after has it, or there is none.
 fn lowest(p: &[f64], x: f64, end: f64) -> Option<f64> {
     let lowest = (0..NEWTON).try_fold(x, |x, _| {
-        let (slope, curvature) = (poly::eval_with_slope(p, x).1, curvature(p, x));
+        let (slope, curvature) = (poly::eval_with_slope(p, x).1, poly::curvature(p, x));
         (slope == 0.0 || curvature > 0.0).then(|| if slope == 0.0 { x } else { x - slope / curvature })
     })?;
     (lowest > 0.0 && lowest <= end).then_some(lowest)
@@ -47,53 +42,13 @@ fn lowest(p: &[f64], x: f64, end: f64) -> Option<f64> {
 /// Iterations that find a lowest point from within the uncertainty of zero: two suffice, more serve touches of high order.
 const NEWTON: usize = 8;
 
-/// One guard's series, with exact zeros at the start divided out: `p(θ) = θ^m p̃(θ)`.
-struct Deflated<'a> {
-    p: &'a [f64],
-    order: usize,
-    /// Bound on the error where the step starts.
-    start: f64,
-    /// The error that the search goes by: the same, or from an exact zero on that of what the series adds.
-    error: f64,
-}
-
 /// What a state resolves of a guard's value, relative to the rounding that the value may have gathered.
 const RESOLVED: f64 = 1.0 / 32.0;
 
-/// Rounding of what a series adds to its start, relative to the sum of its terms: a few units for each.
-const ADDED: f64 = 8.0 * f64::EPSILON;
-
-impl<'a> Deflated<'a> {
-    /// The guard's value at `theta`.
-    fn value(&self, theta: f64) -> f64 {
-        poly::eval(self.p, theta) * theta.powi(self.order as i32)
-    }
-
-    /// A guard that is exactly zero at the start starts on its surface: the first non-zero derivative decides which side it
-    /// goes to. One that only cannot be told from zero is searched as it is.
-    fn new(step: &'a dyn DenseStep, i: usize) -> Self {
-        let p = step.guard(i);
-        let (tail, rounding) = step.guard_error(i);
-        let order = p.iter().take_while(|c| **c == 0.0).count();
-        // From an exact zero on, errors are relative to what the series adds.
-        let (p, start) = if order == 0 { (p, tail + rounding) } else { (&p[order.min(p.len() - 1)..], tail) };
-        let mut series = Self { p, order, start, error: start };
-        if order > 0 {
-            series.error = series.error_at(1.0);
-        }
-        series
-    }
-
-    /// A bound on the size of the values of `p` up to `theta`.
-    fn largest(&self, theta: f64) -> f64 {
-        poly::terms(self.p, theta)
-    }
-
-    /// The error of a value between the start and `theta`: that of the start, and that of what the series adds.
-    fn error_at(&self, theta: f64) -> f64 {
-        let first = usize::from(self.order == 0);
-        self.start + ADDED * poly::terms(&self.p[first..], theta)
-    }
+/// Guard `i` of a step.
+fn deflated(step: &dyn DenseStep, i: usize) -> Deflated<'_> {
+    let (tail, rounding) = step.guard_error(i);
+    Deflated::new(step.guard(i), tail, rounding)
 }
 
 /// A root clock this much slower than its mean over the step stands still, to the accuracy of a touch: the root of
@@ -132,9 +87,13 @@ impl Locator {
         let mut touch: Option<(f64, usize)> = None;
         // Rows that are not clearly positive.
         let mut doubtful = GuardSet::default();
-        let mut limit = 1.0;
+        let (mut limit, mut lead) = (1.0, None::<Deflated<'_>>);
         for i in 0..step.guards().len() {
-            let series = Deflated::new(step, i);
+            let series = deflated(step, i);
+            if lead.as_ref().is_some_and(|lead| lead.is_twin(&series)) {
+                doubtful.insert(step.guards()[i]);
+                continue;
+            }
             let found = poly::first_root(series.p, limit, series.error);
             self.splits += u64::from(found.splits);
             // A row that starts at an exact zero may be clear of it and near it all the same.
@@ -148,6 +107,7 @@ impl Locator {
                 if first.is_none_or(|(t, _)| theta < t) {
                     first = Some((theta, i));
                     limit = theta;
+                    lead = Some(series);
                 }
             } else if closed_end && first.is_none() {
                 let (value, slope) = poly::eval_with_slope(series.p, 1.0);
@@ -170,13 +130,13 @@ impl Locator {
 
     /// All guards that fire at `theta` together with guard `lead`: some of `doubtful`.
     fn batch(&self, step: &dyn DenseStep, starts: bool, theta: f64, lead: usize, doubtful: GuardSet) -> Located {
-        let series = Deflated::new(step, lead);
+        let series = deflated(step, lead);
         let (value, deflated_slope) = poly::eval_with_slope(series.p, theta);
         let (residual, slope) = match series.order as i32 {
             0 => (value, deflated_slope),
             m => (value * theta.powi(m), theta.powi(m - 1) * (f64::from(m) * value + theta * deflated_slope)),
         };
-        let (curvature, own_error) = (curvature(series.p, theta).abs(), series.error_at(theta));
+        let (curvature, own_error) = (poly::curvature(series.p, theta).abs(), series.error_at(theta));
         // To first order the error over the slope; where the slope vanishes, the curvature takes over.
         let width = |gathered: f64| {
             // A guard that is exactly zero at the start and leaves does so at once: no uncertainty.
@@ -190,7 +150,7 @@ impl Locator {
         let standstill = stands_still(step, theta, theta);
         let (mut fired, mut zero, mut near) = (GuardSet::default(), GuardSet::default(), GuardSet::default());
         for (i, guard) in step.guards().iter().enumerate().filter(|(_, guard)| doubtful.contains(**guard)) {
-            let series = Deflated::new(step, i);
+            let series = deflated(step, i);
             let fires = if i == lead {
                 true
             } else if theta == 0.0 {

@@ -78,22 +78,46 @@ pub(super) static INVERSE_BINOMIALS: [[f64; MAX_DEGREE + 1]; MAX_DEGREE + 1] = {
     table
 };
 
+/// Coefficients of a polynomial in vectors of four.
+const FOURS: usize = MAX_DEGREE / 4 + 1;
+
+/// `C(i, k)` for four i from a multiple of four on, and each k; zero for `i < k`.
+static BINOMIALS: [[[f64; 4]; MAX_DEGREE + 1]; FOURS] = {
+    let mut table = [[[0.0; 4]; MAX_DEGREE + 1]; FOURS];
+    let mut k = 0;
+    while k <= MAX_DEGREE {
+        let (mut i, mut binomial) = (k, 1.0);
+        while i < 4 * FOURS {
+            table[i / 4][k][i % 4] = binomial;
+            binomial = binomial * (i + 1) as f64 / (i + 1 - k) as f64;
+            i += 1;
+        }
+        k += 1;
+    }
+    table
+};
+
 impl Bernstein {
     /// From power coefficients on `[0, 1]`.
     ///
-    /// `b_i = Σ_{k≤i} C(i,k)/C(n,k) p_k`, summed by repeated additions; every factor is at most one, so
-    /// the rounding error of each coefficient is at most `n ε Σ|p_k|`.
+    /// `b_i = Σ_{k≤i} C(i,k)/C(n,k) p_k`; binomials are exact and every factor is at most one, so the rounding error of each coefficient is
+    /// at most `n ε Σ|p_k|`.
     pub fn from_power(p: &[f64]) -> Self {
         let n = p.len() - 1;
+        let mut scaled = [0.0; MAX_DEGREE + 1];
+        scaled.iter_mut().zip(p).zip(&INVERSE_BINOMIALS[n]).for_each(|((s, c), inverse)| *s = c * inverse);
+        let mut fours = [[0.0; 4]; FOURS];
+        for (i, four) in fours[..=n / 4].iter_mut().enumerate() {
+            let mut sums = [0.0; 4];
+            for (c, binomials) in scaled[..=n.min(4 * i + 3)].iter().zip(&BINOMIALS[i]) {
+                for l in 0..4 {
+                    sums[l] += c * binomials[l];
+                }
+            }
+            *four = sums;
+        }
         let mut b = [0.0; MAX_DEGREE + 1];
-        for ((b, c), inverse) in b.iter_mut().zip(p).zip(&INVERSE_BINOMIALS[n]) {
-            *b = c * inverse;
-        }
-        let mut before = b;
-        for j in 1..=n {
-            before[..n].copy_from_slice(&b[..n]);
-            b[j..=n].iter_mut().zip(&before[j - 1..n]).for_each(|(b, p)| *b += p);
-        }
+        b[..=n].copy_from_slice(&fours.as_flattened()[..=n]);
         Self { n, b }
     }
 

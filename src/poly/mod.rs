@@ -5,11 +5,13 @@
 
 mod bernstein;
 mod chebyshev;
+mod deflated;
 mod extremes;
 mod falling;
 mod first_root;
 
 pub(crate) use chebyshev::{CHEBYSHEV, Chebyshev, DEGREE};
+pub(crate) use deflated::Deflated;
 pub use extremes::{extremes, minima};
 pub(crate) use falling::{LENGTH, Pattern, Place, Row, fall, halve, pattern};
 pub use first_root::{FirstRoot, Isolation, first_root};
@@ -29,6 +31,11 @@ pub(crate) fn terms(p: &[f64], x: f64) -> f64 {
 #[must_use]
 pub fn eval_with_slope(p: &[f64], x: f64) -> (f64, f64) {
     p.iter().rev().fold((0.0, 0.0), |(s, d), c| (s * x + c, d * x + s))
+}
+
+/// `p″(x)`.
+pub(crate) fn curvature(p: &[f64], x: f64) -> f64 {
+    p.iter().enumerate().skip(2).rev().fold(0.0, |s, (k, c)| s * x + (k * (k - 1)) as f64 * c)
 }
 
 /// Highest degree these routines accept.
