@@ -35,16 +35,83 @@ pub(crate) trait Path: Copy {
     /// Whether `a b + c` is one instruction, rounded once.
     const IS_FUSED: bool;
 
+    /// Four numbers side by side: a register, where the set has one as wide.
+    type Four: Copy;
+
     /// Does `work`, compiled for the set as far as it is inlined.
     fn run<W: Work>(self, work: W) -> W::Output;
+
+    /// Four numbers.
+    fn four(self, x: [f64; 4]) -> Self::Four;
+
+    /// One number four times.
+    fn all(self, x: f64) -> Self::Four;
+
+    /// The numbers.
+    fn numbers(self, x: Self::Four) -> [f64; 4];
+
+    /// `a b`, each.
+    fn times(self, a: Self::Four, b: Self::Four) -> Self::Four;
+
+    /// `a + b`, each.
+    fn plus(self, a: Self::Four, b: Self::Four) -> Self::Four;
+
+    /// `|a|`, each.
+    fn sizes(self, a: Self::Four) -> Self::Four;
+
+    /// As [`fused`], each.
+    fn fused(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
+}
+
+/// `f` of four pairs.
+#[inline(always)]
+fn zip(a: [f64; 4], b: [f64; 4], f: impl Fn(f64, f64) -> f64) -> [f64; 4] {
+    std::array::from_fn(|l| f(a[l], b[l]))
 }
 
 impl Path for Baseline {
     const IS_FUSED: bool = cfg!(target_arch = "aarch64");
 
+    type Four = [f64; 4];
+
     #[inline(always)]
     fn run<W: Work>(self, work: W) -> W::Output {
-        work.on::<Self>()
+        work.on(self)
+    }
+
+    #[inline(always)]
+    fn four(self, x: [f64; 4]) -> [f64; 4] {
+        x
+    }
+
+    #[inline(always)]
+    fn all(self, x: f64) -> [f64; 4] {
+        [x; 4]
+    }
+
+    #[inline(always)]
+    fn numbers(self, x: [f64; 4]) -> [f64; 4] {
+        x
+    }
+
+    #[inline(always)]
+    fn times(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        zip(a, b, |a, b| a * b)
+    }
+
+    #[inline(always)]
+    fn plus(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        zip(a, b, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    fn sizes(self, a: [f64; 4]) -> [f64; 4] {
+        a.map(f64::abs)
+    }
+
+    #[inline(always)]
+    fn fused(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
+        std::array::from_fn(|l| fused::<Self>(a[l], b[l], c[l]))
     }
 }
 
@@ -52,15 +119,52 @@ impl Path for Baseline {
 impl Path for pulp::x86::V3 {
     const IS_FUSED: bool = true;
 
+    type Four = pulp::f64x4;
+
     #[inline(always)]
     fn run<W: Work>(self, work: W) -> W::Output {
-        self.vectorize(OnAvx2(work))
+        self.vectorize(OnAvx2(self, work))
+    }
+
+    #[inline(always)]
+    fn four(self, x: [f64; 4]) -> pulp::f64x4 {
+        pulp::cast(x)
+    }
+
+    #[inline(always)]
+    fn all(self, x: f64) -> pulp::f64x4 {
+        self.splat_f64x4(x)
+    }
+
+    #[inline(always)]
+    fn numbers(self, x: pulp::f64x4) -> [f64; 4] {
+        pulp::cast(x)
+    }
+
+    #[inline(always)]
+    fn times(self, a: pulp::f64x4, b: pulp::f64x4) -> pulp::f64x4 {
+        self.mul_f64x4(a, b)
+    }
+
+    #[inline(always)]
+    fn plus(self, a: pulp::f64x4, b: pulp::f64x4) -> pulp::f64x4 {
+        self.add_f64x4(a, b)
+    }
+
+    #[inline(always)]
+    fn sizes(self, a: pulp::f64x4) -> pulp::f64x4 {
+        self.abs_f64x4(a)
+    }
+
+    #[inline(always)]
+    fn fused(self, a: pulp::f64x4, b: pulp::f64x4, c: pulp::f64x4) -> pulp::f64x4 {
+        self.mul_add_f64x4(a, b, c)
     }
 }
 
 /// A closure would be a function of its own, compiled for the baseline.
 #[cfg(target_arch = "x86_64")]
-struct OnAvx2<W>(W);
+struct OnAvx2<W>(pulp::x86::V3, W);
 
 #[cfg(target_arch = "x86_64")]
 impl<W: Work> pulp::NullaryFnOnce for OnAvx2<W> {
@@ -68,7 +172,7 @@ impl<W: Work> pulp::NullaryFnOnce for OnAvx2<W> {
 
     #[inline(always)]
     fn call(self) -> W::Output {
-        self.0.on::<pulp::x86::V3>()
+        self.1.on(self.0)
     }
 }
 
@@ -77,8 +181,8 @@ pub(crate) trait Work {
     /// What comes of it.
     type Output;
 
-    /// Does it, compiled for `P`.
-    fn on<P: Path>(self) -> Self::Output;
+    /// Does it, compiled for the set of `path`.
+    fn on<P: Path>(self, path: P) -> Self::Output;
 }
 
 impl Instructions {

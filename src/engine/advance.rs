@@ -14,7 +14,7 @@ use crate::{
 };
 
 /// Motions that are kept: some kilobytes each, and more modes than most trains come back to.
-const MAX_MOTIONS: usize = 256;
+const MAX_MOTIONS: usize = 1024;
 
 /// A motion that was met, and whether it may tell its way at once.
 struct Met<'s> {

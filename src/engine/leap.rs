@@ -15,13 +15,10 @@ use super::{
 };
 use crate::{
     event::{Conditioning, Located},
-    hybrid::{GuardId, GuardSet, Instant, Jet, JetField, JetRequest, Leap, Passage},
-    integrate::{Arc, Integrator, Taylor, gathered},
+    hybrid::{GuardId, GuardSet, Instant, JetField, JetRequest, Leap, Passage},
+    integrate::{Arc, Integrator, TOLERANCE, Taylor, advances, gathered, is_over},
     poly::{FirstRoot, first_root},
 };
-
-/// Leaps that an arc may take: where more are needed, something is much faster than the motion, and series hold for longer.
-const MOST_LEAPS: u32 = 4;
 
 /// A step that ends this near to the leap, relative to its span, ends with it.
 const ENDED: f64 = 4.0 * f64::EPSILON;
@@ -52,22 +49,35 @@ impl Leaps {
         observer: &mut dyn Observer,
     ) -> Result<Option<End>, EngineError> {
         let clock = *core.system.clock();
-        if arrival == Arrival::Record || !point.state.jump.still.is_empty() {
-            return Ok(None);
-        }
         self.count = 0;
         self.extent.clear();
         self.extent.resize(point.state.x.len(), 0.0);
+        if arrival == Arrival::Record || !point.state.jump.still.is_empty() {
+            return Ok(None);
+        }
         loop {
             let Point { state, low, carried } = &mut *point;
             let (pinned, still) = (&state.jump.pinned, &state.jump.still);
             let (at, span) = (state.at, clock.between(state.at, bound));
-            let request = JetRequest { at, x: &state.x, low, pinned, still, carried, span, tolerance: 0.0 };
-            if self.count >= MOST_LEAPS || !motion.leap(&request, &mut self.leap) {
+            let request = JetRequest { at, x: &state.x, low, pinned, still, carried, span, tolerance: TOLERANCE };
+            let shown = observer.wants_steps(&state.jump.mode);
+            if is_over(&clock, at, span) || !motion.leap(&request, self.count, shown, &mut self.leap) {
                 return Ok(None);
             }
+            let end = if self.leap.is_bound { bound } else { clock.advance(at, self.leap.time) };
             self.extent.iter_mut().zip(&self.leap.sizes).for_each(|(e, size)| *e = e.max(*size));
+            let event = self.leap.passage.map(|passage| {
+                let gathered = self.gathered(motion, passage.guard, passage.zeros);
+                (passage, gathered, located(&passage, &self.leap.twins, self.leap.time, gathered))
+            });
+            // An event that cannot be told from a switch waits for it. Where no time passes there is no leap.
+            let waits = |located: &Located| span - self.leap.time <= located.conditioning.time;
+            let is_late = arrival == Arrival::Switch && event.as_ref().is_some_and(|(.., located)| waits(located));
+            if is_late || !advances(&clock, at, self.leap.time, span) {
+                return Ok(None);
+            }
             core.counters.steps += 1;
+            core.locator.splits += self.leap.splits;
             core.counters.arcs += u64::from(self.count == 0);
             core.alarm.start_leap(core.system, at, &self.leap, self.count == 0)?;
             if self.count == 0 {
@@ -81,40 +91,32 @@ impl Leaps {
                     Err(outcome) => return Ok(Some(End::Stop(outcome))),
                 }
             }
-            self.count += 1;
-            let end = if self.leap.is_bound { bound } else { clock.advance(at, self.leap.time) };
             let mut breaks = false;
-            if observer.wants_steps(&point.state.jump.mode) {
+            if shown {
                 if let Some(end) = self.show(core, motion, point, end, observer)? {
                     return Ok(Some(end));
                 }
             } else {
                 breaks = observer.leap(&point.state.jump.mode, self.leap.time).is_break();
             }
-            let (leap, Point { state, carried, .. }) = (&mut self.leap, &mut *point);
-            let mode = &state.jump.mode;
-            // From an exact zero on, the error of the arc's first leap says it all.
-            let is_zero = |id| leap.starts.iter().any(|known| known.guard == id && known.value == 0.0);
-            let gathered = |id| {
-                if self.count == 1 && is_zero(id) {
-                    return 0.0;
-                }
-                gathered(motion.term_sizes(id, &Jet::default(), &self.extent), self.count, leap.time, 0)
-            };
-            let ended = match leap.passage {
-                Some(passage) => {
-                    let gathered = gathered(passage.guard);
-                    core.alarm.event_leap(core.system, mode, &passage, gathered, (end, &leap.x))?;
-                    Some(End::Event(located(&passage, leap.time, gathered)))
+            let mode = &point.state.jump.mode;
+            let ended = match event {
+                Some((passage, gathered, located)) => {
+                    core.alarm.event_leap(core.system, mode, &passage, gathered, (end, &self.leap.x))?;
+                    Some(End::Event(located))
                 }
                 None => {
-                    core.alarm.end_leap(mode, leap, gathered);
-                    leap.is_bound.then_some(End::Bound)
+                    let counts = !self.leap.is_series || self.leap.is_bound && arrival != Arrival::Switch;
+                    let gathered = |id| if counts { self.gathered(motion, id, 0) } else { 0.0 };
+                    core.alarm.end_leap(mode, &self.leap, gathered);
+                    self.leap.is_bound.then_some(End::Bound)
                 }
             };
+            self.count += 1;
+            let Point { state, carried, .. } = &mut *point;
             state.at = end;
-            std::mem::swap(&mut state.x, &mut leap.x);
-            std::mem::swap(carried, &mut leap.carried);
+            std::mem::swap(&mut state.x, &mut self.leap.x);
+            std::mem::swap(carried, &mut self.leap.carried);
             state.jump.pinned = GuardSet::default();
             if breaks {
                 return Ok(Some(End::Stop(Outcome::StoppedByObserver)));
@@ -123,6 +125,16 @@ impl Leaps {
                 return Ok(ended);
             }
         }
+    }
+
+    /// The rounding that guard `id` has gathered at the end of the leap; `zeros` of its first derivatives are exactly zero at the start.
+    fn gathered(&self, motion: &dyn JetField, id: GuardId, zeros: usize) -> f64 {
+        // Where no derivative counts, the error of the arc's first leap says it all.
+        if self.count == 0 && zeros > 2 {
+            return 0.0;
+        }
+        let sizes = motion.term_sizes(id, &self.leap.jet, &self.extent);
+        gathered(sizes, self.count + 1, self.leap.time, zeros)
     }
 
     /// The end of an impact sequence, `span` before the arc ends.
@@ -201,12 +213,14 @@ impl Leaps {
 }
 
 /// The event at the end of a leap of `time` seconds.
-fn located(passage: &Passage, time: f64, gathered: f64) -> Located {
-    let guard = GuardSet::from_iter([passage.guard]);
+fn located(passage: &Passage, twins: &GuardSet, time: f64, gathered: f64) -> Located {
+    let error = passage.error + gathered;
+    let mut guard = twins.clone();
+    guard.insert(passage.guard);
     let conditioning = Conditioning {
         residual: passage.residual,
         slope: passage.slope,
-        time: f64::EPSILON * time + (passage.error + gathered) / passage.slope.abs(),
+        time: f64::EPSILON * time + (error / passage.slope.abs()).min((2.0 * error / passage.curvature).sqrt()),
         estimated: false,
     };
     Located { theta: 1.0, fired: guard.clone(), zero: guard, near: GuardSet::default(), conditioning }

@@ -1,5 +1,9 @@
 use super::{GuardId, GuardSet, Instant, Mode, Wide};
 
+/// A step that ends this near to its bound, relative to its span, has reached it: the root of a clock's series is known to a few units in
+/// the last place.
+pub(crate) const ARRIVED: f64 = 8.0 * f64::EPSILON;
+
 /// What a [`JetField`] is asked for.
 #[derive(Clone, Copy, Debug)]
 pub struct JetRequest<'a> {
@@ -30,7 +34,9 @@ pub trait JetField {
 
     /// The way to the next event at once, into `leap`: to the one guard that falls, to the end of `request.span`, or as far as the field
     /// knows it. `false` where it does not know, or where more than one guard may have to do with it: the series decide then.
-    fn leap(&self, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
+    ///
+    /// `made` is how many leaps the arc has made. Where `shown`, the steps are looked at, and nothing is won by leaping as they do.
+    fn leap(&self, request: &JetRequest<'_>, made: u32, shown: bool, leap: &mut Leap) -> bool {
         false
     }
 
@@ -86,6 +92,11 @@ pub struct Passage {
     pub slope: f64,
     /// Bound on the error of its value.
     pub error: f64,
+    /// The size of its second derivative in time there, where the slope may be small beside it; else zero.
+    pub curvature: f64,
+    /// How many of its first derivatives are exactly zero at the start of the leap, its value the zeroth, and nothing that has gathered
+    /// before counts.
+    pub zeros: usize,
 }
 
 /// What [`JetField::leap`] tells.
@@ -105,8 +116,16 @@ pub struct Leap {
     pub ends: Vec<Known>,
     /// The guard that falls at the end, if one does. No other is near zero on the way.
     pub passage: Option<Passage>,
+    /// Guards that are equal to it all the way, and fall with it.
+    pub twins: GuardSet,
     /// The end is that of `request.span`.
     pub is_bound: bool,
+    /// It leads where the step at its start does, bit for bit.
+    pub is_series: bool,
+    /// Subdivisions spent on the guards.
+    pub splits: u64,
+    /// The series that it was read from, if it was.
+    pub jet: Jet,
 }
 
 /// A quantity that measures ask of a step as a polynomial. Contacts by their number; units and signs as in

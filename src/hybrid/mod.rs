@@ -12,7 +12,7 @@ mod power;
 mod system;
 
 pub use contact::{ContactMode, ContactView, Watch};
-pub(crate) use flow::normalise;
+pub(crate) use flow::{ARRIVED, normalise};
 pub use flow::{Jet, JetField, JetRequest, Known, Leap, Passage, Power, SAMPLES, Samples, Shown, VectorField};
 pub use guard::{GuardId, GuardSet};
 pub use instant::{Clock, Instant, Wide};

@@ -21,7 +21,7 @@ pub use choice::{Choice, PerMode, build};
 pub use radau::Tableau;
 use relay::Relay;
 pub use taylor::Taylor;
-pub(crate) use taylor::gathered;
+pub(crate) use taylor::{TOLERANCE, advances, gathered, is_over};
 
 /// One accepted step with its dense output, in the step's own clock `θ ∈ [0, 1]`.
 #[allow(unused_variables, reason = "defaults that do nothing")]

@@ -4,7 +4,8 @@ use std::ops::ControlFlow;
 
 use super::{Arc, DenseStep, IntegrateError, Integrator, in_plain_time};
 use crate::hybrid::{
-    GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Power, Samples, Shown, Wide,
+    ARRIVED, Clock, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Power, Samples, Shown,
+    Wide,
 };
 
 /// Taylor steps of a [`JetField`](crate::hybrid::JetField).
@@ -75,13 +76,10 @@ fn vary(jet: &mut Jet, part: f64) {
 }
 
 /// Truncation relative to the size of the rates: half a unit in the last place.
-const TOLERANCE: f64 = 1e-16;
+pub(crate) const TOLERANCE: f64 = 1e-16;
 
 /// Rounding of an instant relative to the time since the start.
 const RESOLUTION: f64 = 4.0 * f64::EPSILON * f64::EPSILON;
-/// A step that ends this near to the bound, relative to its span, has reached it: the root of a clock's series is
-/// known to a few units in the last place.
-const ARRIVED: f64 = 8.0 * f64::EPSILON;
 
 /// Rounding of a sum relative to its terms: a few units for each. Over the steps of an arc it grows like their root.
 const ARC_ROUNDING: f64 = 8.0 * f64::EPSILON;
@@ -96,6 +94,21 @@ pub(crate) fn gathered([value, rate, acceleration]: [f64; 3], count: u32, t: f64
     // The third derivative is never known exactly: the time at which an acceleration is zero is rounded.
     let known = if count == 1 { zeros.min(2) } else { 0 };
     ARC_ROUNDING * f64::from(count).sqrt() * terms.iter().skip(known).sum::<f64>()
+}
+
+/// The resolution of an instant, s: instants are pairs of doubles.
+fn resolution(clock: &Clock, at: Instant) -> f64 {
+    RESOLUTION * clock.time(at).hi.abs()
+}
+
+/// Whether what is left of an arc, `span` s from `at` on, is within a few roundings of its instants: no time at all.
+pub(crate) fn is_over(clock: &Clock, at: Instant, span: f64) -> bool {
+    span <= 4.0 * resolution(clock, at)
+}
+
+/// Whether `time` s from `at` on is progress on the `span` that is left.
+pub(crate) fn advances(clock: &Clock, at: Instant, time: f64, span: f64) -> bool {
+    time > resolution(clock, at).max(RESOLUTION * span) || time >= span
 }
 
 struct Step<'a> {
@@ -214,9 +227,7 @@ impl Integrator for Taylor {
         extent.resize(x.len(), 0.0);
         loop {
             let span = clock.between(at, arc.bound);
-            // Instants are pairs of doubles: what is left within a few of their roundings is no time at all.
-            let resolution = RESOLUTION * clock.time(at).hi.abs();
-            if span <= 4.0 * resolution {
+            if is_over(clock, at, span) {
                 end.copy_from_slice(x);
                 return Ok(());
             }
@@ -236,7 +247,7 @@ impl Integrator for Taylor {
                 return Ok(());
             }
             // Only now: a step that runs past the end of a contact in the root clock is cut by its event.
-            if !(elapsed > resolution.max(RESOLUTION * span) || elapsed >= span) {
+            if !advances(clock, at, elapsed, span) {
                 return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });
             }
             jet.state_in_two(1.0, x, low);

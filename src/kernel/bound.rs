@@ -206,6 +206,22 @@ impl Growth {
     }
 }
 
+/// Keeps the largest weighted sizes, lane by lane.
+#[inline(always)]
+fn keep_largest(largest: &mut [f64; LANES], row: &[f64], weights: &[f64; LANES]) {
+    for l in 0..LANES {
+        let size = row[l].abs() * weights[l];
+        // A comparison that vectors have. NaN is left to the check of the whole step.
+        largest[l] = if size > largest[l] { size } else { largest[l] };
+    }
+}
+
+/// The largest.
+#[inline(always)]
+fn largest_of(sizes: &[f64; LANES]) -> f64 {
+    sizes.iter().copied().fold(0.0, f64::max)
+}
+
 /// Sums `term` over the contacts at rest; `norm` is the weighted acceleration that the multipliers answer a unit of
 /// contact `k`'s free acceleration with, `max_i Σ_j √M_ii |M⁻¹g_j|_i |W⁻¹|_jk`.
 fn project_norms(s: &Structure, held: &Sticking, term: impl Fn(usize, f64) -> f64) -> f64 {
@@ -221,19 +237,38 @@ fn project_norms(s: &Structure, held: &Sticking, term: impl Fn(usize, f64) -> f6
 
 impl Expansion<'_> {
     /// The weighted size of the rates at order `k`, those of the contacts included.
+    #[inline(always)]
     pub(super) fn size(&self, k: usize, out: &Jet) -> f64 {
         // (δ̇)_k = (k+1) δ_{k+1}/h in plain time; in a root clock the same up to the weight, which is of order one.
         let per_time = (k + 1) as f64 / self.h;
-        self.s.contacts.iter().enumerate().fold(self.velocity_size(k, out), |m, (j, c)| {
-            m.max((out.work[self.layout.deflection(j, k + 1)] * per_time).abs() * c.weight)
-        })
+        let mut largest = [0.0; LANES];
+        for (chunk, columns) in self.s.columns.fours.iter().enumerate() {
+            let row = &out.work[self.layout.deflection(LANES * chunk, k + 1)..];
+            keep_largest(&mut largest, row, &columns.weights);
+        }
+        self.velocity_size(k, out).max(largest_of(&largest) * per_time)
     }
 
+    /// The weighted size of the velocities at order `k`.
     #[inline(always)]
     pub(super) fn velocity_size(&self, k: usize, out: &Jet) -> f64 {
+        self.state_size(k, self.layout.velocities, self.s.n, out)
+    }
+
+    /// That of a part of the state, which starts at `in_order` in an order of a linear mode, else at `in_state` in a row of the state.
+    #[inline(always)]
+    fn state_size(&self, k: usize, in_order: usize, in_state: usize, out: &Jet) -> f64 {
         let s = self.s;
-        let v = &out.state[k * s.dim + s.n..k * s.dim + 2 * s.n];
-        v.iter().zip(&s.weights).fold(0.0, |m: f64, (v, w)| m.max(v.abs() * w))
+        if !self.motion.is_linear {
+            let part = &out.state[k * s.dim + in_state..k * s.dim + in_state + s.n];
+            return part.iter().zip(&s.weights).fold(0.0, |m: f64, (x, w)| m.max(x.abs() * w));
+        }
+        let mut largest = [0.0; LANES];
+        let row = &out.work[self.layout.orders + k * self.layout.stride + in_order..];
+        for (row, block) in row.as_chunks::<LANES>().0.iter().zip(&s.columns.blocks) {
+            keep_largest(&mut largest, row, &block.weights);
+        }
+        largest_of(&largest)
     }
 
     /// The longest `θ ≤ 1` on which the series hold to the tolerance, and what they leave out there; `None` if the coefficients
@@ -312,9 +347,7 @@ impl Expansion<'_> {
 
     /// `‖x_N‖`.
     fn last_size(&self, out: &Jet) -> f64 {
-        let s = self.s;
-        let q = &out.state[ORDER * s.dim..ORDER * s.dim + s.n];
-        let displacement = q.iter().zip(&s.weights).fold(0.0, |m: f64, (q, w)| m.max(q.abs() * w));
+        let displacement = self.state_size(ORDER, 0, 0, out);
         self.velocity_size(ORDER, out).max(displacement * self.motion.growth.norms[0].sqrt())
     }
 
@@ -335,6 +368,9 @@ impl Expansion<'_> {
 
     /// Bound on what the varying parts of all stiffnesses add to weighted accelerations in orders `from` and more.
     fn varying_tail(&self, from: usize, reach: f64, out: &Jet) -> f64 {
+        if !self.motion.is_varying {
+            return 0.0;
+        }
         let carried = self.motion.parts.iter().zip(&self.s.contacts).enumerate();
         let carried = carried.filter(|(_, (part, _))| part.carried_linear().is_some());
         carried.map(|(j, (_, c))| c.push_norm * self.product_tail(j, from, reach, out)).sum()

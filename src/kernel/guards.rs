@@ -61,16 +61,34 @@ impl Motion<'_> {
     }
 }
 
+/// Powers of the reach, whole vectors of four.
+pub(super) type Powers = [f64; ROW + 3];
+
+/// `reachᵏ`.
+#[inline(always)]
+pub(super) fn powers(reach: f64) -> Powers {
+    let mut powers = [1.0; ROW + 3];
+    powers[1] = reach;
+    powers[2] = reach * reach;
+    powers[3] = powers[2] * reach;
+    let fourth = powers[2] * powers[2];
+    for k in (4..ROW).step_by(4) {
+        for l in k..k + 4 {
+            powers[l] = powers[l - 4] * fourth;
+        }
+    }
+    powers
+}
+
 impl Expansion<'_> {
     /// Writes the guards of the mode and their errors.
     #[inline(always)]
     pub(super) fn guards(&self, clock: Option<&StepClock>, tail: &Tail, out: &mut Jet) {
-        let reach = out.reach;
         let mut force_tails = zeros(self.s.contacts.len());
         for guard in self.motion.guards.iter().filter(|guard| guard.watch == Watch::Force) {
             force_tails[guard.contact] = self.force_tail(guard.contact, tail, out);
         }
-        let Jet { guards, guard_series, guard_rates, guard_errors, remainder, rounding, afresh, work, .. } = out;
+        let Jet { reach, guards, guard_series, guard_rates, guard_errors, remainder, rounding, afresh, work, .. } = out;
         guards.clear();
         remainder.clear();
         rounding.clear();
@@ -78,50 +96,40 @@ impl Expansion<'_> {
         guard_errors.clear();
         guard_series.resize(3 * self.s.contacts.len() * ROW, 0.0);
         let is_plain = clock.is_none_or(StepClock::is_plain);
-        let mut powers = [1.0; ROW + 3];
-        powers[1] = reach;
-        powers[2] = reach * reach;
-        powers[3] = powers[2] * reach;
-        let fourth = powers[2] * powers[2];
-        for k in (4..ROW).step_by(4) {
-            for l in k..k + 4 {
-                powers[l] = powers[l - 4] * fourth;
-            }
-        }
-        for &Watched { id, contact: j, watch, sign } in &self.motion.guards {
+        let powers = powers(*reach);
+        for watched in &self.motion.guards {
+            let &Watched { id, contact: j, watch, .. } = watched;
             let (c, part) = (&self.s.contacts[j], &self.motion.parts[j]);
             let deflection_size = self.s.deflection_size(c, self.request.x);
             let stretch_size = self.stretch_size(j, clock, deflection_size, work);
             let row = guards.len() * ROW;
             let series = &mut guard_series[row..row + ROW];
-            let (error, size) = match watch {
-                Watch::Force => (force_tails[j], self.force_guard(j, stretch_size, sign, work, series)),
-                _ if clock.is_some_and(|clock| clock.is_root_of(j)) => {
-                    let y = self.layout.y(1);
-                    series.copy_from_slice(&work[y..y + ROW]);
-                    // Afresh from the state, a penetration within its rounding is none.
-                    let stretch = work[self.layout.stretches + j].abs();
-                    if self.request.carried.get(j).is_none_or(|carried| carried.is_nan())
-                        && stretch <= ROUNDING * deflection_size
-                    {
-                        series[0] = 0.0;
-                    }
-                    (tail.rooted.map_or(0.0, |d| d.root), 0.0)
+            let root = clock.filter(|clock| watch != Watch::Force && clock.is_root_of(j)).map(|clock| clock.root);
+            let error = match root {
+                _ if watch == Watch::Force => {
+                    let [rounded, from_state] =
+                        self.force_row(watched, stretch_size, deflection_size, &powers, work, series);
+                    rounding.push(rounded);
+                    afresh.push(from_state);
+                    force_tails[j]
                 }
-                _ => {
-                    let along = if watch == Watch::DriveFlank { -sign } else { sign };
-                    let deflections = work[self.layout.deflection(j, 0)..].iter().step_by(LANES);
-                    series.iter_mut().zip(deflections).for_each(|(s, d)| *s = along * d);
-                    series[0] = match part.side {
-                        0.0 => self.gap(j, watch, work).unwrap_or(series[0] + sign * c.gap()),
-                        side => side * work[self.layout.stretches + j],
-                    };
-                    (self.deflection_tail(j, tail), stretch_size)
+                Some(root) => {
+                    self.root_row(j, deflection_size, &powers, work, series);
+                    rounding.push(0.0);
+                    // A root is as well known as its power.
+                    let power = deflection_size + size_of(&series[1..]).powi(root as i32);
+                    afresh.push(libm::pow(ROUNDING * power, f64::from(root).recip()));
+                    tail.rooted.map_or(0.0, |d| d.root)
+                }
+                None => {
+                    self.position_row(watched, &powers, work, series);
+                    rounding.push(ROUNDING * stretch_size);
+                    afresh.push(ROUNDING * (deflection_size + size_of(&series[1..])));
+                    self.deflection_tail(j, tail)
                 }
             };
-            series.iter_mut().zip(&powers).for_each(|(s, p)| *s *= p);
-            let added = size_of(&series[1..]);
-            self.write_zeros(j, watch, part.state, series);
+            remainder.push(error);
+            guards.push(id);
             if let Some(d) = tail.rooted.filter(|_| !is_plain) {
                 guard_rates.resize(guard_series.len(), 0.0);
                 let sign = match (part.side, watch) {
@@ -137,24 +145,72 @@ impl Expansion<'_> {
                 let error = ROUNDING * deflection_size + self.deflection_tail(j, tail) + late;
                 guard_errors.push(if watch == Watch::Force { -1.0 } else { error });
             }
-            remainder.push(error);
-            rounding.push(ROUNDING * size);
-            afresh.push(match (watch, part.force()) {
-                // A root is as well known as its power.
-                _ if watch != Watch::Force && clock.is_some_and(|clock| clock.is_root_of(j)) => {
-                    let root = clock.map_or(1, |clock| clock.root);
-                    libm::pow(ROUNDING * (deflection_size + added.powi(root as i32)), f64::from(root).recip())
-                }
-                (Watch::Force, Some(Force::Linear { .. })) => ROUNDING * (size + c.stiffest * deflection_size),
-                (Watch::Force, _) => ROUNDING * size,
-                _ => ROUNDING * (deflection_size + added),
-            });
-            guards.push(id);
+        }
+    }
+
+    /// A guard of position at the start.
+    #[inline(always)]
+    pub(super) fn position(&self, watched: &Watched, work: &[f64]) -> f64 {
+        let &Watched { contact: j, watch, sign, .. } = watched;
+        match self.motion.parts[j].side {
+            0.0 => self.gap(j, watch, work).unwrap_or_else(|| {
+                watched.along() * work[self.layout.deflection(j, 0)] + sign * self.s.contacts[j].gap()
+            }),
+            side => side * work[self.layout.stretches + j],
+        }
+    }
+
+    /// A guard of position as a series in θ.
+    #[inline(always)]
+    pub(super) fn position_row(&self, watched: &Watched, powers: &Powers, work: &[f64], series: &mut [f64]) {
+        let along = watched.along();
+        let deflections = work[self.layout.deflection(watched.contact, 0)..].iter().step_by(LANES);
+        series.iter_mut().zip(deflections).zip(powers).for_each(|((s, d), p)| *s = along * d * p);
+        series[0] = self.position(watched, work);
+        if self.is_released(watched.contact, watched.watch) {
+            series[..3].fill(0.0);
+        }
+    }
+
+    /// The force of a contact, or its factor, as a series in θ; its rounding, and that where it is formed from the state alone. `stretch` and
+    /// `deflection` are the sizes of their terms.
+    #[inline(always)]
+    pub(super) fn force_row(
+        &self,
+        watched: &Watched,
+        stretch: f64,
+        deflection: f64,
+        powers: &Powers,
+        work: &[f64],
+        series: &mut [f64],
+    ) -> [f64; 2] {
+        let j = watched.contact;
+        let size = self.force_guard(j, stretch, watched.sign, work, series);
+        series.iter_mut().zip(powers).for_each(|(s, p)| *s *= p);
+        if self.pinned(j, Watch::Force) {
+            series[0] = 0.0;
+        }
+        let from_state = match self.motion.parts[j].force() {
+            Some(Force::Linear { .. }) => size + self.s.contacts[j].stiffest * deflection,
+            _ => size,
+        };
+        [ROUNDING * size, ROUNDING * from_state]
+    }
+
+    /// The root of a penetration as a series in θ.
+    #[inline(always)]
+    fn root_row(&self, j: usize, deflection: f64, powers: &Powers, work: &[f64], series: &mut [f64]) {
+        let y = self.layout.y(1);
+        series.iter_mut().zip(&work[y..y + ROW]).zip(powers).for_each(|((s, y), p)| *s = y * p);
+        // Afresh from the state, a penetration within its rounding is none.
+        let stretch = work[self.layout.stretches + j].abs();
+        if self.request.carried.get(j).is_none_or(|carried| carried.is_nan()) && stretch <= ROUNDING * deflection {
+            series[0] = 0.0;
         }
     }
 
     /// What the truncated terms add to the force of a contact (of a power law: to its factor `1 + χ ṗ`).
-    fn force_tail(&self, j: usize, tail: &Tail, out: &Jet) -> f64 {
+    pub(super) fn force_tail(&self, j: usize, tail: &Tail, out: &Jet) -> f64 {
         match self.motion.parts[j].force() {
             Some(power @ Force::Power { .. }) => power.chi(self.request.x) * self.rate_tail(j, tail, out),
             Some(Force::Linear { damping, .. }) => self.linear_force_tail(j, damping, tail, out),
@@ -162,19 +218,12 @@ impl Expansion<'_> {
         }
     }
 
-    /// What is exactly zero by construction is written so.
-    fn write_zeros(&self, j: usize, watch: Watch, state: ContactMode, series: &mut [f64]) {
-        if self.request.pinned.is_empty() {
-            return;
-        }
-        let force = self.pinned(j, Watch::Force);
-        if watch == Watch::Force && force {
-            series[0] = 0.0;
-        }
-        if force && state == ContactMode::Separated && self.request.still.contains(guard_id(j, watch)) {
-            // Released from rest: value, rate and acceleration of the gap are all zero.
-            series[..3].fill(0.0);
-        }
+    /// Released from rest: the gap's value, rate and acceleration are exactly zero.
+    pub(super) fn is_released(&self, j: usize, watch: Watch) -> bool {
+        !self.request.still.is_empty()
+            && self.motion.parts[j].state == ContactMode::Separated
+            && self.pinned(j, Watch::Force)
+            && self.request.still.contains(guard_id(j, watch))
     }
 
     /// The force of a contact (of a power law: its factor `1 + χ ṗ`) as a guard, and the size of its terms; `stretch` is that of the stretch.
@@ -198,10 +247,11 @@ impl Expansion<'_> {
 
     /// Size of the terms a stretch is the sum of: taken from the state those of the deflection; where it is known better,
     /// carried on from the last step or given by an exact zero, only itself.
-    fn stretch_size(&self, j: usize, clock: Option<&StepClock>, size: f64, work: &[f64]) -> f64 {
+    pub(super) fn stretch_size(&self, j: usize, clock: Option<&StepClock>, size: f64, work: &[f64]) -> f64 {
         let carried = self.request.carried.get(j).is_some_and(|stretch| !stretch.is_nan());
         let state = self.motion.parts[j].state;
         let given = state.side() != 0.0
+            && !self.request.pinned.is_empty()
             && [Watch::DriveFlank, Watch::BackFlank, Watch::Force].iter().any(|w| self.pinned(j, *w));
         let gap = state == ContactMode::Separated && carried;
         if gap {

@@ -253,7 +253,7 @@ impl Work for Forward<'_> {
     type Output = Option<Stride>;
 
     #[inline(always)]
-    fn on<P: Path>(self) -> Option<Stride> {
+    fn on<P: Path>(self, _: P) -> Option<Stride> {
         let propagator = self.motion.propagator.get_or_init(|| self.motion.propagate()).as_deref()?;
         propagator.stride::<P>(self.motion, self.request, self.columns)
     }

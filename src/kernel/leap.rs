@@ -23,6 +23,8 @@ use crate::{
 const HALVINGS: usize = 3;
 /// Contacts that need no allocation.
 const FEW: usize = 4;
+/// Leaps that an arc may take: where more are needed, something is much faster than the motion, and series hold for longer.
+pub(super) const MOST_LEAPS: u32 = 4;
 /// Widest fall that counts as decided, relative to the time to it.
 const SHARP: f64 = 1e-11;
 /// Shortest leap, in spans. A row is rounded, and cut, in units of what it is over the whole span; over much shorter times it is less.
@@ -299,6 +301,9 @@ impl Propagator {
         let Some((fall, end)) = decided else { return false };
         leap.is_bound = fall.is_none() && bound <= part;
         leap.passage = fall.map(|fall| Passage {
+            // From an exact zero on, the error says it all.
+            zeros: if guards[fall.index].start == 0.0 { 3 } else { 0 },
+            curvature: 0.0,
             guard: motion.guards[fall.index].id,
             residual: fall.value,
             slope: fall.slope / self.span,

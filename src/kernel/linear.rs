@@ -2,60 +2,187 @@
 //!
 //! With every closed law linear, the mode is `q̈ = A_q q + A_v q̇ + f(t)` up to the contacts whose stiffness
 //! is itself a series. The forces of closed contacts are formed from their deflections, and the recurrence runs on
-//! fixed-size columns that the compiler turns into vector instructions.
+//! blocks of four degrees of freedom and of four contacts, which the compiler turns into vector instructions.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
+
+use smallvec::{SmallVec, smallvec};
 
 use super::{Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STIFFNESS, motion::Part, product, waves};
 use crate::{
     hybrid::Jet,
-    system::{Elasticity, Force, Spring, Watch},
-    vectors::{Path, fused},
+    system::{Block, Elasticity, Force, FourColumns, Spring, Structure, Watch},
+    vectors::{Path, Work},
 };
 
-/// The laws of four contacts, as `F = stiffness · (δ − σ b) + damping · δ̇`; zero where none is carried.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Four {
-    stiffness: [f64; LANES],
-    damping: [f64; LANES],
-    closed: [bool; LANES],
-    /// Any of them carries force.
-    carried: bool,
+/// Four numbers in memory.
+type Four = [f64; LANES];
+
+/// Columns of several fours each, and the number of what each is multiplied by.
+#[derive(Debug, Default)]
+struct Columns {
+    of: Vec<usize>,
+    fours: Vec<Four>,
 }
 
-impl Four {
-    /// The contacts of a mode whose stiffness is constant, four at a time.
-    pub fn all(parts: &[Part]) -> Box<[Self]> {
-        let four = |parts: &[Part]| {
-            let mut four = Self::default();
-            for (l, part) in parts.iter().enumerate() {
-                if let Some((Elasticity::Constant(k), damping)) = part.carried_linear() {
-                    (four.stiffness[l], four.damping[l]) = (k, damping);
-                    (four.closed[l], four.carried) = (true, true);
-                }
-            }
-            four
-        };
-        parts.chunks(LANES).map(four).collect()
+impl Columns {
+    /// With the columns of a number, if any of them is not zero.
+    fn add(&mut self, of: usize, columns: impl IntoIterator<Item = Four>) {
+        let first = self.fours.len();
+        self.fours.extend(columns);
+        if self.fours[first..].as_flattened().iter().all(|x| *x == 0.0) {
+            self.fours.truncate(first);
+        } else {
+            self.of.push(of);
+        }
+    }
+
+    /// Each number with its columns.
+    #[inline(always)]
+    fn iter<const N: usize>(&self) -> impl Iterator<Item = (usize, &[Four; N])> {
+        self.of.iter().copied().zip(self.fours.as_chunks::<N>().0)
     }
 }
 
-/// Degrees of freedom of the largest structure that the fast path is compiled for.
-pub(super) const LARGEST: usize = 24;
+/// A linear mode as its recurrence reads it: blocks of four degrees of freedom, and contacts four at a time.
+///
+/// `q̈ = A_q q + A_v q̇ + f − Σ push F`, `δ̇ = direction · q̇ − ė`, `F = stiffness · (δ − σ b) + damping · δ̇`.
+#[derive(Debug)]
+pub(super) struct Compiled {
+    /// Diagonals of A_q and A_v.
+    by_q: Box<[Four]>,
+    by_v: Box<[Four]>,
+    load: Box<[Four]>,
+    /// By degree of freedom: columns of A_q, then of A_v, off the diagonal.
+    couplings: Columns,
+    /// By oscillator: cosine parts, then sine parts of the load.
+    waves: Columns,
+    /// By contact that carries force by a constant stiffness: `−M⁻¹ g`.
+    pushes: Columns,
+    groups: Box<[Group]>,
+}
 
-impl Expansion<'_> {
-    /// All coefficients of a linear mode.
+/// Several fours of contacts of a linear mode.
+#[derive(Debug)]
+struct Group {
+    /// What the velocity of each degree of freedom adds to the rates.
+    directions: Vec<Four>,
+    /// By oscillator: what its cosine adds, then its sine.
+    waves: Columns,
+    /// Zero where no force is carried, or by a stiffness that varies.
+    stiffness: Vec<Four>,
+    damping: Vec<Four>,
+    /// Any of them is not zero.
+    carries: bool,
+}
+
+impl Group {
+    /// The contacts `fours`, which start with four number `first`; `law` gives the stiffness and damping of a contact.
+    fn new(s: &Structure, first: usize, fours: &[FourColumns], law: impl Fn(usize) -> Option<[f64; 2]>) -> Self {
+        let contacts = LANES * first..LANES * (first + fours.len());
+        let laws = |part: usize| contacts.clone().map(|j| law(j).map_or(0.0, |law| law[part])).collect::<Vec<_>>();
+        let in_fours = |values: Vec<f64>| values.as_chunks::<LANES>().0.to_vec();
+        let direction = |i: usize| fours.iter().map(move |four| four.directions[i]);
+        let mut waves = Columns::default();
+        for i in 0..s.oscillators.len() {
+            let parts = [0, 1].map(|part| fours.iter().map(move |four| find(&four.rates, i)[part].map(|x| -x)));
+            waves.add(i, parts.into_iter().flatten());
+        }
+        Self {
+            directions: (0..s.n).flat_map(direction).collect(),
+            waves,
+            stiffness: in_fours(laws(0)),
+            damping: in_fours(laws(1)),
+            carries: contacts.clone().any(|j| law(j).is_some()),
+        }
+    }
+}
+
+/// The two columns of number `i`.
+fn find(list: &[(usize, Four, Four)], i: usize) -> [Four; 2] {
+    list.iter().find(|(of, ..)| *of == i).map_or([[0.0; LANES]; 2], |(_, a, b)| [*a, *b])
+}
+
+impl Compiled {
+    pub fn new(s: &Structure, parts: &[Part]) -> Self {
+        let (blocks, fours) = (&s.columns.blocks, &s.columns.fours);
+        let law = |j: usize| match parts.get(j).and_then(Part::carried_linear) {
+            Some((Elasticity::Constant(k), damping)) => Some([k, damping]),
+            _ => None,
+        };
+        let size = group_size(fours.len());
+        let groups = fours.chunks(size).enumerate();
+        let mut compiled = Self {
+            by_q: blocks.iter().map(|b| b.by_q).collect(),
+            by_v: blocks.iter().map(|b| b.by_v).collect(),
+            load: blocks.iter().map(|b| b.load).collect(),
+            couplings: Columns::default(),
+            waves: Columns::default(),
+            pushes: Columns::default(),
+            groups: groups.map(|(group, fours)| Group::new(s, group * size, fours, law)).collect(),
+        };
+        for i in 0..s.n {
+            let parts = [0, 1].map(|part| blocks.iter().map(move |b| find(&b.couplings, i)[part]));
+            compiled.couplings.add(i, parts.into_iter().flatten());
+        }
+        // Several loads may follow one oscillator.
+        for (load, wave) in s.load_waves.iter().enumerate() {
+            let [cosine, sine] = [|b: &Block, i: usize| b.waves[i].1, |b: &Block, i: usize| b.waves[i].2];
+            let parts = [cosine, sine].map(|part| blocks.iter().map(move |b| part(b, load)));
+            compiled.waves.add(wave.index, parts.into_iter().flatten());
+        }
+        for j in (0..s.contacts.len()).filter(|j| law(*j).is_some()) {
+            let push =
+                |b: &Block| b.pushes.iter().find(|(of, _)| *of == j).map_or([0.0; LANES], |(_, p)| p.map(|p| -p));
+            compiled.pushes.add(j, blocks.iter().map(push));
+        }
+        compiled
+    }
+}
+
+/// Most fours of contacts that the recurrence is compiled for as one group.
+const MOST_FOURS: usize = 3;
+
+/// Fours in a group: all of them, or one by one.
+fn group_size(fours: usize) -> usize {
+    if fours <= MOST_FOURS { fours.max(1) } else { 1 }
+}
+
+/// Blocks of four degrees of freedom of the largest structure that the fast path is compiled for.
+const MOST_BLOCKS: usize = 6;
+/// Degrees of freedom of it.
+pub(super) const LARGEST: usize = LANES * MOST_BLOCKS;
+
+/// The recurrence, compiled once for each set of instructions.
+struct Recurrence<'a, 'b> {
+    expansion: &'a Expansion<'b>,
+    out: &'a mut Jet,
+}
+
+impl Work for Recurrence<'_, '_> {
+    type Output = ();
+
     #[inline(always)]
-    pub(super) fn linear<P: Path>(&self, out: &mut Jet) {
-        self.ramps(&mut out.work);
-        macro_rules! kernels {
-            ($($n:literal)*) => {
-                match self.s.n {
-                    $($n => self.recurrence::<P, $n>(out),)*
-                    n => unreachable!("{n} degrees of freedom, more than {LARGEST}"),
+    fn on<P: Path>(self, path: P) {
+        let Self { expansion: e, out } = self;
+        macro_rules! sizes {
+            ($($b:literal)*) => {
+                match (e.s.columns.blocks.len(), group_size(e.s.columns.fours.len())) {
+                    $(($b, 1) => e.recurrence::<P, $b, 1>(path, out),
+                    ($b, 2) => e.recurrence::<P, $b, 2>(path, out),
+                    ($b, MOST_FOURS) => e.recurrence::<P, $b, MOST_FOURS>(path, out),)*
+                    sizes => unreachable!("blocks and fours {sizes:?}, more than {MOST_BLOCKS} and {MOST_FOURS}"),
                 }
             };
         }
-        kernels!(1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24);
+        sizes!(1 2 3 4 5 6);
+    }
+}
+
+impl Expansion<'_> {
+    /// All coefficients of a linear mode.
+    pub(super) fn linear(&self, out: &mut Jet) {
+        self.ramps(&mut out.work);
+        self.s.instructions.run(Recurrence { expansion: self, out });
         if self.keeps_low() {
             let carried = self.motion.parts.iter().map(Part::carried_linear).enumerate();
             let constant = |(j, law)| match law {
@@ -92,134 +219,159 @@ impl Expansion<'_> {
         product(work, s, p, k)
     }
 
+    /// Each order is a row: displacements and velocities in blocks of four, zero beyond the last degree of freedom, and the oscillators.
+    /// Vectors are never read where single numbers have just been written: that would wait for them.
     #[inline(always)]
-    fn recurrence<P: Path, const N: usize>(&self, out: &mut Jet) {
-        let (s, h) = (self.s, self.h);
-        let Jet { state, work, time, .. } = out;
-        time.clear();
+    fn recurrence<P: Path, const B: usize, const C: usize>(&self, path: P, out: &mut Jet) {
+        let (s, h, n, layout) = (self.s, self.h, self.s.n, self.layout);
+        out.time.clear();
         let varying = self.motion.is_varying;
-        let fours = &self.motion.fours;
-        let column = |m: &[f64]| -> [f64; N] { std::array::from_fn(|i| m[i]) };
-        let (by_q, by_v) = (column(&s.columns.by_q), column(&s.columns.by_v));
-        let (mut q, mut v) = (column(&self.request.x[..N]), column(&self.request.x[N..2 * N]));
-        let mut a = column(&s.load);
-        let (work, waves) = work.split_at_mut(self.layout.waves);
-        let (waves, _) = waves.as_chunks_mut::<2>();
-        for (i, w) in waves.iter_mut().enumerate() {
-            *w = [work[Layout::oscillator(i)], work[Layout::oscillator(i) + ROW]];
+        let compiled = &self.motion.compiled;
+        let [Some(by_q), Some(by_v), Some(load)] =
+            [&compiled.by_q, &compiled.by_v, &compiled.load].map(|fours| fours.first_chunk::<B>())
+        else {
+            return;
+        };
+        let mut forces: SmallVec<[Four; 4]> = smallvec![[0.0; LANES]; C * compiled.groups.len()];
+        let (work, orders) = out.work.split_at_mut(layout.orders);
+        orders[..layout.stride].fill(0.0);
+        orders[..n].copy_from_slice(&self.request.x[..n]);
+        orders[LANES * B..][..n].copy_from_slice(&self.request.x[n..2 * n]);
+        for i in 0..s.oscillators.len() {
+            let o = Layout::oscillator(i);
+            orders[2 * LANES * B + 2 * i..][..2].copy_from_slice(&[work[o], work[o + ROW]]);
         }
-        let mut rows = state.chunks_exact_mut(s.dim);
-        for k in 0..=ORDER {
-            if let Some(row) = rows.next()
-                && k > 0
-            {
-                row[..N].copy_from_slice(&q);
-                row[N..2 * N].copy_from_slice(&v);
-                a = [0.0; N];
-            }
-            if k == ORDER {
-                break;
-            }
+        let zero = path.all(0.0);
+        for k in 0..ORDER {
             let step = h / (k + 1) as f64;
-            self.contacts::<P, N>(fours, k, step, waves, &v, &mut a, work);
-            for i in 0..N {
-                a[i] = fused::<P>(by_q[i], q[i], fused::<P>(by_v[i], v[i], a[i]));
+            let (row, next) = orders[k * layout.stride..(k + 2) * layout.stride].split_at_mut(layout.stride);
+            let (flat_q, rest) = row.split_at(LANES * B);
+            let (flat_v, waves) = rest.split_at(LANES * B);
+            let [Some(q), Some(v)] = [flat_q, flat_v].map(|flat| flat.as_chunks::<LANES>().0.first_chunk::<B>()) else {
+                return;
+            };
+            let waves = waves.as_chunks::<2>().0;
+            self.contacts::<P, C>(path, k, step, (&flat_v[..n], waves), &mut forces, work);
+            let mut a = if k == 0 { load.map(|four| path.four(four)) } else { [zero; B] };
+            for (i, columns) in compiled.couplings.of.iter().zip(compiled.couplings.fours.chunks_exact(2 * B)) {
+                let (q, v) = (path.all(flat_q[*i]), path.all(flat_v[*i]));
+                for b in 0..B {
+                    a[b] = path.fused(path.four(columns[B + b]), v, a[b]);
+                    a[b] = path.fused(path.four(columns[b]), q, a[b]);
+                }
             }
-            for &(i, j, by_q, by_v) in &s.columns.couplings {
-                a[i as usize] += by_q * q[j as usize] + by_v * v[j as usize];
+            for (i, columns) in compiled.waves.of.iter().zip(compiled.waves.fours.chunks_exact(2 * B)) {
+                let [cos, sin] = waves[*i].map(|x| path.all(x));
+                for b in 0..B {
+                    a[b] = path.fused(path.four(columns[B + b]), sin, a[b]);
+                    a[b] = path.fused(path.four(columns[b]), cos, a[b]);
+                }
             }
-            for w in &s.load_waves {
-                let [cos, sin] = waves[w.index];
-                if let (Some(cosine), Some(sine)) = (w.cosine.first_chunk::<N>(), w.sine.first_chunk::<N>()) {
-                    for i in 0..N {
-                        a[i] = fused::<P>(cosine[i], cos, fused::<P>(sine[i], sin, a[i]));
-                    }
+            for b in 0..B {
+                a[b] = path.fused(path.four(by_v[b]), path.four(v[b]), a[b]);
+                a[b] = path.fused(path.four(by_q[b]), path.four(q[b]), a[b]);
+            }
+            for (j, push) in compiled.pushes.iter::<B>() {
+                let force = path.all(forces.as_flattened()[j]);
+                for b in 0..B {
+                    a[b] = path.fused(path.four(push[b]), force, a[b]);
                 }
             }
             if varying {
-                self.varying_forces(k, &v, &mut a, work);
+                let mut sums = a.map(|four| path.numbers(four));
+                self.varying_forces(k, flat_v, sums.as_flattened_mut(), work);
+                a = sums.map(|four| path.four(four));
             }
-            for (i, (w, o)) in waves.iter_mut().zip(&s.oscillators).enumerate() {
+            let (next_q, rest) = next.split_at_mut(LANES * B);
+            let (next_v, next_waves) = rest.split_at_mut(LANES * B);
+            let by = path.all(step);
+            for (next, v) in next_q.as_chunks_mut::<LANES>().0.iter_mut().zip(v) {
+                *next = path.numbers(path.times(by, path.four(*v)));
+            }
+            for (next, a) in next_v.as_chunks_mut::<LANES>().0.iter_mut().zip(a) {
+                *next = path.numbers(path.times(by, a));
+            }
+            let next_waves = next_waves.as_chunks_mut::<2>().0.iter_mut();
+            for (i, ((next, wave), o)) in next_waves.zip(waves).zip(&s.oscillators).enumerate() {
                 let f = step * o.omega;
-                *w = [-f * w[1], f * w[0]];
+                *next = [-f * wave[1], f * wave[0]];
                 if varying {
                     let at = Layout::oscillator(i) + k + 1;
-                    [work[at], work[at + ROW]] = *w;
+                    [work[at], work[at + ROW]] = *next;
                 }
-            }
-            for i in 0..N {
-                q[i] = step * v[i];
-            }
-            for i in 0..N {
-                v[i] = step * a[i];
             }
         }
         self.watched_forces(work);
+        if !self.is_bare {
+            let rows = out.state.chunks_exact_mut(s.dim).zip(orders.chunks_exact(layout.stride)).skip(1);
+            for (row, order) in rows {
+                row[..n].copy_from_slice(&order[..n]);
+                row[n..2 * n].copy_from_slice(&order[LANES * B..][..n]);
+            }
+        }
     }
 
-    /// The accelerations by the contact forces at order `k`, and the deflections of the next order, four contacts at a time.
+    /// The contact forces at order `k`, and the deflections of the next order, four contacts at a time; of velocities and oscillators.
     ///
     /// A deflection is the integral of its rate, `(k + 1) δ_{k+1} = h δ̇_k`, and is formed before it is multiplied by the stiffness:
     /// where the train has turned far, a difference of displacements is exact and one of forces would not be.
     #[inline(always)]
-    #[allow(clippy::too_many_arguments)] // the variables of the recurrence
-    fn contacts<P: Path, const N: usize>(
+    fn contacts<P: Path, const C: usize>(
         &self,
-        fours: &[Four],
+        path: P,
         k: usize,
         step: f64,
-        waves: &[[f64; 2]],
-        v: &[f64; N],
-        a: &mut [f64; N],
+        (v, waves): (&[f64], &[[f64; 2]]),
+        forces: &mut [Four],
         work: &mut [f64],
     ) {
-        let s = self.s;
-        for (chunk, (four, columns)) in fours.iter().zip(&s.columns.fours).enumerate() {
-            let Some(directions) = columns.directions.first_chunk::<N>() else { return };
-            let mut r = [0.0; LANES];
-            for i in 0..N {
-                for l in 0..LANES {
-                    r[l] = fused::<P>(directions[i][l], v[i], r[l]);
+        let groups = self.motion.compiled.groups.iter().zip(forces.as_chunks_mut::<C>().0);
+        for (number, (group, forces)) in groups.enumerate() {
+            let mut rates = [path.all(0.0); C];
+            for (columns, v) in group.directions.as_chunks::<C>().0.iter().zip(v) {
+                let v = path.all(*v);
+                for c in 0..C {
+                    rates[c] = path.fused(path.four(columns[c]), v, rates[c]);
                 }
             }
-            for (index, cosine, sine) in &columns.rates {
-                let [cos, sin] = waves[*index];
-                for l in 0..LANES {
-                    r[l] -= fused::<P>(cosine[l], cos, sine[l] * sin);
+            for (i, columns) in group.waves.of.iter().zip(group.waves.fours.chunks_exact(2 * C)) {
+                let [cos, sin] = waves[*i].map(|x| path.all(x));
+                for c in 0..C {
+                    rates[c] = path.fused(path.four(columns[c]), cos, rates[c]);
+                    rates[c] = path.fused(path.four(columns[C + c]), sin, rates[c]);
                 }
             }
+            let first = C * number;
             if k == 0 && !self.request.still.is_empty() {
-                let still = (0..LANES).filter(|l| self.is_still(LANES * chunk + l));
-                still.for_each(|l| r[l] = 0.0);
+                for c in 0..C {
+                    let mut r = path.numbers(rates[c]);
+                    let still = (0..LANES).filter(|l| self.is_still(LANES * (first + c) + l));
+                    still.for_each(|l| r[l] = 0.0);
+                    rates[c] = path.four(r);
+                }
             }
-            let at = self.layout.deflection(LANES * chunk, k);
-            let Some(orders) = work[at..].first_chunk_mut::<{ 2 * LANES }>() else { return };
-            for l in 0..LANES {
-                orders[LANES + l] = step * r[l];
+            let deflections = work[self.layout.deflections..self.layout.stretches].as_chunks_mut::<LANES>().0;
+            let by = path.all(step);
+            for c in 0..C {
+                deflections[(first + c) * ROW + k + 1] = path.numbers(path.times(by, rates[c]));
             }
-            if !four.carried {
+            if !group.carries {
                 continue;
             }
-            let mut d: [f64; LANES] = std::array::from_fn(|l| orders[l]);
-            if let (0, Some(stretch)) = (k, work[self.layout.stretches + LANES * chunk..].first_chunk()) {
-                d = *stretch;
+            let mut stretches: [Four; C] = std::array::from_fn(|c| deflections[(first + c) * ROW + k]);
+            if k == 0 {
+                let starts = work[self.layout.stretches..].as_chunks::<LANES>().0;
+                stretches = std::array::from_fn(|c| starts[first + c]);
             }
-            let mut force = [0.0; LANES];
-            for l in 0..LANES {
-                force[l] = fused::<P>(four.stiffness[l], d[l], four.damping[l] * r[l]);
+            for c in 0..C {
+                let damped = path.times(path.four(group.damping[c]), rates[c]);
+                let force = path.fused(path.four(group.stiffness[c]), path.four(stretches[c]), damped);
+                forces[c] = path.numbers(force);
             }
             if k == 0 && !self.request.pinned.is_empty() {
-                let zero = (0..LANES).filter(|l| self.pinned(LANES * chunk + l, Watch::Force));
-                zero.for_each(|l| force[l] = 0.0);
-            }
-            for l in 0..LANES {
-                if four.closed[l]
-                    && let Some(push) = columns.pushes[l].first_chunk::<N>()
-                {
-                    for i in 0..N {
-                        a[i] = fused::<P>(-push[i], force[l], a[i]);
-                    }
-                }
+                let forces = forces.as_flattened_mut().iter_mut().enumerate();
+                let zero = forces.filter(|(l, _)| self.pinned(LANES * first + l, Watch::Force));
+                zero.for_each(|(_, force)| *force = 0.0);
             }
         }
     }

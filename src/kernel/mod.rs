@@ -10,6 +10,7 @@
 //! with a power law, where `pⁿ` has a branch point in plain time, the clock is a root of the time or of a penetration, and the
 //! series run through it ([`StepClock`](clock::StepClock)).
 
+mod bare;
 mod bound;
 mod clock;
 mod defect;
@@ -33,10 +34,12 @@ mod sizes;
 pub(crate) use lane::{Lane, Noted, Passed};
 
 use bound::Tail;
+use clock::StepClock;
+use leap::MOST_LEAPS;
 use motion::Motion;
 use pressed::Pressed;
 
-use crate::hybrid::{GuardId, Instant, Jet, JetField, JetRequest, Leap, Power, Samples, Shown};
+use crate::hybrid::{GuardId, GuardSet, Instant, Jet, JetField, JetRequest, Leap, Power, Samples, Shown};
 use crate::system::{ContactMode, Elasticity, Force, Structure, Watch, Wave, dot, guard_id};
 use crate::vectors::{Path, Work};
 
@@ -74,12 +77,15 @@ struct Layout {
     /// `δ − σ b` at order zero of separated contacts from the flank that they have left, where it is known better than by the
     /// state; else NaN. Negative at the drive flank, positive at the back flank.
     gaps: usize,
-    /// Cosine and sine of each oscillator at one order, side by side.
-    waves: usize,
     /// The contact that owns the clock, if its clock is a root of its penetration; else −1.
     owner: usize,
     /// Time since contacts with power laws started, where it is known; else NaN.
     since: usize,
+    /// Of a linear mode the orders, each a row: displacements, velocities and oscillators, each in whole blocks of four.
+    orders: usize,
+    stride: usize,
+    /// Where in a row the velocities start.
+    velocities: usize,
     len: usize,
 }
 
@@ -92,8 +98,9 @@ impl Layout {
         let lanes = s.contacts.len().next_multiple_of(LANES);
         let stretches = deflections + ROW * lanes;
         let gaps = stretches + lanes;
-        let waves = gaps + s.contacts.len();
-        let owner = waves + 2 * s.oscillators.len();
+        let owner = gaps + s.contacts.len();
+        let velocities = s.n.next_multiple_of(LANES);
+        let stride = 2 * velocities + (2 * s.oscillators.len()).next_multiple_of(LANES);
         Self {
             contacts,
             deflections,
@@ -101,10 +108,12 @@ impl Layout {
             accelerations,
             stretches,
             gaps,
-            waves,
             owner,
             since: owner + 1,
-            len: owner + 2,
+            orders: owner + 2,
+            stride,
+            velocities,
+            len: owner + 2 + ROW * stride,
         }
     }
 
@@ -149,6 +158,8 @@ struct Expansion<'a> {
     layout: &'a Layout,
     /// Span of `θ ∈ [0, 1]` in the step's clock.
     h: f64,
+    /// The state's rows are not wanted, nor what is formed of them.
+    is_bare: bool,
 }
 
 /// A step to be expanded.
@@ -162,7 +173,7 @@ impl Work for Expand<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn on<P: Path>(self) {
+    fn on<P: Path>(self, _: P) {
         self.motion.expand::<P>(self.request, self.out);
     }
 }
@@ -171,6 +182,10 @@ impl Work for Expand<'_> {
 struct Forward<'a> {
     motion: &'a Motion<'a>,
     request: &'a JetRequest<'a>,
+    /// Leaps that the arc has made.
+    made: u32,
+    /// Steps are looked at.
+    shown: bool,
     leap: &'a mut Leap,
 }
 
@@ -178,13 +193,15 @@ impl Work for Forward<'_> {
     type Output = bool;
 
     #[inline(always)]
-    fn on<P: Path>(self) -> bool {
+    fn on<P: Path>(self, path: P) -> bool {
+        let Self { motion, request, made, shown, leap } = self;
+        (leap.is_series, leap.splits, leap.twins) = (false, 0, GuardSet::default());
         // No closure around what is to be compiled for P: it would be a function of its own.
-        match self.motion.propagator.get_or_init(|| self.motion.propagate()) {
-            Some(propagator) => propagator.leap::<P>(self.motion, self.request, self.leap),
-            None => match self.motion.pressed.get_or_init(|| Pressed::new(self.motion)) {
-                Some(pressed) => pressed.leap::<P>(self.motion, self.request, self.leap),
-                None => false,
+        match motion.propagator.get_or_init(|| motion.propagate()) {
+            Some(propagator) => made < MOST_LEAPS && propagator.leap::<P>(motion, request, leap),
+            None => match motion.pressed.get_or_init(|| Pressed::new(motion)) {
+                Some(pressed) => made < MOST_LEAPS && pressed.leap::<P>(motion, request, leap),
+                None => !shown && motion.bare(path, request, leap),
             },
         }
     }
@@ -203,7 +220,7 @@ impl Work for Sample<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn on<P: Path>(self) {
+    fn on<P: Path>(self, _: P) {
         *self.values = self.motion.sampled::<P>(self.step, self.what, self.thetas);
     }
 }
@@ -220,7 +237,7 @@ impl Work for Show<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn on<P: Path>(self) {
+    fn on<P: Path>(self, _: P) {
         self.series.clear();
         self.motion.shown(self.step, self.what, self.series);
     }
@@ -231,8 +248,8 @@ impl JetField for Motion<'_> {
         self.structure.instructions.run(Expand { motion: self, request, out });
     }
 
-    fn leap(&self, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
-        self.structure.instructions.run(Forward { motion: self, request, leap })
+    fn leap(&self, request: &JetRequest<'_>, made: u32, shown: bool, leap: &mut Leap) -> bool {
+        self.structure.instructions.run(Forward { motion: self, request, made, shown, leap })
     }
 
     fn term_sizes(&self, id: GuardId, step: &Jet, x: &[f64]) -> [f64; 3] {
@@ -260,8 +277,20 @@ impl JetField for Motion<'_> {
     /// nowhere, and a gap would lose the digits that tell when it closes. Where it is not small nothing is kept (NaN): the
     /// state is then as good, and cannot drift apart from it. The last number is the time since contacts with power laws started.
     fn carry(&self, step: &Jet, theta: f64, ends: bool, carried: &mut Vec<f64>) {
-        let layout = &self.layout;
         let s = theta * step.reach;
+        let added = |j: usize| {
+            let highest = self.layout.deflection(j, step.order);
+            (0..step.order).fold(0.0, |sum, k| (sum + step.work[highest - k * LANES]) * s)
+        };
+        self.keep(step, &step.state, ends, added, carried);
+        carried.push(step.work[self.layout.since] + step.time_at(theta));
+    }
+}
+
+impl Motion<'_> {
+    /// The stretches to be kept after a step from the state `x` that has `added` so much to each deflection.
+    fn keep(&self, step: &Jet, x: &[f64], ends: bool, added: impl Fn(usize) -> f64, carried: &mut Vec<f64>) {
+        let layout = &self.layout;
         carried.clear();
         // While power laws are closed the time of an event is not known well enough for a gap to be better than the state.
         let is_lost = ends && step.is_estimate;
@@ -271,24 +300,41 @@ impl JetField for Motion<'_> {
             if is_lost || start.is_nan() || part.is_bilateral() || !is_closed && step.is_estimate {
                 return f64::NAN;
             }
-            let highest = layout.deflection(j, step.order);
-            let stretch = (0..step.order).fold(0.0, |sum, k| (sum + step.work[highest - k * LANES]) * s) + start;
-            let is_small = stretch.abs() < SMALL_STRETCH * self.structure.deflection_size(c, &step.state);
+            let stretch = added(j) + start;
+            let is_small = stretch.abs() < SMALL_STRETCH * self.structure.deflection_size(c, x);
             if is_small { stretch } else { f64::NAN }
         }));
-        carried.push(step.work[layout.since] + step.time_at(theta));
     }
 }
 
 impl Motion<'_> {
     #[inline(always)]
     fn expand<P: Path>(&self, request: &JetRequest<'_>, out: &mut Jet) {
+        match self.series::<P>(request, false, out) {
+            Some((e, clock, tail)) => {
+                out.is_estimate = clock.is_some();
+                e.guards(clock.as_ref(), &tail, out);
+            }
+            None => out.reach = f64::NAN,
+        }
+    }
+
+    /// The series of the state and how far they hold; `None` where they cannot be formed.
+    #[inline(always)]
+    fn series<'a, P: Path>(
+        &'a self,
+        request: &'a JetRequest<'a>,
+        is_bare: bool,
+        out: &mut Jet,
+    ) -> Option<(Expansion<'a>, Option<StepClock>, Tail)> {
         let (s, layout) = (self.structure, &self.layout);
         out.dim = s.dim;
-        out.state.resize(ROW * s.dim, 0.0);
+        if !is_bare {
+            out.state.resize(ROW * s.dim, 0.0);
+        }
         out.work.resize(layout.len, 0.0);
         out.order = ORDER;
-        let mut e = Expansion { s, motion: self, request, layout, h: request.span };
+        let mut e = Expansion { s, motion: self, request, layout, h: request.span, is_bare };
         e.start(out);
         let clock = if self.is_pressed { e.step_clock(&out.work) } else { None };
         if let Some(clock) = &clock {
@@ -297,10 +343,10 @@ impl Motion<'_> {
         let owner = clock.and_then(|clock| clock.owner.filter(|_| !clock.is_plain()));
         out.work[layout.owner] = owner.map_or(-1.0, |owner| owner as f64);
         out.work[layout.since] = clock.map_or(f64::NAN, |clock| clock.since);
-        let tail = loop {
+        loop {
             out.low.clear();
             match &clock {
-                None if self.is_linear => e.linear::<P>(out),
+                None if self.is_linear => e.linear(out),
                 None => e.plain(out),
                 Some(clock) => e.rooted::<P>(clock, out),
             }
@@ -314,17 +360,14 @@ impl Motion<'_> {
             };
             if let Some((reach, tail)) = reach.filter(|(reach, _)| *reach > 0.0) {
                 out.reach = reach;
-                break tail;
+                return Some((e, clock, tail));
             }
             // The scale overshot so far that the last coefficients overflowed.
             e.h *= 1e-6;
             if e.h < f64::MIN_POSITIVE {
-                out.reach = f64::NAN;
-                return;
+                return None;
             }
-        };
-        out.is_estimate = clock.is_some();
-        e.guards(clock.as_ref(), &tail, out);
+        }
     }
 
     /// `δ − σ b` of contact `j` where its force is exactly zero, for the `stretch` that the state gives to within `rounding`.
@@ -345,10 +388,12 @@ impl Expansion<'_> {
     fn start(&self, out: &mut Jet) {
         let (s, layout, dim) = (self.s, self.layout, self.s.dim);
         out.low.clear();
-        out.state[..dim].copy_from_slice(self.request.x);
-        if dim > 2 * s.n {
-            for k in 1..=ORDER {
-                out.state[k * dim + 2 * s.n..(k + 1) * dim].fill(0.0);
+        if !self.is_bare {
+            out.state[..dim].copy_from_slice(self.request.x);
+            if dim > 2 * s.n {
+                for k in 1..=ORDER {
+                    out.state[k * dim + 2 * s.n..(k + 1) * dim].fill(0.0);
+                }
             }
         }
         let work = &mut out.work;
@@ -356,29 +401,32 @@ impl Expansion<'_> {
             work[Layout::oscillator(i)] = cosine;
             work[Layout::oscillator(i) + ROW] = sine;
         });
+        let (has_zeros, keeps_low) = (!self.request.pinned.is_empty(), self.keeps_low());
         for (j, c) in s.contacts.iter().enumerate() {
-            work[layout.deflection(j, 0)] = if self.pinned(j, Watch::DriveFlank) {
+            let is_zero = |watch: Watch| has_zeros && self.pinned(j, watch);
+            let (on_drive, on_back) = (is_zero(Watch::DriveFlank), is_zero(Watch::BackFlank));
+            work[layout.deflection(j, 0)] = if on_drive {
                 c.gap()
-            } else if self.pinned(j, Watch::BackFlank) {
+            } else if on_back {
                 -c.gap()
-            } else if self.keeps_low() {
+            } else if keeps_low {
                 s.deflection_in_two(j, self.request.at, self.request.x, self.request.low).value()
             } else {
                 dot(&c.direction, self.request.x) - waves(c.spec.error_offset, &c.error, 0, work)
             };
             let part = &self.motion.parts[j];
             let (side, is_open) = (part.side, part.state == ContactMode::Separated);
-            let on_flank = self.pinned(j, Watch::DriveFlank) || self.pinned(j, Watch::BackFlank);
-            let carried = self.request.carried.get(j).copied().filter(|stretch| !stretch.is_nan() && !self.keeps_low());
+            let on_flank = on_drive || on_back;
+            let carried = self.request.carried.get(j).copied().filter(|stretch| !stretch.is_nan() && !keeps_low);
             work[layout.gaps + j] = match carried {
                 _ if on_flank => 0.0,
                 Some(gap) if is_open => gap,
                 _ => f64::NAN,
             };
             work[layout.stretches + j] = match carried.filter(|_| !is_open && !on_flank) {
-                _ if self.pinned(j, Watch::Force) => self.forceless(j, side, work),
+                _ if is_zero(Watch::Force) => self.forceless(j, side, work),
                 Some(stretch) => stretch,
-                _ if self.keeps_low() => self.stretch_in_two(j, side).value(),
+                _ if keeps_low => self.stretch_in_two(j, side).value(),
                 _ => work[layout.deflection(j, 0)] - side * c.offset(),
             };
         }

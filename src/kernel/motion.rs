@@ -8,7 +8,7 @@ use std::{
 use super::{
     Layout,
     bound::{Forcing, Growth},
-    linear::{Four, LARGEST},
+    linear::{Compiled, LARGEST},
     pressed::Pressed,
     propagator::Propagator,
     rooted::Room,
@@ -61,6 +61,13 @@ pub(super) struct Watched {
     pub sign: f64,
 }
 
+impl Watched {
+    /// Sign of the deflection in a guard of position.
+    pub fn along(&self) -> f64 {
+        if self.watch == Watch::DriveFlank { -self.sign } else { self.sign }
+    }
+}
+
 /// The smooth motion of a structure in one mode.
 #[derive(Debug)]
 pub(super) struct Motion<'s> {
@@ -80,8 +87,8 @@ pub(super) struct Motion<'s> {
     pub(super) is_pressed: bool,
     /// Some stiffness is a series.
     pub(super) is_varying: bool,
-    /// The contacts four at a time.
-    pub(super) fours: Box<[Four]>,
+    /// What the recurrence of a linear mode reads.
+    pub(super) compiled: Compiled,
     /// Room for series of closed power laws.
     pub(super) room: RefCell<Room>,
     /// Formed when it is first asked for.
@@ -114,7 +121,7 @@ impl<'s> Motion<'s> {
             is_linear: structure.n <= LARGEST && parts.iter().all(is_affine),
             is_pressed: parts.iter().any(Part::is_pressed),
             is_varying: parts.iter().any(varies),
-            fours: Four::all(&parts),
+            compiled: Compiled::new(structure, &parts),
             held,
             parts,
             room: RefCell::default(),

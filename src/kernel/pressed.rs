@@ -307,6 +307,8 @@ impl Pressed {
         leap.time = end.time;
         leap.is_bound = end.is_bound;
         leap.passage = end.falls.then(|| Passage {
+            zeros: if is_on_flank { 3 } else { 0 },
+            curvature: 0.0,
             guard: flank,
             residual: 0.0,
             slope: end.v,

@@ -30,7 +30,7 @@ impl Work for Trial<'_> {
     type Output = (f64, Defect);
 
     #[inline(always)]
-    fn on<P: Path>(self) -> (f64, Defect) {
+    fn on<P: Path>(self, _: P) -> (f64, Defect) {
         self.step.defect::<P>(self.clock, self.theta, self.largest, self.fours, self.out)
     }
 }

@@ -176,10 +176,10 @@ pub(crate) struct Block {
 pub(crate) struct FourColumns {
     /// `n` rows of direction components.
     pub directions: Vec<[f64; 4]>,
+    /// [`Contact::weight`] of each.
+    pub weights: [f64; 4],
     /// Rates of the errors: oscillator, cosine and sine parts.
     pub rates: Vec<(usize, [f64; 4], [f64; 4])>,
-    /// `M⁻¹ g` of each.
-    pub pushes: [Vec<f64>; 4],
 }
 
 impl Columns {
@@ -243,12 +243,8 @@ impl FourColumns {
         }
         Self {
             directions: (0..n).map(|i| part(&|c| c.spec.direction[i])).collect(),
+            weights: part(&|c| c.weight),
             rates: waves.into_iter().map(|(o, [cosine, sine])| (o, cosine, sine)).collect(),
-            pushes: std::array::from_fn(|l| {
-                let mut push = vec![0.0; n];
-                four.get(l).iter().flat_map(|c| &c.push).for_each(|(i, p)| push[*i as usize] = *p);
-                push
-            }),
         }
     }
 }

@@ -22,7 +22,7 @@ mod variation;
 mod view;
 
 pub(crate) use acting::{Acting, Elasticity, Force};
-pub(crate) use assemble::{Block, Oscillator, PerContact, Spring, Wave, dot, zeros};
+pub(crate) use assemble::{Block, FourColumns, Oscillator, PerContact, Spring, Wave, dot, zeros};
 pub use assemble::{Contact, Structure};
 pub use automaton::{Start, StartError};
 pub use check::AssembleError;

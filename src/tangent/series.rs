@@ -88,7 +88,7 @@ impl Work for Recurrence<'_> {
     type Output = bool;
 
     #[inline(always)]
-    fn on<P: Path>(self) -> bool {
+    fn on<P: Path>(self, _: P) -> bool {
         let Self { structure, held, coefficients, sizes, columns, work } = self;
         let (dim, m, contacts) = (sizes.len(), columns.count, coefficients.changes.len());
         work.terms.resize((ORDER + 1) * dim, [0.0; LANES]);

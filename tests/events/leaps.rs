@@ -26,7 +26,8 @@ fn driven(law: Law, load: f64, amplitude: f64, phase: f64, damping: f64) -> Stru
     walled(&Walled { load, load_harmonics, damping, ..Walled::new(1.0, walls, law, Stiffness::Constant(4.0)) })
 }
 
-fn laws() -> [Law; 4] {
+/// Linear laws with every release, and a rigid one.
+pub fn laws() -> [Law; 4] {
     [
         Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection),
         Law::KelvinVoigt(Linear { damping: 0.3 }, Release::Deflection),

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)] // helpers of tests are not recognised as tests
 
 mod arcs;
+mod bare;
 mod causes;
 mod clock;
 mod crossing;

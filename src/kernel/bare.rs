@@ -1,0 +1,308 @@
+//! A step of a linear mode of which nobody looks at more than where it leads.
+//!
+//! Series, reach and rows are those of the step, and so is the way: the same bits. What is left out is what most steps do not need. A
+//! guard that the sizes of its terms keep from zero gets no row; of the others the first that falls is taken, where it falls alone. Where
+//! anything is left to decide, the step itself decides.
+
+use smallvec::SmallVec;
+
+use super::{
+    Expansion, LANES, Motion, ORDER, ROW,
+    bound::Tail,
+    guards::{Powers, ROUNDING, powers},
+    motion::Watched,
+};
+use crate::{
+    hybrid::{ARRIVED, Jet, JetRequest, Known, Leap, Passage},
+    poly::{self, Deflated, FirstRoot},
+    system::Watch,
+    vectors::Path,
+};
+
+/// Rounding of a sum of the terms of a series relative to their sizes.
+const SUMMED: f64 = ROW as f64 * f64::EPSILON;
+/// Widest fall that counts as decided, relative to the step.
+const SHARP: f64 = 1e-11;
+/// Times its width, or its error, that everything else is away from a fall.
+const APART: f64 = 8.0;
+/// The change of a slope over the width of a fall, relative to it: beyond, the fall is tangential.
+const TANGENTIAL: f64 = 1e-3;
+
+/// A number for each contact, in fours.
+type Fours = SmallVec<[[f64; LANES]; 4]>;
+
+/// A guard that the sizes of its terms do not keep from zero.
+struct Doubtful {
+    /// Its number in the mode.
+    number: usize,
+    tail: f64,
+    rounding: f64,
+    /// Its rounding where nothing is carried on from the step before.
+    afresh: f64,
+}
+
+impl Doubtful {
+    fn series<'a>(&self, jet: &'a Jet) -> Deflated<'a> {
+        Deflated::new(&jet.guard_series[self.number * ROW..(self.number + 1) * ROW], self.tail, self.rounding)
+    }
+}
+
+/// The first fall of a step.
+struct Fall {
+    /// Its place among the doubtful guards.
+    place: usize,
+    /// Of the guard, by θ.
+    value: f64,
+    slope: f64,
+    curvature: f64,
+    error: f64,
+    /// In θ.
+    width: f64,
+    zeros: usize,
+}
+
+impl Fall {
+    /// The fall of a guard at `theta`; `None` where it is tangential, or wide.
+    fn new(place: usize, series: &Deflated<'_>, theta: f64) -> Option<Self> {
+        let (value, slope) = poly::eval_with_slope(series.p, theta);
+        let (error, curvature) = (series.error_at(theta), poly::curvature(series.p, theta));
+        let width = error / slope.abs();
+        let is_sharp = slope < 0.0 && width <= SHARP && curvature.abs() * width <= TANGENTIAL * slope.abs();
+        // θ^m p̃ and its slope.
+        let m = series.order as i32;
+        let power = theta.powi(m);
+        let by_power = if m == 0 { 0.0 } else { f64::from(m) * theta.powi(m - 1) * value };
+        is_sharp.then_some(Self {
+            place,
+            value: power * value,
+            slope: by_power + power * slope,
+            curvature: power * curvature.abs(),
+            error: power * error,
+            width,
+            zeros: series.order,
+        })
+    }
+}
+
+impl Expansion<'_> {
+    /// Sizes of the terms that the step adds to each deflection.
+    #[inline(always)]
+    fn added<P: Path>(&self, path: P, work: &[f64], powers: &Powers) -> Fours {
+        let mut all = Fours::new();
+        for first in (0..self.s.contacts.len()).step_by(LANES) {
+            let mut sizes = path.all(0.0);
+            let rows = &work[self.layout.deflection(first, 1)..self.layout.deflection(first, ORDER) + LANES];
+            for (row, power) in rows.as_chunks::<LANES>().0.iter().zip(&powers[1..]) {
+                let term = path.times(path.four(*row), path.all(*power));
+                sizes = path.plus(sizes, path.sizes(term));
+            }
+            all.push(path.numbers(sizes));
+        }
+        all
+    }
+
+    /// The first three derivatives in time of a guard of position at the start.
+    fn derivatives(&self, watched: &Watched, powers: &Powers, jet: &Jet) -> [f64; 3] {
+        let h = jet.span * jet.reach;
+        let term = |k: usize| watched.along() * jet.work[self.layout.deflection(watched.contact, k)] * powers[k];
+        [term(1) / h, 2.0 * term(2) / (h * h), 6.0 * term(3) / (h * h * h)]
+    }
+
+    /// The guards at the start of the step, into `leap`, and those that are not clear of zero on it, with their rows.
+    #[inline(always)]
+    fn doubtful(&self, powers: &Powers, added: &Fours, tail: &Tail, leap: &mut Leap) -> SmallVec<[Doubtful; 8]> {
+        let Leap { starts, jet, .. } = leap;
+        let (s, x) = (self.s, self.request.x);
+        starts.clear();
+        jet.guard_series.resize(3 * s.contacts.len() * ROW, 0.0);
+        let mut doubtful = SmallVec::new();
+        let (mut last, mut size, mut rest) = (usize::MAX, 0.0, 0.0);
+        for (number, watched) in self.motion.guards.iter().enumerate() {
+            let Watched { id, contact: j, watch, .. } = *watched;
+            let c = &s.contacts[j];
+            if j != last {
+                (last, size, rest) = (j, s.deflection_size(c, x), self.deflection_tail(j, tail));
+            }
+            let stretch_size = self.stretch_size(j, None, size, &jet.work);
+            let row = number * ROW..(number + 1) * ROW;
+            let (tail, start, terms, [rounding, afresh], is_clear) = if watch == Watch::Force {
+                let tail = self.force_tail(j, tail, jet);
+                let row = &mut jet.guard_series[row];
+                let rounded = self.force_row(watched, stretch_size, size, powers, &jet.work, row);
+                (tail, row[0], poly::terms(row, 1.0), rounded, false)
+            } else {
+                let added = added[j / LANES][j % LANES];
+                let mut start = self.position(watched, &jet.work);
+                let (terms, rounding) = (start.abs() + added, ROUNDING * stretch_size);
+                let is_clear = start - added > rest + rounding + SUMMED * terms && !self.is_released(j, watch);
+                if !is_clear {
+                    let row = &mut jet.guard_series[row];
+                    self.position_row(watched, powers, &jet.work, row);
+                    start = row[0];
+                }
+                (rest, start, terms, [rounding, ROUNDING * (size + added)], is_clear)
+            };
+            if !is_clear {
+                doubtful.push(Doubtful { number, tail, rounding, afresh });
+            }
+            // What follows impacts asks for them.
+            let derivatives =
+                if c.spec.law.is_rigid() { self.derivatives(watched, powers, jet) } else { [f64::NAN; 3] };
+            starts.push(Known { guard: id, value: start, error: afresh, terms, derivatives });
+        }
+        doubtful
+    }
+
+    /// The guards at the end of the step, where the deflections have `gained` so much.
+    fn ends(
+        &self,
+        doubtful: &[Doubtful],
+        gained: &Fours,
+        tail: &Tail,
+        (jet, starts): (&Jet, &[Known]),
+        ends: &mut Vec<Known>,
+    ) {
+        let mut doubtful = doubtful.iter().peekable();
+        for (number, (watched, start)) in self.motion.guards.iter().zip(starts).enumerate() {
+            let j = watched.contact;
+            let (value, error) = match doubtful.next_if(|guard| guard.number == number) {
+                Some(guard) => (jet.guard_series[number * ROW..(number + 1) * ROW].iter().sum(), guard.tail),
+                None => {
+                    let gained = gained[j / LANES][j % LANES];
+                    (start.value + watched.along() * gained, self.deflection_tail(j, tail))
+                }
+            };
+            ends.push(Known { value, error, ..*start });
+        }
+    }
+
+    /// What the deflections have gained at `theta`, as [`Motion::carry`] forms it.
+    #[inline(always)]
+    fn gained<P: Path>(&self, path: P, jet: &Jet, theta: f64) -> Fours {
+        let mut all = Fours::new();
+        let s = path.all(theta * jet.reach);
+        for first in (0..self.s.contacts.len()).step_by(LANES) {
+            let rows = &jet.work[self.layout.deflection(first, 1)..self.layout.deflection(first, ORDER) + LANES];
+            let mut sum = path.all(0.0);
+            for row in rows.as_chunks::<LANES>().0.iter().rev() {
+                sum = path.times(path.plus(sum, path.four(*row)), s);
+            }
+            all.push(path.numbers(sum));
+        }
+        all
+    }
+
+    /// The state at `theta` as [`Jet::state_at`] forms it.
+    #[inline(always)]
+    fn state_at<P: Path>(&self, path: P, jet: &Jet, theta: f64, x: &mut Vec<f64>) {
+        let orders = &jet.work[self.layout.orders..self.layout.orders + ROW * self.layout.stride];
+        let s = theta * jet.reach;
+        x.clear();
+        x.extend_from_slice(self.request.x);
+        match self.s.columns.blocks.len() {
+            1 => self.horner::<P, 2>(path, orders, s, x),
+            2 => self.horner::<P, 4>(path, orders, s, x),
+            3 => self.horner::<P, 6>(path, orders, s, x),
+            4 => self.horner::<P, 8>(path, orders, s, x),
+            5 => self.horner::<P, 10>(path, orders, s, x),
+            _ => self.horner::<P, 12>(path, orders, s, x),
+        }
+    }
+
+    /// The N fours of displacements and velocities at `s`, into `x`.
+    #[inline(always)]
+    fn horner<P: Path, const N: usize>(&self, path: P, orders: &[f64], s: f64, x: &mut [f64]) {
+        let (n, stride, by) = (self.s.n, self.layout.stride, path.all(s));
+        let mut sums = [path.all(0.0); N];
+        let mut at = ROW * stride;
+        for k in (0..ROW).rev() {
+            at -= stride;
+            let Some(fours) = orders[at..].as_chunks::<LANES>().0.first_chunk::<N>() else { return x.fill(f64::NAN) };
+            for i in 0..N {
+                sums[i] = path.plus(sums[i], path.four(fours[i]));
+                if k > 0 {
+                    sums[i] = path.times(sums[i], by);
+                }
+            }
+        }
+        let sums = sums.map(|sum| path.numbers(sum));
+        x[..n].copy_from_slice(&sums.as_flattened()[..n]);
+        x[n..2 * n].copy_from_slice(&sums.as_flattened()[self.layout.velocities..][..n]);
+    }
+}
+
+impl Motion<'_> {
+    /// Where the step from `request` leads; `false` where the step itself has to decide.
+    #[inline(always)]
+    pub(super) fn bare<P: Path>(&self, path: P, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
+        let s = self.structure;
+        if !self.is_linear || self.held.is_some() || s.is_conservative {
+            return false;
+        }
+        let Some((e, _, tail)) = self.series::<P>(request, true, &mut leap.jet) else { return false };
+        let reach = leap.jet.reach;
+        let powers = powers(reach);
+        let added = e.added(path, &leap.jet.work, &powers);
+        let doubtful = e.doubtful(&powers, &added, &tail, leap);
+        let jet = &leap.jet;
+        let rows: SmallVec<[Deflated<'_>; 8]> = doubtful.iter().map(|guard| guard.series(jet)).collect();
+        // Guards of equal contacts are equal, and fall together.
+        let is_twin = |fall: &Option<Fall>, series: &Deflated<'_>| {
+            fall.as_ref().is_some_and(|fall| rows[fall.place].is_twin(series))
+        };
+        let (mut limit, mut first) = (1.0, None);
+        for (place, series) in rows.iter().enumerate() {
+            if is_twin(&first, series) {
+                continue;
+            }
+            let found = poly::first_root(series.p, limit, series.error);
+            leap.splits += u64::from(found.splits);
+            match found.root {
+                _ if found.touch.is_some() => return false,
+                FirstRoot::None => {}
+                FirstRoot::At(theta) => {
+                    let fall = Fall::new(place, series, theta);
+                    if theta <= 0.0 || fall.is_none() {
+                        return false;
+                    }
+                    (limit, first) = (theta, fall);
+                }
+            }
+        }
+        leap.is_bound = first.is_none() && reach >= 1.0 - ARRIVED;
+        // No other guard, and no end of the arc, is where the first one falls.
+        let width = first.as_ref().map_or(0.0, |fall| fall.width);
+        let is_far = |(series, guard): (&Deflated<'_>, &Doubtful)| {
+            let (value, slope) = poly::eval_with_slope(series.p, limit);
+            is_twin(&first, series) || value > APART * (series.error + slope.abs() * width) + guard.afresh
+        };
+        let is_alone = first.is_none() && !leap.is_bound || rows.iter().zip(&doubtful).all(is_far);
+        if !is_alone || first.is_some() && limit + APART * width >= 1.0 {
+            return false;
+        }
+        let id = |place: usize| self.guards[doubtful[place].number].id;
+        leap.twins = (0..rows.len()).filter(|place| is_twin(&first, &rows[*place])).map(id).collect();
+        leap.time = jet.time_at(limit);
+        leap.passage = first.map(|fall| {
+            let h = jet.span * reach;
+            let Fall { place, value, slope, curvature, error, zeros, .. } = fall;
+            let (slope, curvature) = (slope / h, curvature / (h * h));
+            Passage { guard: id(place), residual: value, slope, error, curvature, zeros }
+        });
+        e.state_at(path, jet, limit, &mut leap.x);
+        if leap.x.iter().any(|x| !x.is_finite()) {
+            return false;
+        }
+        let gained = e.gained(path, jet, limit);
+        self.keep(jet, request.x, leap.passage.is_some(), |j| gained.as_flattened()[j], &mut leap.carried);
+        leap.carried.push(f64::NAN);
+        leap.sizes.clear();
+        leap.sizes.extend(request.x.iter().map(|x| x.abs()));
+        leap.ends.clear();
+        if leap.passage.is_none() {
+            e.ends(&doubtful, &gained, &tail, (jet, &leap.starts), &mut leap.ends);
+        }
+        leap.is_series = true;
+        true
+    }
+}
