@@ -11,7 +11,7 @@ use std::{
 
 use flank::{
     Simulation, Task,
-    orbit::{Lyapunov, Search, SectionMap},
+    orbit::{GuardMap, Lyapunov, Search, SectionMap},
 };
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -30,6 +30,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let map = SectionMap::new(&pair)?;
     let image = map.image(&map.start()?, 1)?;
     writeln!(out, "one cycle from the scene's start: {:?}, derivative {:.6}", image.end.x, image.jacobian)?;
+
+    // From one gain of contact to the next: the state right after it, the time, and the derivative.
+    let gains = GuardMap::new(&pair, "c0+")?;
+    let crossing = gains.image(&gains.first()?)?;
+    writeln!(out, "from gain to gain: time {}, x = {:?}, word {:?}", crossing.time, crossing.end.x, crossing.word)?;
 
     // All exponents of a chaotic motion. Their sum is known by itself.
     let chaos = Simulation::from_file("examples/scenes/W1a-ch.json")?;

@@ -3,7 +3,7 @@
 use std::{fmt::Write, path::PathBuf};
 
 use flank::{
-    orbit::{Exponents, Lyapunov, pictures},
+    orbit::{Exponents, Lyapunov, SectionMap, pictures},
     output::{Table, five_digits as number},
 };
 
@@ -43,7 +43,7 @@ pub struct Arguments {
 /// Measures exponents.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let simulation = open(arguments.scene.as_deref())?;
-    simulation.period()?;
+    SectionMap::new(&simulation)?;
     let files = picture_files(pictures::EXPONENTS, LYAPUNOV);
     let request =
         request(Some(arguments.out.as_path()), "lyapunov", arguments.scene.as_deref(), arguments.force, files)?;

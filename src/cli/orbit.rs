@@ -4,7 +4,7 @@ use std::{fmt::Write, path::PathBuf};
 
 use flank::{
     Simulation,
-    orbit::{Found, Search, pictures},
+    orbit::{Found, Search, SectionMap, pictures},
     output::{Table, five_digits as number},
 };
 
@@ -44,7 +44,7 @@ pub struct Arguments {
 /// Solves for orbits.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let simulation = open(arguments.scene.as_deref())?;
-    simulation.period()?;
+    SectionMap::new(&simulation)?;
     let files = picture_files(pictures::ORBIT, ORBIT);
     let request = request(Some(arguments.out.as_path()), "orbit", arguments.scene.as_deref(), arguments.force, files)?;
     let search = Search { period: arguments.period, starts: arguments.starts };

@@ -1,9 +1,11 @@
 //! Periodic orbits, their multipliers, exponents and words, by the derivative of the motion.
 //!
 //! A [`Tangent`] watches a run and carries columns of the derivative along arcs and across jumps. A [`SectionMap`] takes a state at phase 0
-//! over whole cycles, with the derivative; Newton's method on it solves for orbits, stable or not.
+//! over whole cycles, with the derivative; Newton's method on it solves for orbits, stable or not. A [`GuardMap`] takes it from one event of
+//! a kind to the next, which needs no period.
 
 pub(crate) mod approach;
+mod crossing;
 pub(crate) mod exponents;
 pub(crate) mod frame;
 pub(crate) mod kind;
@@ -16,6 +18,7 @@ pub mod words;
 
 pub use crate::tangent::Tangent;
 pub use approach::{Approach, Approached};
+pub use crossing::{Crossing, GuardMap};
 pub use exponents::{Exponents, Finite, Lyapunov, WithoutSaltation};
 pub use kind::{Kind, Motion, Watching, decide};
 pub use newton::{Missed, Orbit};

@@ -63,7 +63,12 @@ impl<'a> SectionMap<'a> {
     /// # Errors
     /// [`SimulationError::Missing`] for a train without a forcing period.
     pub fn new(simulation: &'a Simulation) -> Result<Self, SimulationError> {
-        simulation.period()?;
+        if simulation.clock().period().is_none() {
+            return Err(simulation.missing(
+                "its forcing has no period, so that there is no section at whole cycles; give it a forcing with one, or take a section \
+                 at an event, from the library: orbit::GuardMap",
+            ));
+        }
         let [start, ..] = simulation.instants();
         // From a start within a cycle the next phase 0 is the first section.
         let cycle = start.cycle + i64::from(start.phase.value() > 0.0);

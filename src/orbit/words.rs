@@ -150,6 +150,20 @@ pub struct Letter {
     pub rate: f64,
 }
 
+/// What a jump is called: for each contact that it changes, its token.
+pub(crate) fn letters<'a>(structure: &'a Structure, jumped: &'a Jumped<'a>) -> impl Iterator<Item = (usize, String)> {
+    structure.contacts().iter().enumerate().filter_map(|(j, c)| {
+        let (was, is) = (contact_mode(&jumped.from.mode, j), contact_mode(&jumped.to.mode, j));
+        let is_rigid = c.spec.law.is_rigid();
+        let told = token(j, was, is, is_rigid).or_else(|| {
+            let struck = jumped.to.struck.iter().map(guard_of).find(|(k, _)| *k == j);
+            let (_, watch) = struck.filter(|_| is_rigid && was == ContactMode::Separated)?;
+            Some(spelled('i', j, if watch == Watch::DriveFlank { 1.0 } else { -1.0 }))
+        });
+        told.map(|token| (j, token))
+    })
+}
+
 /// Spells the motion that it watches.
 #[derive(Debug)]
 pub(crate) struct Speller<'s> {
@@ -211,18 +225,9 @@ impl Observer for Speller<'_> {
     fn jump(&mut self, jumped: &Jumped<'_>) {
         self.meet(jumped.x_minus);
         self.meet(jumped.x_plus);
-        for (j, c) in self.structure.contacts().iter().enumerate() {
-            let (was, is) = (contact_mode(&jumped.from.mode, j), contact_mode(&jumped.to.mode, j));
-            let is_rigid = c.spec.law.is_rigid();
-            let told = token(j, was, is, is_rigid).or_else(|| {
-                let struck = jumped.to.struck.iter().map(guard_of).find(|(k, _)| *k == j);
-                let (_, watch) = struck.filter(|_| is_rigid && was == ContactMode::Separated)?;
-                Some(spelled('i', j, if watch == Watch::DriveFlank { 1.0 } else { -1.0 }))
-            });
-            if let Some(token) = told {
-                let (_, rate) = self.structure.deflection(j, jumped.at, jumped.x_minus);
-                self.open.push(Letter { token, contact: j, at: jumped.at, rate });
-            }
+        for (contact, token) in letters(self.structure, jumped) {
+            let (_, rate) = self.structure.deflection(contact, jumped.at, jumped.x_minus);
+            self.open.push(Letter { token, contact, at: jumped.at, rate });
         }
     }
 

@@ -125,7 +125,9 @@ impl Simulation {
             let mut ratios: Vec<(f64, f64)> = frequencies(spec).into_iter().map(|w| (w, w / omega)).collect();
             ratios.extend(period.map(|period| std::f64::consts::TAU / period).map(|w| (w, w / omega)));
             let (mut shape, mut numbers, mut bent) = (Vec::new(), Numbers::default(), Numbers::default());
-            bent.push([omega, omega.recip()]);
+            if omega > 0.0 {
+                bent.push([omega, omega.recip()]);
+            }
             bent.extend(spec.mass.clone().try_inverse().iter().flatten());
             flatten(spec, &mut shape, &mut numbers, &mut bent);
             shape.push(ratios.len() as u64);

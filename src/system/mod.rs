@@ -10,6 +10,7 @@ mod check;
 mod contact_mode;
 mod energy;
 mod forces;
+mod passing;
 mod schedule;
 mod spec;
 mod statics;

@@ -368,7 +368,7 @@ impl Structure {
     }
 
     /// `gᵀv̇ − ë` of contact `j` in `mode`.
-    fn relative_acceleration(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
+    pub(super) fn relative_acceleration(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
         let (mut forces, mut a) = (zeros(self.contacts.len()), vec![0.0; self.n]);
         self.dynamics(mode, at, x, &mut forces, &mut a);
         dot(&self.contacts[j].direction, &a) - self.error(j, at).2

@@ -44,7 +44,7 @@ pub(crate) struct By<'a> {
 
 impl Structure {
     /// The instant of the same cycle and phase for a train whose clock `self` reads.
-    fn same_phase(&self, of: &Self, at: Instant) -> Instant {
+    pub(super) fn same_phase(&self, of: &Self, at: Instant) -> Instant {
         match (self.clock.period(), of.clock.period()) {
             (Some(own), Some(other)) if own != other => {
                 Instant { phase: at.phase * (own.value() / other.value()), ..at }

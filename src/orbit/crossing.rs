@@ -1,0 +1,217 @@
+//! The map from one event of a kind to the next: a section at a guard, for trains with and without a forcing period.
+
+use std::ops::ControlFlow;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::{
+    Tangent,
+    words::{Speller, letters},
+};
+use crate::{
+    engine::{Jumped, Observer, State},
+    event::EventRecord,
+    hybrid::{GuardId, Mode, Watch},
+    integrate::DenseStep,
+    simulation::{Simulation, SimulationError},
+    system::{By, Structure, Variation, guard_id},
+};
+
+/// Kinds of tokens whose event is a flank that is met, and those whose event is a force that becomes zero.
+const AT_FLANK: [char; 4] = ['c', 's', 'x', 'i'];
+const BY_FORCE: [char; 2] = ['r', 'a'];
+
+/// State → state from one event to the next of the same kind, contact and side, both taken right after the event.
+#[derive(Clone, Debug)]
+pub struct GuardMap<'a> {
+    simulation: &'a Simulation,
+    token: String,
+    guard: GuardId,
+}
+
+/// Where the next event of the kind is, and what that depends on.
+///
+/// The start is held on its section: of a change of the start only the part along it means anything.
+#[derive(Clone, Debug)]
+pub struct Crossing {
+    /// The state right after the event.
+    pub end: State,
+    /// Time from the start to it, s.
+    pub time: f64,
+    /// `∂x_end/∂x_start`, `[dim, dim]`.
+    pub jacobian: DMatrix<f64>,
+    /// `∂time/∂x_start`, `[dim]`.
+    pub time_by: DVector<f64>,
+    /// `∂x_end/∂t_start` and `∂time/∂t_start`, the state at the start held: zero where neither forcing nor stiffness changes with time.
+    pub by_instant: (DVector<f64>, f64),
+    /// `∂x_end/∂α` of each number that was asked for, `[dim, count]`, and `∂time/∂α`, `[count]`. Where α changes the forcing's frequency, time
+    /// is its phase, in seconds of the train as it is.
+    pub by_number: (DMatrix<f64>, DVector<f64>),
+    /// What happened, as tokens of a word; the last one holds the event.
+    pub word: Vec<String>,
+    /// Dependent impacts fell on one instant: the derivative is that of the order they had.
+    pub is_piecewise: bool,
+}
+
+impl<'a> GuardMap<'a> {
+    /// The map between events called `token`, as in words: `c0+` where contact 0 is gained on the drive flank, `i1-` where contact 1 strikes
+    /// its back flank. Kinds `c`, `s`, `x`, `i`, `r`, `a`.
+    ///
+    /// # Errors
+    /// [`SimulationError::Missing`] if the train cannot have such an event.
+    pub fn new(simulation: &'a Simulation, token: &str) -> Result<Self, SimulationError> {
+        let contacts = simulation.structure.contacts().len();
+        let read = || {
+            let (kind, rest) = (token.chars().next()?, token.get(1..)?);
+            let (number, side) = rest.split_at_checked(rest.len().checked_sub(1)?)?;
+            let contact = number.parse::<usize>().ok().filter(|contact| *contact < contacts)?;
+            let flank = match side {
+                "+" => Watch::DriveFlank,
+                "-" => Watch::BackFlank,
+                _ => return None,
+            };
+            let is_flank = AT_FLANK.contains(&kind);
+            let watch = if is_flank { flank } else { Watch::Force };
+            (is_flank || BY_FORCE.contains(&kind)).then(|| guard_id(contact, watch))
+        };
+        let guard = read().ok_or_else(|| {
+            simulation.missing(format!(
+                "it has no section {token:?}; a section is one of the letters c, s, x, i, r, a, the number of a contact from 0 to \
+                 {}, and its side, + or -: c0+",
+                contacts.saturating_sub(1)
+            ))
+        })?;
+        Ok(Self { simulation, token: token.to_owned(), guard })
+    }
+
+    /// The first such event from the start of the scene.
+    ///
+    /// # Errors
+    /// As [`image`](Self::image).
+    pub fn first(&self) -> Result<State, SimulationError> {
+        Ok(self.run(self.simulation.start()?, &[])?.0)
+    }
+
+    /// The next such event from `start`, and the derivative.
+    ///
+    /// # Errors
+    /// [`SimulationError`] if the run fails, or if there is no such event within the time of the scene's run.
+    pub fn image(&self, start: &State) -> Result<Crossing, SimulationError> {
+        self.image_by(start, &[])
+    }
+
+    /// The same, with the derivative by numbers of the train, as `variations` have them; `start` is held.
+    ///
+    /// # Errors
+    /// As [`image`](Self::image).
+    pub fn image_by(&self, start: &State, variations: &[Variation]) -> Result<Crossing, SimulationError> {
+        let structure = &self.simulation.structure;
+        let (end, watcher, earlier) = self.run(start.clone(), variations)?;
+        let Watcher { tangent, mut speller, .. } = watcher;
+        let dim = end.x.len();
+        let rates = |state: &State| {
+            let (n, mut forces) = (structure.freedoms(), vec![0.0; structure.contacts().len()]);
+            let mut rates = DVector::zeros(dim);
+            rates.as_mut_slice()[..n].copy_from_slice(&state.x[n..2 * n]);
+            structure.dynamics(&state.jump.mode, state.at, &state.x, &mut forces, &mut rates.as_mut_slice()[n..2 * n]);
+            rates
+        };
+        let after = rates(&end);
+        let [time_by, time_by_number] = earlier.map(|earlier| -DVector::from_vec(earlier));
+        let moved = |values: &[f64], time_by: &DVector<f64>| {
+            DMatrix::from_row_slice(dim, time_by.len(), values) + &after * time_by.transpose()
+        };
+        let jacobian = moved(&tangent.columns.values, &time_by);
+        let by_number = moved(&tangent.by_number().values, &time_by_number);
+        // A state that is met later is one that was behind at the start.
+        let before = rates(start);
+        Ok(Crossing {
+            time: self.simulation.clock().between(start.at, end.at),
+            by_instant: (-(&jacobian * &before), -time_by.dot(&before) - 1.0),
+            jacobian,
+            time_by,
+            by_number: (by_number, time_by_number),
+            word: speller.tokens(),
+            is_piecewise: tangent.is_piecewise,
+            end,
+        })
+    }
+
+    /// Runs to the next event; how much earlier neighbours come there, by the start and by numbers.
+    fn run<'b>(
+        &'b self,
+        start: State,
+        variations: &'b [Variation],
+    ) -> Result<(State, Watcher<'b>, [Vec<f64>; 2]), SimulationError> {
+        let (simulation, structure) = (self.simulation, &self.simulation.structure);
+        let [from, _, to] = simulation.instants();
+        let clock = simulation.clock();
+        let end = clock.advance(start.at, clock.between(from, to));
+        let mut tangent = Tangent::new(structure).with(variations);
+        tangent.start(&start);
+        let speller = Speller::new(structure, &start.x);
+        let mut watcher = Watcher { map: self, structure, variations, tangent, speller, met: None };
+        let mut engine = simulation.engine(start)?;
+        engine.run(end, &mut watcher)?;
+        if watcher.tangent.is_unresolved {
+            return Err(simulation.missing("the derivative along a step of its motion cannot be resolved"));
+        }
+        let Some(earlier) = watcher.met.take() else {
+            let time = clock.between(from, to);
+            return Err(simulation.missing(format!(
+                "it does not reach the section {} within {time} s, the time of its run; let it run longer, or take another section",
+                self.token
+            )));
+        };
+        let still = || simulation.missing(format!("its section {} is met at rest: it has no derivative", self.token));
+        Ok((engine.state().clone(), watcher, earlier.ok_or_else(still)?))
+    }
+}
+
+/// Carries the derivative up to the event.
+struct Watcher<'b> {
+    map: &'b GuardMap<'b>,
+    structure: &'b Structure,
+    variations: &'b [Variation],
+    tangent: Tangent<'b>,
+    speller: Speller<'b>,
+    /// Once the event is met, how much earlier neighbours meet it, by the start and by numbers, if that is known.
+    met: Option<Option<[Vec<f64>; 2]>>,
+}
+
+impl Observer for Watcher<'_> {
+    fn wants_steps(&self, mode: &Mode) -> bool {
+        self.tangent.wants_steps(mode)
+    }
+
+    fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
+        self.tangent.leap(mode, time)
+    }
+
+    fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        self.tangent.step(mode, step, until)
+    }
+
+    fn wants_jumps(&self) -> bool {
+        true
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        if self.met.is_none() && letters(self.structure, jumped).any(|(_, token)| token == self.map.token) {
+            let earlier = |variations, columns| {
+                let by = By { variations, at: jumped.at, x: jumped.x_minus };
+                self.structure.earlier(&jumped.from.mode, self.map.guard, by, columns)
+            };
+            let by_start = earlier(&[], &self.tangent.columns);
+            let by_number = earlier(self.variations, self.tangent.by_number());
+            self.met = Some(by_start.zip(by_number).map(|(start, number)| [start, number]));
+        }
+        self.tangent.jump(jumped);
+        self.speller.jump(jumped);
+    }
+
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        let _ = self.speller.event(record);
+        if self.met.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}

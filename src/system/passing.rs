@@ -1,0 +1,54 @@
+//! When neighbours of a motion meet an event.
+
+use super::{acting::Force, assemble::Structure, contact_mode::guard_of, tangent::Columns, variation::By};
+use crate::hybrid::{GuardId, Mode};
+
+impl Structure {
+    /// How much earlier neighbours meet the zero of guard `id`, which falls in `mode` at the place of `by`: `h_x ξ/ḣ` for each of the
+    /// `columns` before the event, s, the guard h moving with the numbers of `by` if there are any. `None` where the guard stands still, or
+    /// is the force of a contact at rest.
+    pub(crate) fn earlier(&self, mode: &Mode, id: GuardId, by: By<'_>, columns: &Columns) -> Option<Vec<f64>> {
+        let By { variations, at, x } = by;
+        let ((j, watch), n) = (guard_of(id), self.n);
+        let (d, rate) = self.deflection(j, at, x);
+        let mut row = vec![0.0; columns.count];
+        let speed = if watch.side() != 0.0 {
+            self.add_along(j, 0, 1.0, columns, &mut row);
+            self.add_moves((j, watch.side()), false, by, &mut row);
+            rate
+        } else {
+            let acting = self.acting(mode, j)?;
+            let acceleration = self.relative_acceleration(j, mode, at, x);
+            let speed = match acting.force {
+                Force::Linear { stiffness, damping } => {
+                    let (k, slope) = self.stiffness_at(j, stiffness, at);
+                    self.add_along(j, 0, k, columns, &mut row);
+                    self.add_along(j, n, damping, columns, &mut row);
+                    k * rate + slope * (d - acting.side * self.contacts[j].offset()) + damping * acceleration
+                }
+                Force::Power { latch, .. } => {
+                    let by_rate = acting.force.chi(x) * acting.side;
+                    self.add_along(j, n, by_rate, columns, &mut row);
+                    if let Some(latch) = latch {
+                        let by_latch = -by_rate * rate / x[latch];
+                        row.iter_mut().zip(columns.row(latch)).for_each(|(r, c)| *r += by_latch * c);
+                    }
+                    by_rate * acceleration
+                }
+                Force::Held => return None,
+            };
+            for (r, variation) in row.iter_mut().zip(variations) {
+                *r += variation.of(|train| {
+                    let (acting, at) = (train.acting(mode, j), train.same_phase(self, at));
+                    acting.map_or(0.0, |acting| match acting.force {
+                        Force::Power { .. } => train.factor(&acting, train.deflection(j, at, x).1, x),
+                        _ => train.law_force(&acting, at, x),
+                    })
+                });
+            }
+            speed
+        };
+        row.iter_mut().for_each(|r| *r /= speed);
+        row.iter().all(|r| r.is_finite()).then_some(row)
+    }
+}
