@@ -160,7 +160,8 @@ impl<'s> Engine<'s> {
             before,
         };
         let place = Place { state, bound, arrival };
-        let (mut ended, mut first) = (Ok(None), true);
+        // Where leaps have led here, they began the arc.
+        let (mut ended, mut first) = (Ok(None), before.0 == 0);
         integrator
             .integrate_arc(core.system, &arc, end, end_low, &mut |step| {
                 ended = core.visit(step, place, std::mem::take(&mut first), observer);

@@ -68,7 +68,7 @@ impl Leaps {
             self.extent.iter_mut().zip(&self.leap.sizes).for_each(|(e, size)| *e = e.max(*size));
             let event = self.leap.passage.map(|passage| {
                 let gathered = self.gathered(motion, passage.guard, passage.zeros);
-                (passage, gathered, located(&passage, &self.leap.twins, self.leap.time, gathered))
+                (passage, gathered, located(&passage, &self.leap, gathered))
             });
             // An event that cannot be told from a switch waits for it. Where no time passes there is no leap.
             let waits = |located: &Located| span - self.leap.time <= located.conditioning.time;
@@ -92,7 +92,8 @@ impl Leaps {
                 }
             }
             let mut breaks = false;
-            if shown {
+            // What is shown there may have made the observer look at steps from now on.
+            if observer.wants_steps(&point.state.jump.mode) {
                 if let Some(end) = self.show(core, motion, point, end, observer)? {
                     return Ok(Some(end));
                 }
@@ -212,15 +213,18 @@ impl Leaps {
     }
 }
 
-/// The event at the end of a leap of `time` seconds.
-fn located(passage: &Passage, twins: &GuardSet, time: f64, gathered: f64) -> Located {
+/// The event at the end of `leap`.
+fn located(passage: &Passage, leap: &Leap, gathered: f64) -> Located {
     let error = passage.error + gathered;
-    let mut guard = twins.clone();
+    let mut guard = leap.twins.clone();
+    // As of a step: no more than all of it.
+    let most = if leap.is_series { leap.jet.time_at(1.0) } else { f64::INFINITY };
+    let width = (error / passage.slope.abs()).min((2.0 * error / passage.curvature).sqrt());
     guard.insert(passage.guard);
     let conditioning = Conditioning {
         residual: passage.residual,
         slope: passage.slope,
-        time: f64::EPSILON * time + (error / passage.slope.abs()).min((2.0 * error / passage.curvature).sqrt()),
+        time: f64::EPSILON * leap.time + width.min(most),
         estimated: false,
     };
     Located { theta: 1.0, fired: guard.clone(), zero: guard, near: GuardSet::default(), conditioning }

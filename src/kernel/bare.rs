@@ -269,12 +269,14 @@ impl Motion<'_> {
                 }
             }
         }
-        leap.is_bound = first.is_none() && reach >= 1.0 - ARRIVED;
+        leap.is_bound = first.is_none() && jet.time_at(1.0) >= request.span * (1.0 - ARRIVED);
         // No other guard, and no end of the arc, is where the first one falls.
         let width = first.as_ref().map_or(0.0, |fall| fall.width);
+        // Neither does it fall with it, nor is it near: what an event takes for near is the value itself, its exact zeros included.
         let is_far = |(series, guard): (&Deflated<'_>, &Doubtful)| {
             let (value, slope) = poly::eval_with_slope(series.p, limit);
-            is_twin(&first, series) || value > APART * (series.error + slope.abs() * width) + guard.afresh
+            let is_off = value > APART * (series.error + slope.abs() * width) && series.value(limit) > guard.afresh;
+            is_twin(&first, series) || is_off
         };
         let is_alone = first.is_none() && !leap.is_bound || rows.iter().zip(&doubtful).all(is_far);
         if !is_alone || first.is_some() && limit + APART * width >= 1.0 {

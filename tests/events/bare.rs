@@ -6,7 +6,10 @@ use flank::{
     Simulation,
     engine::{Counters, Observer, Options, State},
     event::EventRecord,
-    gear::{Harmonic, Piece, Stiffness, contact::Law},
+    gear::{
+        Harmonic, Piece, Stiffness,
+        contact::{Law, Linear, Release, Rigid},
+    },
     hybrid::{Instant, Mode},
     system::{ContactSpec, Flanks, LoadHarmonic, Spec, Structure},
 };
@@ -118,5 +121,140 @@ proptest! {
         let system = chain(n, laws()[which], &kinds, &sizes, load);
         let start = state(&system, &vec![0.0; n], &sizes[..n]);
         agree(&system, &start, system.clock().at(3, 0.0))?;
+    }
+}
+
+/// A body that is stopped by a wall without rebound and leaves it at zero speed is still near it when another impact pushes it back a moment
+/// later: it takes part in that impact, however the motion is followed.
+#[test]
+fn l40_a_contact_that_has_just_been_left_is_near() {
+    let n = 4;
+    let unit = |i: usize| (0..n).map(|k| f64::from(u8::from(k == i))).collect::<Vec<f64>>();
+    let rigid = |restitution| Law::Rigid(Rigid { restitution });
+    let soft = Law::KelvinVoigt(Linear { damping: 0.2 }, Release::Deflection);
+    let wall = 0.25;
+    let train = |strikes: f64, touches: f64| {
+        let contact = |name: &str, direction: Vec<f64>, half_backlash, law| ContactSpec {
+            name: name.to_owned(),
+            direction,
+            error: Vec::new(),
+            error_offset: 0.0,
+            half_backlash,
+            flanks: Flanks::Drive,
+            stiffness: Stiffness::Constant(1.0),
+            law,
+        };
+        Structure::new(Spec {
+            freedoms: (0..n).map(|i| format!("x_{i}")).collect(),
+            mass: DMatrix::identity(n, n),
+            damping: DMatrix::identity(n, n) * 0.05,
+            stiffness: DMatrix::from_fn(n, n, |i, j| [1.5, -0.5, 0.0, 0.0][i.abs_diff(j)]),
+            load: vec![-1.0, 0.1, 0.1, 0.1],
+            load_harmonics: vec![LoadHarmonic { vector: vec![0.0, 0.1, 0.2, 0.3], omega: 1.0, phase: 0.2 }],
+            contacts: vec![
+                contact("wall", unit(0), wall, rigid(0.0)),
+                contact("between", vec![-0.7, 0.8, 0.0, 0.0], strikes, rigid(0.7)),
+                contact("soft", unit(2), touches, soft),
+            ],
+            omega: Some(1.0),
+        })
+        .unwrap()
+    };
+    let start = |system: &Structure| state(system, &[wall - 0.3, 0.1, -0.1, 0.05], &[2.0, 5.0, 0.4, 0.3]);
+    let far = train(50.0, 50.0);
+    let (records, ..) = course(&far, &start(&far), far.clock().instant(3.0), true);
+    let at_wall = &records.iter().find(|record| !record.start && !record.graze).unwrap().x_plus;
+    let rate = -0.7 * at_wall[n] + 0.8 * at_wall[n + 1];
+    assert!(at_wall[n].abs() < 1e-12 && rate > 0.0 && at_wall[n + 2] > 0.0, "{at_wall:?}");
+    let mut met = 0;
+    for k in 0..50 {
+        let dt = 10f64.powf(-14.0 + 0.15 * f64::from(k));
+        let strikes = -0.7 * at_wall[0] + 0.8 * at_wall[1] + rate * dt;
+        let system = train(strikes, at_wall[2] + at_wall[n + 2] * 0.3 * dt);
+        met += agree(&system, &start(&system), system.clock().instant(2.0)).unwrap();
+    }
+    assert!(met > 150, "{met}");
+}
+
+/// Grazes of a gap that is some roundings wide are the same by steps and by leaps.
+#[test]
+fn l40_grazes_after_leaps_are_kept() {
+    let n = 5;
+    let contact = |j: usize, half_backlash: f64| ContactSpec {
+        name: format!("contact {j}"),
+        direction: (0..n).map(|i| f64::from(u8::from(i == j))).collect(),
+        error: Vec::new(),
+        error_offset: 0.0,
+        half_backlash,
+        flanks: Flanks::Drive,
+        stiffness: Stiffness::Constant(1.0),
+        law: Law::KelvinVoigt(Linear { damping: 0.1 }, Release::Deflection),
+    };
+    let mut grazes = 0;
+    for i in 0..60 {
+        let share = |k: f64| (f64::from(i + 1) * k.sqrt()).fract();
+        let swing = 10f64.powf(-14.7 + 1.2 * share(2.0));
+        let (gap, phase) = (3e-16 + 6.7e-15 * share(3.0), 6.28 * share(5.0));
+        let system = Structure::new(Spec {
+            freedoms: (0..n).map(|i| format!("x_{i}")).collect(),
+            mass: DMatrix::identity(n, n),
+            damping: DMatrix::from_fn(n, n, |i, j| if i == j && i > 0 { 0.1 } else { 0.0 }),
+            stiffness: DMatrix::from_fn(n, n, |i, j| if i != j { 0.0 } else { 1.0 + f64::from(u8::from(i > 0)) }),
+            load: (0..n).map(|i| if i == 0 { 1.0 - gap - swing } else { 0.0 }).collect(),
+            load_harmonics: vec![LoadHarmonic {
+                vector: (0..n).map(|i| f64::from(u8::from(i > 0))).collect(),
+                omega: 1.0,
+                phase: 0.2,
+            }],
+            contacts: vec![contact(0, 1.0), contact(1, 100.0)],
+            omega: None,
+        })
+        .unwrap();
+        let (mut q, mut v) = (vec![0.1; n], vec![0.2; n]);
+        (q[0], v[0]) = (1.0 - gap - swing * (1.0 - phase.cos()), -swing * phase.sin());
+        let (start, end) = (state(&system, &q, &v), system.clock().instant(30.0));
+        let (steps, _, by_steps) = course(&system, &start, end, true);
+        let (leaps, _, by_leaps) = course(&system, &start, end, false);
+        assert_eq!((by_steps.grazes, by_steps.events), (by_leaps.grazes, by_leaps.events), "{i}");
+        let seen = |records: &[EventRecord]| records.iter().map(|r| (r.at, r.graze)).collect::<Vec<_>>();
+        assert_eq!(seen(&steps), seen(&leaps), "{i}");
+        grazes += by_steps.grazes;
+    }
+    assert!(grazes > 20, "{grazes}");
+}
+
+/// An observer that begins to look at steps with an event sees all that follows.
+#[test]
+fn l40_observers_may_begin_to_look_at_any_event() {
+    struct Late {
+        looks: bool,
+        seen: u64,
+    }
+    impl Observer for Late {
+        fn wants_steps(&self, _: &Mode) -> bool {
+            self.looks
+        }
+
+        fn step(&mut self, _: &Mode, _: &dyn flank::integrate::DenseStep, _: f64) -> ControlFlow<()> {
+            self.seen += u64::from(self.looks);
+            ControlFlow::Continue(())
+        }
+
+        fn leap(&mut self, _: &Mode, _: f64) -> ControlFlow<()> {
+            assert!(!self.looks, "a leap where steps are wanted");
+            ControlFlow::Continue(())
+        }
+
+        fn event(&mut self, _: &EventRecord) -> ControlFlow<()> {
+            self.looks = true;
+            ControlFlow::Continue(())
+        }
+    }
+    for name in ["W3", "W4", "W1a-ss", "W2b"] {
+        let set = Simulation::from_file(format!("examples/scenes/{name}.json")).unwrap();
+        let start = set.start_at(&set.q0, &set.v0).unwrap();
+        let mut late = Late { looks: false, seen: 0 };
+        engine(&set.structure, start, Options::default()).run(set.clock().at(10, 0.0), &mut late).unwrap();
+        assert!(late.seen > 10, "{name}");
     }
 }
