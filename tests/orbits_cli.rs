@@ -4,6 +4,7 @@
 use std::{fs, path::Path};
 
 use assert_cmd::{Command, assert::Assert};
+
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -109,6 +110,33 @@ fn exponents_are_a_file_and_a_picture() {
     assert!((sum - rule).abs() <= 1e-9 * rule.abs());
     assert!(found["finite"]["cycles"] == 5 && found["without_saltation"]["exponents"].is_array());
     assert!(out.join("figures/exponents.svg").is_file());
+}
+
+/// What is finished says so; what was asked otherwise is refused; with nothing to go on from, the whole is done.
+#[test]
+fn orbits_and_exponents_resume() {
+    let folder = TempDir::new().unwrap();
+    for (words, other) in [
+        (vec!["orbit", PAIR, "--starts", "2"], ["--starts", "3"]),
+        (vec!["lyapunov", "examples/scenes/W1a-ch.json", "--cycles", "50"], ["--cycles", "60"]),
+    ] {
+        let out = folder.path().join(words[0]);
+        let with = |more: &[&'static str]| [&words[..], more].concat();
+        flank(&with(&["--resume", "--threads", "1"]), &out).code(0);
+        let file = out.join(format!("{}.json", words[0]));
+        let before = fs::read(&file).unwrap();
+        flank(&with(&["--resume"]), &out).code(0);
+        let said = |assert: Assert| {
+            let output = assert.get_output();
+            String::from_utf8_lossy(&[&output.stdout[..], &output.stderr[..]].concat()).into_owned()
+        };
+        assert!(said(flank(&with(&["--resume"]), &out).code(0)).contains("holds the whole of it"));
+        assert_eq!(fs::read(&file).unwrap(), before);
+        let changed = [&words[..2], &other[..], &["--resume"][..]].concat();
+        flank(&changed, &out).code(2);
+        assert!(said(flank(&changed, &out)).contains(other[0].trim_start_matches('-')));
+        flank(&with(&["--resume", "--force"]), &out).code(2);
+    }
 }
 
 /// Three files; a point of a branch starts a scene; what cannot be followed ends with code 2.

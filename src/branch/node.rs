@@ -414,7 +414,8 @@ impl<'f> Solver<'f> {
                 // What is latched adds a multiplier of zero to some orbits: it must not change a sign.
                 let (fold, flip) = ((&unit - &reduced).determinant(), (&unit + &reduced).determinant());
                 let course = Course::new(&map, &section, period)?;
-                let orbit = Orbit::of(section, image, &unknowns, period, residual, condition);
+                let factor = unknowns.reduced(&image.jacobian);
+                let orbit = Orbit::of(section, image, (&unknowns, &[factor]), residual, condition);
                 let ([value, second], by) = (place, std::mem::take(by));
                 return Ok(Node {
                     value,

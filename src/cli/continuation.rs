@@ -2,7 +2,6 @@
 
 use std::{
     fmt::Write,
-    fs, io,
     path::{Path, PathBuf},
 };
 
@@ -16,12 +15,14 @@ use flank::{
 };
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value, json};
+use serde_json::json;
 
 use super::{
-    CliError, Done, print,
+    CliError, Done,
+    kept::Keeper,
+    print,
     progress::{cancellable, catch_interrupt, running, show},
-    read_scene, request, threads,
+    read_scene, threads,
 };
 
 const TABLE: &str = "branches.csv";
@@ -102,39 +103,11 @@ fn number_of(scene: &Scene, text: &str) -> Result<(Parameter, [f64; 2]), CliErro
     Ok((parameter, ends))
 }
 
-/// What was asked, and what came of it so far.
+/// What came of it so far.
 #[derive(Serialize, Deserialize)]
-struct State {
-    asked: Map<String, Value>,
+struct Work {
     followed: Followed,
     curves: Vec<Curve>,
-    finished: bool,
-}
-
-impl State {
-    /// What an earlier command left, if it was asked the same.
-    fn read(folder: &Path, asked: &Map<String, Value>) -> Result<Option<Self>, CliError> {
-        let path = folder.join(STATE);
-        let text = match fs::read_to_string(&path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            text => text.map_err(|error| CliError::file(path.display(), error))?,
-        };
-        let place = path.display().to_string();
-        let state: Self = serde_json::from_str(&text).map_err(|error| {
-            let fault = Fault::new(&place, error.to_string(), "what an earlier command wrote");
-            CliError::Arguments(vec![fault.remedy("write --force to begin anew")])
-        })?;
-        let mut names: Vec<&String> = asked.keys().chain(state.asked.keys()).collect();
-        names.sort_unstable();
-        names.dedup();
-        let said = |value: Option<&Value>| value.map_or_else(|| "nothing".to_owned(), Value::to_string);
-        let faults = names.into_iter().filter(|name| asked.get(*name) != state.asked.get(*name)).map(|name| {
-            let fault = Fault::new(&format!("{place}: {name}"), said(state.asked.get(name)), said(asked.get(name)));
-            fault.remedy("name another folder, or write --force to begin anew")
-        });
-        let faults: Vec<Fault> = faults.collect();
-        if faults.is_empty() { Ok(Some(state)) } else { Err(CliError::Arguments(faults)) }
-    }
 }
 
 /// Follows branches of orbits.
@@ -152,38 +125,30 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         "flank": env!("CARGO_PKG_VERSION"), "scene_sha256": scene.hash(), "vary": arguments.vary, "period": arguments.period,
         "doublings": arguments.doublings, "follow": arguments.follow, "second": arguments.second,
     });
-    let asked = asked.as_object().cloned().unwrap_or_default();
     let force = arguments.force || arguments.resume;
-    let request = request(Some(arguments.out.as_path()), "continue", arguments.scene.as_deref(), force, files)?;
+    let request =
+        Request { folder: &arguments.out, command: "continue", input: arguments.scene.as_deref(), force, files };
     let name = Path::new(scene.name()).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-    let earlier = if arguments.resume { State::read(&arguments.out, &asked)? } else { None };
-    if earlier.as_ref().is_some_and(|state| state.finished) {
-        if !arguments.quiet {
-            print(&format!("{} holds the whole of it\n", arguments.out.display()))?;
-        }
-        return Ok(Done::Completely);
-    }
+    let begun = Keeper::begin::<Work>(&request, STATE, &asked, (arguments.resume, arguments.quiet))?;
+    let Some((mut keeper, earlier)) = begun else { return Ok(Done::Completely) };
     let mut branches = Branches::new(family.clone())?;
-    // What another command wrote is not removed by --resume.
-    let open = |request: Request<'_>| if arguments.resume { request.reopen() } else { request.open() };
-    let mut folder = request.map(open).transpose()?;
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);
     catch_interrupt();
     let task = cancellable(&progress);
     let method = Continuation { period: arguments.period, doublings: arguments.doublings };
-    let (earlier, known) = earlier.map_or((None, Vec::new()), |state| (Some(state.followed), state.curves));
+    let (earlier, known) = earlier.map_or((None, Vec::new()), |work| (Some(work.followed), work.curves));
     let pool = threads(arguments.threads)?;
     let mut keep = |followed: &Followed, curves: &[Curve], finished: Option<bool>| -> Result<(), CliError> {
         branches.take(&followed.branches, task);
-        let Some(folder) = &mut folder else { return Ok(()) };
-        write(folder, &branches, &name)?;
+        write(&mut keeper.folder, &branches, &name)?;
         if arguments.follow.is_some() {
-            write_curves(folder, &branches, curves, &name)?;
+            write_curves(&mut keeper.folder, &branches, curves, &name)?;
         }
-        if let Some(finished) = finished {
-            let (asked, followed, curves) = (asked.clone(), followed.clone(), curves.to_vec());
-            folder.bytes(STATE, json!(State { asked, followed, curves, finished }).to_string() + "\n")?;
+        match finished {
+            Some(false) => keeper.keep(&Work { followed: followed.clone(), curves: curves.to_vec() })?,
+            Some(true) => keeper.finish()?,
+            None => {}
         }
         Ok(())
     };

@@ -1,19 +1,29 @@
 //! `flank lyapunov`.
 
-use std::{fmt::Write, path::PathBuf};
-
-use flank::{
-    orbit::{Exponents, Lyapunov, SectionMap, pictures},
-    output::{Table, five_digits as number},
+use std::{
+    fmt::Write,
+    path::PathBuf,
+    time::{Duration, Instant},
 };
 
+use flank::{
+    orbit::{Averaging, Exponents, INTERRUPTED, Lyapunov, SectionMap, pictures},
+    output::{Request, Table, five_digits as number},
+};
+use serde_json::json;
+
 use super::{
-    CliError, Done, open, picture_files, print,
+    CliError, Done,
+    kept::Keeper,
+    open, picture_files, print,
     progress::{cancellable, catch_interrupt, running, show},
-    request,
+    threads,
 };
 
 const LYAPUNOV: &str = "lyapunov.json";
+const STATE: &str = "lyapunov.state";
+/// Least time between two states that are written.
+const PAUSE: Duration = Duration::from_secs(1);
 
 /// Arguments of `flank lyapunov`.
 #[derive(Debug, clap::Args)]
@@ -32,8 +42,14 @@ pub struct Arguments {
     /// Add the finite-time exponents of the first N cycles from the start
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     finite: Option<u64>,
-    /// Write into a folder that is not empty
+    /// Threads; one motion takes one of them, finite-time exponents another
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Go on where the same command was broken off
     #[arg(long)]
+    resume: bool,
+    /// Write into a folder that is not empty
+    #[arg(long, conflicts_with = "resume")]
     force: bool,
     /// Print nothing
     #[arg(long, short)]
@@ -44,28 +60,55 @@ pub struct Arguments {
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let simulation = open(arguments.scene.as_deref())?;
     SectionMap::new(&simulation)?;
-    let files = picture_files(pictures::EXPONENTS, LYAPUNOV);
+    let mut files = picture_files(pictures::EXPONENTS, LYAPUNOV);
+    files.push(STATE.to_owned());
+    let force = arguments.force || arguments.resume;
     let request =
-        request(Some(arguments.out.as_path()), "lyapunov", arguments.scene.as_deref(), arguments.force, files)?;
-    let asked =
+        Request { folder: &arguments.out, command: "lyapunov", input: arguments.scene.as_deref(), force, files };
+    let asked = json!({
+        "flank": env!("CARGO_PKG_VERSION"), "scene_sha256": simulation.hash(), "cycles": arguments.cycles,
+        "without_saltation": arguments.without_saltation, "finite": arguments.finite,
+    });
+    let begun = Keeper::begin::<Averaging>(&request, STATE, &asked, (arguments.resume, arguments.quiet))?;
+    let Some((mut keeper, earlier)) = begun else { return Ok(Done::Completely) };
+    let method =
         Lyapunov { cycles: arguments.cycles, without_saltation: arguments.without_saltation, finite: arguments.finite };
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);
     catch_interrupt();
-    let exponents = asked.run(&simulation, cancellable(&progress));
-    bar.finish_and_clear();
-    let exponents = exponents?;
-    if let Some(request) = request {
-        let mut folder = request.open()?;
-        if !exponents.course.is_empty() {
-            pictures::exponents(&simulation, &exponents).write(&mut folder)?;
+    let (mut last, mut written, mut failed) = (None, Instant::now(), None);
+    let mut keep = |work: &Averaging| {
+        if written.elapsed() >= PAUSE {
+            failed = failed.take().or(keeper.keep(work).err());
+            written = Instant::now();
         }
-        folder.complete(LYAPUNOV, &exponents)?;
+        last = Some(work.clone());
+    };
+    let pool = threads(arguments.threads)?;
+    let exponents = pool.install(|| method.go_on(&simulation, earlier, &mut keep, cancellable(&progress)));
+    bar.finish_and_clear();
+    if let Some(error) = failed {
+        return Err(error.into());
     }
+    let exponents = exponents?;
+    let is_whole = exponents.reason.as_deref() != Some(INTERRUPTED);
+    match &last {
+        _ if is_whole => keeper.finish()?,
+        Some(last) => keeper.keep(last)?,
+        None => {}
+    }
+    if !exponents.course.is_empty() {
+        pictures::exponents(&simulation, &exponents).write(&mut keeper.folder)?;
+    }
+    keeper.folder.complete(LYAPUNOV, &exponents)?;
     if !arguments.quiet {
         print(&text(&simulation.name, &exponents).unwrap_or_default())?;
     }
-    Ok(if exponents.reason.as_deref() == Some("interrupted") { Done::Partly } else { Done::Completely })
+    if is_whole {
+        return Ok(Done::Completely);
+    }
+    print("interrupted: the averages so far are kept; the same command with --resume goes on\n")?;
+    Ok(Done::Partly)
 }
 
 fn text(name: &str, e: &Exponents) -> Result<String, std::fmt::Error> {

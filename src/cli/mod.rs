@@ -8,6 +8,7 @@ mod continuation;
 mod diagram;
 mod error;
 mod identify;
+mod kept;
 mod lyapunov;
 mod map;
 mod orbit;

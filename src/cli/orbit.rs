@@ -4,17 +4,21 @@ use std::{fmt::Write, path::PathBuf};
 
 use flank::{
     Simulation,
-    orbit::{Found, Search, SectionMap, pictures},
-    output::{Table, five_digits as number},
+    orbit::{Found, Search, Searched, SectionMap, pictures},
+    output::{Request, Table, five_digits as number},
 };
+use serde_json::json;
 
 use super::{
-    CliError, Done, open, picture_files, print,
+    CliError, Done,
+    kept::Keeper,
+    open, picture_files, print,
     progress::{cancellable, catch_interrupt, running, show},
-    request, threads,
+    threads,
 };
 
 const ORBIT: &str = "orbit.json";
+const STATE: &str = "orbit.state";
 
 /// Arguments of `flank orbit`.
 #[derive(Debug, clap::Args)]
@@ -33,8 +37,11 @@ pub struct Arguments {
     /// Threads; as many as there are cores if left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// Write into a folder that is not empty
+    /// Go on where the same command was broken off
     #[arg(long)]
+    resume: bool,
+    /// Write into a folder that is not empty
+    #[arg(long, conflicts_with = "resume")]
     force: bool,
     /// Print nothing
     #[arg(long, short)]
@@ -45,24 +52,42 @@ pub struct Arguments {
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let simulation = open(arguments.scene.as_deref())?;
     SectionMap::new(&simulation)?;
-    let files = picture_files(pictures::ORBIT, ORBIT);
-    let request = request(Some(arguments.out.as_path()), "orbit", arguments.scene.as_deref(), arguments.force, files)?;
+    let mut files = picture_files(pictures::ORBIT, ORBIT);
+    files.push(STATE.to_owned());
+    let force = arguments.force || arguments.resume;
+    let request = Request { folder: &arguments.out, command: "orbit", input: arguments.scene.as_deref(), force, files };
+    let asked = json!({
+        "flank": env!("CARGO_PKG_VERSION"), "scene_sha256": simulation.hash(), "period": arguments.period,
+        "starts": arguments.starts,
+    });
+    let begun = Keeper::begin::<Searched>(&request, STATE, &asked, (arguments.resume, arguments.quiet))?;
+    let Some((mut keeper, earlier)) = begun else { return Ok(Done::Completely) };
     let search = Search { period: arguments.period, starts: arguments.starts };
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);
     catch_interrupt();
-    let found = threads(arguments.threads)?.install(|| search.run(&simulation, cancellable(&progress)));
+    let (task, mut failed) = (cancellable(&progress), None);
+    let mut keep = |work: &Searched| failed = failed.take().or(keeper.keep(work).err());
+    let pool = threads(arguments.threads)?;
+    let found = pool.install(|| search.go_on(&simulation, earlier, &mut keep, task));
     bar.finish_and_clear();
-    let found = found?;
-    if let Some(request) = request {
-        let mut folder = request.open()?;
-        if let Some(orbit) = found.orbits.first() {
-            pictures::orbit(&simulation, orbit)?.write(&mut folder)?;
-        }
-        folder.complete(ORBIT, &found.report(&simulation))?;
+    if let Some(error) = failed {
+        return Err(error.into());
     }
+    let found = found?;
+    if !task.is_cancelled() {
+        keeper.finish()?;
+    }
+    if let Some(orbit) = found.orbits.first() {
+        pictures::orbit(&simulation, orbit)?.write(&mut keeper.folder)?;
+    }
+    keeper.folder.complete(ORBIT, &found.report(&simulation))?;
     if !arguments.quiet {
         print(&text(&simulation, &found).unwrap_or_default())?;
+    }
+    if task.is_cancelled() {
+        print("interrupted: what was found is kept; the same command with --resume goes on\n")?;
+        return Ok(Done::Partly);
     }
     Ok(if found.orbits.is_empty() { Done::Partly } else { Done::Completely })
 }

@@ -9,7 +9,7 @@ use crate::{
     kernel::Noted,
     orbit::{
         SectionMap,
-        exponents::means,
+        averages::means,
         frame::{Frame, column},
         words::Speller,
     },

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Drift, Orbit, SectionMap,
+    newton::Way,
     section::Section,
     unknowns::{Unknowns, distance},
     words::Speller,
@@ -202,7 +203,8 @@ impl Approach {
             .map(|k| (distance(map, &sections[last - k], &sections[last], &scales, drift), k))
             .filter(|(apart, _)| *apart <= NEAR)
             .min_by(|a, b| (a.0 * a.1 as f64).total_cmp(&(b.0 * b.1 as f64)))?;
-        match map.solve_from(&sections[last], period as u64, drift, Some(PATIENCE)) {
+        let way = Way { patience: Some(PATIENCE), ..Way::default() };
+        match map.solve_from(&sections[last], period as u64, drift, way) {
             Ok(orbit) if !orbit.is_stable => {
                 *reason = Some("the orbit near the end of the run is not stable".into());
                 unstable.push(orbit.section);

@@ -4,15 +4,16 @@
 //! of `ln R_ii` over time (Benettin et al. 1980, with jumps Müller 1995). Their sum is the mean rate of volumes, which is known by itself:
 //! the divergence of the field along arcs, and `ln |det|` of the jumps.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{
-    Drift, SectionMap,
-    frame::{Frame, rate_scale},
+    Drift, Section, SectionMap,
+    averages::{Averages, BLOCKS},
+    frame::{Frame, Held, rate_scale},
     words::{Sequence, Speller, Statistics},
 };
 use crate::{
-    engine::Outcome,
+    engine::{Engine, Outcome},
     simulation::{Simulation, SimulationError},
     task::{Progress, Task},
 };
@@ -23,12 +24,14 @@ const DROPPED: u64 = 1000;
 const MOST: u64 = 1_000_000;
 /// Band of the largest exponent that is good enough, as a share of the largest in size.
 const BAND: f64 = 1e-3;
-/// Blocks that a band is estimated from.
-const BLOCKS: usize = 40;
+/// Why an interrupted average ends.
+pub const INTERRUPTED: &str = "interrupted";
 /// Cycles whose words are read.
 const SPELLED: u64 = 100_000;
-/// Correlation of neighbouring blocks above which a band is doubled.
-const CORRELATED: f64 = 0.2;
+/// Cycles after which a run begins anew from the state that it has come to, as one does that goes on with what was kept.
+const KEPT: u64 = 8192;
+/// Roundings of a step or an event, in units of ε of the state.
+const ROUNDED: f64 = 2.0;
 
 /// What is asked for.
 #[derive(Clone, Copy, Debug, Default)]
@@ -92,35 +95,65 @@ pub struct Finite {
     pub cycles: u64,
     /// In the order of the columns.
     pub exponents: Vec<Option<f64>>,
+    /// How far rounding may have moved each: its change where the start moves by the rounding of the whole run. `null` where no run from
+    /// there is possible.
+    pub errors: Vec<Option<f64>>,
 }
 
-/// Means of the columns of `rows`, and their standard errors from blocks.
-pub(crate) fn means(rows: &[impl AsRef<[f64]>], period: f64) -> (Vec<f64>, Vec<f64>) {
-    let count = rows.first().map_or(0, |row| row.as_ref().len());
-    let columns: Vec<Vec<f64>> = (0..count).map(|l| rows.iter().map(|row| row.as_ref()[l]).collect()).collect();
-    let mean = |column: &[f64]| column.iter().sum::<f64>() / (column.len() as f64 * period);
-    let band = |column: &Vec<f64>| {
-        let length = column.len() / BLOCKS;
-        if length == 0 {
-            return f64::NAN;
-        }
-        // The last blocks: what does not fill one is left out at the front.
-        let blocks: Vec<f64> = column[column.len() - BLOCKS * length..].chunks_exact(length).map(mean).collect();
-        let middle = blocks.iter().sum::<f64>() / BLOCKS as f64;
-        let off: Vec<f64> = blocks.iter().map(|b| b - middle).collect();
-        let squares: f64 = off.iter().map(|o| o * o).sum();
-        let neighbours: f64 = off.windows(2).map(|pair| pair[0] * pair[1]).sum();
-        let error = (squares / (BLOCKS * (BLOCKS - 1)) as f64).sqrt();
-        let error = if squares > 0.0 && neighbours / squares > CORRELATED { 2.0 * error } else { error };
-        // What turns regularly averages out over blocks of a fitting length. The range over which the sum strays from its mean shows it.
-        let (mean, mut sum, mut low, mut high) = (mean(column) * period, 0.0, 0.0f64, 0.0f64);
-        for log in column {
-            sum += log - mean;
-            (low, high) = (low.min(sum), high.max(sum));
-        }
-        error.max(0.5 * (high - low) / (column.len() as f64 * period))
-    };
-    (columns.iter().map(|column| mean(column)).collect(), columns.iter().map(band).collect())
+/// What averaging has come to, to go on from.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Averaging {
+    /// Cycles run, those dropped included.
+    cycle: u64,
+    section: Section,
+    frame: Held,
+    averages: Averages,
+    /// The same of resets alone.
+    bare: Option<(Held, Averages)>,
+    /// `∫ div f dt + Σ ln |det|`; `None` where it is not known.
+    volume: Option<f64>,
+    sequence: Sequence,
+    course: Vec<(u64, Vec<f64>, Vec<f64>)>,
+    next_look: u64,
+    next_point: u64,
+}
+
+/// A motion, the tangents that watch it, and what their factors have summed to.
+struct Watched<'s> {
+    engine: Engine<'s>,
+    frame: Frame<'s>,
+    bare: Option<Frame<'s>>,
+}
+
+impl<'s> Watched<'s> {
+    /// Begins at `section` after `cycle` cycles; with the columns that were held, if any.
+    fn new(
+        map: &SectionMap<'s>,
+        drift: &'s Drift,
+        (section, cycle): (&Section, u64),
+        held: Option<(&Held, Option<&Held>)>,
+        without_saltation: bool,
+    ) -> Result<Self, SimulationError> {
+        let simulation = map.simulation();
+        let start = map.later(cycle).state(section)?;
+        let framed = |held: Option<&Held>| {
+            let mut frame = Frame::new(simulation, drift, rate_scale(simulation));
+            frame.start(&start);
+            held.iter().for_each(|held| frame.hold(held));
+            frame
+        };
+        let frame = framed(held.map(|(held, _)| held));
+        let bare = without_saltation.then(|| {
+            let mut bare = framed(held.and_then(|(_, held)| held));
+            bare.tangent.without_saltation();
+            bare
+        });
+        Ok(Self { engine: simulation.engine(start)?, frame, bare })
+    }
+
+    fn held(&self) -> (Held, Option<Held>) {
+        (self.frame.held(), self.bare.as_ref().map(Frame::held))
+    }
 }
 
 impl Lyapunov {
@@ -129,146 +162,212 @@ impl Lyapunov {
     /// # Errors
     /// [`SimulationError`] if the run fails, or for a train without a forcing period.
     pub fn run(&self, simulation: &Simulation, task: Task<'_>) -> Result<Exponents, SimulationError> {
+        self.go_on(simulation, None, &mut |_| (), task)
+    }
+
+    /// The same, going on from what was kept, if anything; every so many cycles `keep` is given what the averages have come to. The result
+    /// is the same to the last bit, however often it was broken off.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn go_on(
+        &self,
+        simulation: &Simulation,
+        earlier: Option<Averaging>,
+        keep: &mut (dyn FnMut(&Averaging) + Send),
+        task: Task<'_>,
+    ) -> Result<Exponents, SimulationError> {
         let map = SectionMap::new(simulation)?;
         let (drift, period) = (map.drift(), simulation.period()?);
-        let finite = self.finite.map(|cycles| self.finite_time(&map, &drift, cycles, period)).transpose()?;
+        let (finite, exponents) = rayon::join(
+            || self.finite.map(|cycles| finite_time(&map, &drift, cycles, period)).transpose(),
+            || self.average(&map, &drift, earlier, keep, task),
+        );
+        Ok(Exponents { finite: finite?, ..exponents? })
+    }
+
+    fn average(
+        &self,
+        map: &SectionMap<'_>,
+        drift: &Drift,
+        earlier: Option<Averaging>,
+        keep: &mut (dyn FnMut(&Averaging) + Send),
+        task: Task<'_>,
+    ) -> Result<Exponents, SimulationError> {
+        let simulation = map.simulation();
+        let period = simulation.period()?;
         let run = &simulation.settings;
         let [from, _, end] = simulation.instants();
         let least = self.cycles.unwrap_or_else(|| (end.cycle - from.cycle).max(1) as u64);
         let most = self.cycles.unwrap_or(MOST.max(least));
         let dropped = DROPPED.max(run.transient_cycles);
-        let start = map.state(&map.start()?)?;
-        let framed = || {
-            let mut frame = Frame::new(simulation, &drift, rate_scale(simulation));
-            frame.start(&start);
-            frame
+        let begin = |at: (&Section, u64), held: Option<(&Held, Option<&Held>)>| {
+            Watched::new(map, drift, at, held, self.without_saltation)
         };
-        let mut frame = framed();
-        let mut bare = self.without_saltation.then(|| {
-            let mut bare = framed();
-            bare.tangent.without_saltation();
-            bare
-        });
-        let mut speller = Speller::new(&simulation.structure, &start.x);
-        let mut sequence = Sequence::default();
-        let mut engine = simulation.engine(start.clone())?;
-        let (mut rows, mut bare_rows, mut course) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut volume, mut reason, mut next_look, mut next_point) = (0.0, None, least, 2 * BLOCKS as u64);
-        let clock = simulation.clock();
-        let first = engine.state().at.cycle;
-        for cycle in 1..=dropped + most {
-            let outcome = engine.run(
-                clock.at(first + cycle as i64, 0.0),
-                &mut ((&mut frame, &mut bare), (cycle <= dropped + SPELLED).then_some(&mut speller)),
-            )?;
+        let (mut now, mut watched) = match earlier {
+            Some(earlier) => {
+                let held = (&earlier.frame, earlier.bare.as_ref().map(|(held, _)| held));
+                let watched = begin((&earlier.section, earlier.cycle), Some(held))?;
+                (earlier, watched)
+            }
+            None => {
+                let section = map.start()?;
+                let watched = begin((&section, 0), None)?;
+                let (frame, bare) = watched.held();
+                let now = Averaging {
+                    cycle: 0,
+                    section,
+                    frame,
+                    averages: Averages::default(),
+                    bare: bare.map(|held| (held, Averages::default())),
+                    volume: Some(0.0),
+                    sequence: Sequence::default(),
+                    course: Vec::new(),
+                    next_look: least,
+                    next_point: 2 * BLOCKS as u64,
+                };
+                (now, watched)
+            }
+        };
+        let mut speller = Speller::new(&simulation.structure, &now.section.x);
+        let mut reason = None;
+        while now.cycle < dropped + most {
+            if now.cycle.is_multiple_of(KEPT) && now.cycle > 0 {
+                let (frame, bare) = watched.held();
+                (now.section, now.frame) = (map.section(watched.engine.state()), frame);
+                now.bare.iter_mut().zip(bare).for_each(|((held, _), bare)| *held = bare);
+                keep(&now);
+                let held = (&now.frame, now.bare.as_ref().map(|(held, _)| held));
+                watched = begin((&now.section, now.cycle), Some(held))?;
+            }
+            now.cycle += 1;
+            let Watched { engine, frame, bare } = &mut watched;
+            let spells = now.cycle <= dropped + SPELLED;
+            let outcome =
+                engine.run(map.at(now.cycle), &mut ((&mut *frame, &mut *bare), spells.then_some(&mut speller)))?;
             let (logs, bare_logs) = (frame.take(), bare.as_mut().map(Frame::take));
-            if cycle == dropped {
+            if now.cycle == dropped {
                 frame.begin();
                 bare.iter_mut().for_each(Frame::begin);
             }
             let word = speller.take();
-            if cycle > dropped {
-                if cycle <= dropped + SPELLED {
-                    sequence.add(&word);
+            if now.cycle > dropped {
+                if spells {
+                    now.sequence.add(&word);
                 }
-                rows.push(logs);
-                bare_rows.extend(bare_logs);
-                volume += frame.tangent.volume;
+                now.averages.add(&logs);
+                now.bare.iter_mut().zip(bare_logs).for_each(|((_, averages), logs)| averages.add(&logs));
+                now.volume = now.volume.map(|volume| volume + frame.tangent.volume).filter(|volume| volume.is_finite());
             }
             frame.tangent.volume = 0.0;
             if frame.tangent.is_unresolved {
                 return Err(simulation.missing("the derivative along a step of its motion cannot be resolved"));
             }
             if outcome != Outcome::ReachedEnd || task.is_cancelled() {
-                reason =
-                    Some(if task.is_cancelled() { "interrupted" } else { "the limit on events is reached" }.to_owned());
+                let why = if task.is_cancelled() { INTERRUPTED } else { "the limit on events is reached" };
+                reason = Some(why.to_owned());
                 break;
             }
-            let averaged = rows.len() as u64;
-            if cycle % 64 == 0 {
-                task.report(Progress::Share(cycle as f64 / (dropped + most) as f64));
+            let averaged = now.averages.cycles;
+            if now.cycle % 64 == 0 {
+                task.report(Progress::Share(now.cycle as f64 / (dropped + most) as f64));
             }
-            if cycle <= dropped || averaged < next_look.min(next_point) {
+            if now.cycle <= dropped || averaged < now.next_look.min(now.next_point) {
                 continue;
             }
-            let (mean, band) = means(&rows, period);
+            let (mean, band) = now.averages.figures(period);
             let largest =
                 mean.iter().zip(&frame.lost).filter(|(_, lost)| !**lost).fold(0.0, |m: f64, (e, _)| m.max(e.abs()));
             // The band of the largest that is finite; none is, where rest takes all.
             let first = (0..mean.len()).filter(|l| !frame.lost[*l]).max_by(|a, b| mean[*a].total_cmp(&mean[*b]));
             let is_good = first.is_none_or(|l| band[l] <= BAND * largest);
-            course.push((averaged, mean, band));
-            next_point = averaged + averaged / 8 + 1;
-            if averaged < next_look {
+            if mean.iter().chain(&band).all(|number| number.is_finite()) {
+                now.course.push((averaged, mean, band));
+            }
+            now.next_point = averaged + averaged / 8 + 1;
+            if averaged < now.next_look {
                 continue;
             }
             if self.cycles.is_none() && is_good {
                 break;
             }
-            next_look = (averaged + averaged / 8 + 1).min(most);
+            now.next_look = (averaged + averaged / 8 + 1).min(most);
             if averaged == most && !is_good && self.cycles.is_none() {
                 reason = Some(format!("stopped after {most} cycles, before the band was below {BAND} of the largest"));
             }
         }
-        let (mean, band) = means(&rows, period);
-        let latches = engine.state().x.len() - 2 * simulation.structure.freedoms();
-        let null = |values: &[f64], lost: &[bool]| -> Vec<Option<f64>> {
+        let (mean, band) = now.averages.figures(period);
+        let lost = &watched.frame.lost;
+        let latches = watched.engine.state().x.len() - 2 * simulation.structure.freedoms();
+        let null = |values: &[f64]| -> Vec<Option<f64>> {
             let mut order: Vec<usize> = (0..values.len()).filter(|l| !lost[*l]).collect();
             order.sort_by(|a, b| mean[*b].total_cmp(&mean[*a]));
             let known = order.iter().map(|l| Some(values[*l]).filter(|v| v.is_finite()));
             known.chain(std::iter::repeat_n(None, values.len() - order.len() + latches)).collect()
         };
-        let sum_rule = volume / (rows.len() as f64 * period);
-        let bare = bare.map(|bare| {
-            let (mut values, _) = means(&bare_rows, period);
+        let bare = now.bare.as_ref().zip(watched.bare.as_ref()).map(|((_, averages), bare)| {
+            let (mut values, _) = averages.figures(period);
             values.retain(|v| v.is_finite());
             values.sort_by(|a, b| b.total_cmp(a));
+            let lost = bare.lost.iter().filter(|lost| **lost).count() + latches;
             WithoutSaltation {
                 way: "the derivative of each reset alone, without the change of event times",
-                exponents: values
-                    .into_iter()
-                    .map(Some)
-                    .chain(std::iter::repeat_n(None, bare.lost.iter().filter(|l| **l).count() + latches))
-                    .collect(),
+                exponents: values.into_iter().map(Some).chain(std::iter::repeat_n(None, lost)).collect(),
             }
         });
-        let exponents = null(&mean, &frame.lost);
+        let exponents = null(&mean);
+        let cycles = now.averages.cycles;
         Ok(Exponents {
             sum: exponents.iter().flatten().sum(),
-            band: null(&band, &frame.lost),
+            band: null(&band),
             exponents,
-            sum_rule: (sum_rule.is_finite() && latches == 0).then_some(sum_rule),
-            cycles: rows.len() as u64,
+            sum_rule: now.volume.filter(|_| latches == 0).map(|volume| volume / (cycles as f64 * period)),
+            cycles,
             dropped,
             unit: if simulation.dimensionless { "1/time" } else { "1/s" },
             drift: drift.is_free.iter().map(|free| 1 + usize::from(*free)).sum(),
-            words: sequence.statistics(),
+            words: now.sequence.statistics(),
             reason,
             without_saltation: bare,
-            finite,
-            course,
+            finite: None,
+            course: now.course,
         })
     }
+}
 
-    fn finite_time(
-        &self,
-        map: &SectionMap<'_>,
-        drift: &Drift,
-        cycles: u64,
-        period: f64,
-    ) -> Result<Finite, SimulationError> {
-        let simulation = map.simulation();
-        let start = map.state(&map.start()?)?;
+/// Exponents of the first `cycles` cycles, and how far rounding may have moved them.
+fn finite_time(map: &SectionMap<'_>, drift: &Drift, cycles: u64, period: f64) -> Result<Finite, SimulationError> {
+    let simulation = map.simulation();
+    let start = map.start()?;
+    let from = |section: &Section| {
+        let start = map.state(section)?;
         let mut frame = Frame::new(simulation, drift, 1.0);
         frame.start(&start);
         let mut engine = simulation.engine(start)?;
-        let first = engine.state().at.cycle;
-        let outcome = engine.run(simulation.clock().at(first + cycles as i64, 0.0), &mut frame)?;
+        let outcome = engine.run(map.at(cycles), &mut frame)?;
         if outcome != Outcome::ReachedEnd {
             return Err(simulation.missing("its run stops before the cycles asked for; raise its limit on events"));
         }
         let logs = frame.take();
         let exponent = |(log, lost): (&f64, &bool)| (!lost).then_some(log / (cycles as f64 * period));
-        Ok(Finite { cycles, exponents: logs.iter().zip(&frame.lost).map(exponent).collect() })
-    }
+        let counters = engine.counters();
+        let exponents: Vec<Option<f64>> = logs.iter().zip(&frame.lost).map(exponent).collect();
+        Ok((exponents, (counters.steps + counters.events) as f64))
+    };
+    let (exponents, pieces) = from(&start)?;
+    // A rounding on the way is no more than one of the start: what is left of the way amplifies it less.
+    let (scales, n) = (map.scales_of(std::slice::from_ref(&start)), simulation.structure.freedoms());
+    let moved = [1.0, -1.0].map(|sign| {
+        let mut moved = start.clone();
+        let size = sign * ROUNDED * f64::EPSILON * pieces.sqrt();
+        let by = |i: usize| size * scales[i] * [1.0, -1.0][i % 2];
+        moved.x.iter_mut().enumerate().take(2 * n).for_each(|(i, x)| *x += by(i));
+        from(&moved).ok().map(|(exponents, _)| exponents)
+    });
+    let error = |l: usize| {
+        let change = |moved: &Option<Vec<Option<f64>>>| Some((moved.as_ref()?.get(l)?.as_ref()? - exponents[l]?).abs());
+        Some(change(&moved[0])?.max(change(&moved[1])?))
+    };
+    let errors = (0..exponents.len()).map(error).collect();
+    Ok(Finite { cycles, exponents, errors })
 }

@@ -35,6 +35,14 @@ pub(crate) struct Frame<'s> {
     resting: Option<Mode>,
 }
 
+/// The columns of a frame between two cycles, to go on with.
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+pub(super) struct Held {
+    columns: Vec<f64>,
+    lost: Vec<bool>,
+    zero: Vec<bool>,
+}
+
 /// Scale of velocities, where that of displacements is one: the forcing's angular frequency, 1/s.
 pub(crate) fn rate_scale(simulation: &Simulation) -> f64 {
     if simulation.dimensionless { 1.0 } else { simulation.clock().omega() }
@@ -106,6 +114,18 @@ impl<'s> Frame<'s> {
         self.rest(&state.jump.mode);
         self.orthonormalise();
         self.logs.fill(0.0);
+    }
+
+    /// What it goes on with, its factors having been taken.
+    pub(super) fn held(&self) -> Held {
+        Held { columns: self.tangent.columns.values.clone(), lost: self.lost.clone(), zero: self.zero.clone() }
+    }
+
+    /// Goes on with what was held.
+    pub(super) fn hold(&mut self, held: &Held) {
+        self.tangent.columns.values.clone_from(&held.columns);
+        self.lost.clone_from(&held.lost);
+        self.zero.clone_from(&held.zero);
     }
 
     /// Keeps in mind what contacts at rest in `mode` allow.

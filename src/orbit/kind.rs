@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     Approach, Approached, Drift, Orbit, SectionMap,
     approach::closing,
-    exponents::means,
+    averages::means,
     frame::Frame,
     section::Section,
     unknowns::{ACCELERATES, Unknowns, distance},

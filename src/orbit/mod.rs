@@ -5,24 +5,27 @@
 //! a kind to the next, which needs no period.
 
 pub(crate) mod approach;
+pub(crate) mod averages;
 mod crossing;
 pub(crate) mod exponents;
 pub(crate) mod frame;
 pub(crate) mod kind;
 pub(crate) mod newton;
+mod partners;
 pub mod pictures;
 mod search;
 mod section;
+mod shooting;
 pub(crate) mod unknowns;
 pub mod words;
 
 pub use crate::tangent::Tangent;
 pub use approach::{Approach, Approached};
 pub use crossing::{Crossing, GuardMap};
-pub use exponents::{Exponents, Finite, Lyapunov, WithoutSaltation};
+pub use exponents::{Averaging, Exponents, Finite, INTERRUPTED, Lyapunov, WithoutSaltation};
 pub use kind::{Kind, Motion, Watching, decide};
 pub use newton::{Missed, Orbit};
-pub use search::{Found, LONGEST, Search, components};
+pub use search::{Found, LONGEST, Search, Searched, components};
 pub use section::{Image, Section, SectionMap};
 pub use unknowns::Drift;
 pub(crate) use unknowns::Unknowns;

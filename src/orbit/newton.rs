@@ -1,22 +1,24 @@
 //! Periodic orbits: Newton's method on the section.
 
 use nalgebra::{Complex, DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 use super::{
     Drift, SectionMap,
-    section::{Image, Section},
+    section::{Image, Section, number},
+    shooting::eigenvalues,
     unknowns::Unknowns,
 };
 use crate::{simulation::SimulationError, system::Variation};
 
 /// Newton steps at most.
-const STEPS: usize = 40;
+pub(super) const STEPS: usize = 40;
 /// Halvings of a step that makes the residual larger.
-const HALVINGS: i32 = 6;
+pub(super) const HALVINGS: i32 = 6;
 /// Share to which a residual must fall for another step with the same derivative.
 const CHORD: f64 = 0.3;
 /// Longest step, in scales.
-const LONGEST: f64 = 50.0;
+pub(super) const LONGEST: f64 = 50.0;
 /// Residual, in scales, below which an orbit counts as found.
 pub(crate) const CLOSED: f64 = 1e-10;
 /// Two states nearer than this, in scales, are the same point of an orbit.
@@ -27,7 +29,7 @@ pub(crate) const MARGINAL: f64 = 1e-8;
 const NEUTRAL: f64 = 1e-12;
 
 /// A periodic orbit.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Orbit {
     /// Period, cycles: the smallest.
     pub period: u64,
@@ -47,7 +49,34 @@ pub struct Orbit {
     /// Distance between start and end, in scales.
     pub residual: f64,
     /// `‖(I − J)⁻¹‖` in scales: the state is off by about this times the residual.
+    #[serde(deserialize_with = "number")]
     pub condition: f64,
+    /// Half a cycle later it is its own mirror image, drive and back flanks changed for each other; said of what a search has found.
+    pub is_symmetric: bool,
+    /// The earlier one of what a search has found that a symmetry of the train makes of it: the mirror image, or two equal planets changed.
+    pub partner: Option<usize>,
+}
+
+/// How Newton's method is to go.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Way<'a> {
+    /// Steps in which the residual must fall by half, or the search ends.
+    pub patience: Option<usize>,
+    /// States of orbits that are known already, to be kept away from.
+    pub known: &'a [Vec<f64>],
+}
+
+impl Way<'_> {
+    /// Deflation (Farrell, Birkisson and Funke 2015): the residual counts times `M = Π (1 + 1/‖y − y_i‖²)` over the known states y_i, which
+    /// has no zero there. M at `x`, and the change of `ln M` along `step`.
+    fn deflation(&self, unknowns: &Unknowns, x: &[f64], step: Option<&DVector<f64>>) -> [f64; 2] {
+        self.known.iter().fold([1.0, 0.0], |[product, change], known| {
+            let off = unknowns.between(known, x);
+            let square = off.norm_squared();
+            let along = step.map_or(0.0, |step| -2.0 * off.dot(step) / (square * (square + 1.0)));
+            [product * (1.0 + square.recip()), change + along]
+        })
+    }
 }
 
 /// Why no orbit was found from a start.
@@ -60,17 +89,16 @@ pub struct Missed {
 }
 
 impl Orbit {
-    /// The orbit through `section`, whose image after `period` cycles closes.
+    /// The orbit through `section`, whose `image` closes; its derivative, in unknowns, is the product of `factors`, the first one applied
+    /// first.
     pub(crate) fn of(
         section: Section,
         image: Image,
-        unknowns: &Unknowns,
-        period: u64,
+        (unknowns, factors): (&Unknowns, &[DMatrix<f64>]),
         residual: f64,
         condition: f64,
     ) -> Self {
-        let mut multipliers: Vec<Complex<f64>> =
-            unknowns.reduced(&image.jacobian).complex_eigenvalues().iter().copied().collect();
+        let (mut multipliers, period) = (eigenvalues(factors), image.between.len() as u64);
         let neutral = section.x.len() - unknowns.count();
         let is_stable = multipliers.iter().all(|m| m.norm() < 1.0);
         let is_marginal = multipliers.iter().any(|m| (m.norm() - 1.0).abs() <= MARGINAL);
@@ -79,7 +107,20 @@ impl Orbit {
         multipliers.iter_mut().take(image.zeros).for_each(|m| *m = Complex::new(0.0, 0.0));
         multipliers.extend(std::iter::repeat_n(Complex::new(1.0, 0.0), neutral));
         multipliers.sort_by(|a, b| b.norm().total_cmp(&a.norm()).then(b.im.total_cmp(&a.im)));
-        Self { period, section, image, multipliers, neutral, is_stable, is_marginal, residual, condition }
+        let (is_symmetric, partner) = (false, None);
+        Self {
+            period,
+            section,
+            image,
+            multipliers,
+            neutral,
+            is_stable,
+            is_marginal,
+            residual,
+            condition,
+            is_symmetric,
+            partner,
+        }
     }
 
     /// The multipliers but those that say nothing of stability.
@@ -107,17 +148,18 @@ impl SectionMap<'_> {
     /// # Errors
     /// [`Missed`], if it does not converge.
     pub fn solve(&self, start: &Section, period: u64, drift: &Drift) -> Result<Orbit, Missed> {
-        self.solve_from(start, period, drift, None)
+        self.solve_from(start, period, drift, Way::default())
     }
 
-    /// The same; where `patience` is given, the residual must fall by half in as many steps, or the search ends.
+    /// The same, on a `way` of its own.
     pub(super) fn solve_from(
         &self,
         start: &Section,
         period: u64,
         drift: &Drift,
-        patience: Option<usize>,
+        way: Way<'_>,
     ) -> Result<Orbit, Missed> {
+        let patience = way.patience;
         let missed = |residual: f64, reason: &str| Missed { residual, reason: reason.to_owned() };
         let evaluate = |section: &Section| -> Result<_, SimulationError> {
             let image = self.image(section, period)?;
@@ -150,6 +192,9 @@ impl SectionMap<'_> {
                 return Err(missed(best, "the derivative cannot be inverted"));
             };
             let condition = svd.singular_values.min().recip();
+            // Of the deflated residual `M F` the step is a multiple of that of F.
+            let [weight, change] = way.deflation(unknowns, &section.x, Some(&step));
+            let step = step / (1.0 - change);
             let length = step.norm();
             if *residual <= CLOSED && (length <= 1e-13 || condition * residual <= 1e-14) {
                 return self.settle(section, now, period, drift, condition);
@@ -172,7 +217,8 @@ impl SectionMap<'_> {
             let first = (0..=halvings).find_map(|halved| {
                 let trial = moved(&section, &step, 0.5f64.powi(halved));
                 let there = off_at(&trial)?;
-                (there.norm() < *residual).then_some((trial, there, halved))
+                let [weight_there, _] = way.deflation(unknowns, &trial.x, None);
+                (weight_there * there.norm() < weight * *residual).then_some((trial, there, halved))
             });
             let next = first.and_then(|(mut trial, mut there, halved)| {
                 // Broyden's update keeps the inverse up to date along the steps taken.
@@ -180,7 +226,7 @@ impl SectionMap<'_> {
                     return None;
                 };
                 let (mut step, mut before) = (&step * 0.5f64.powi(halved), off.clone());
-                let mut fell = if halved == 0 { there.norm() / residual } else { 1.0 };
+                let mut fell = if halved == 0 && way.known.is_empty() { there.norm() / residual } else { 1.0 };
                 while fell <= CHORD && there.norm() > f64::EPSILON {
                     let change = &inverse * (&there - &before);
                     let along = step.dot(&change);
@@ -241,6 +287,7 @@ impl SectionMap<'_> {
                 return self.solve(&section, shorter, drift);
             }
         }
-        Ok(Orbit::of(section, image, &unknowns, period, residual, condition))
+        let factor = unknowns.reduced(&image.jacobian);
+        Ok(Orbit::of(section, image, (&unknowns, &[factor]), residual, condition))
     }
 }

@@ -1,12 +1,12 @@
 //! The search for periodic orbits: where Newton's method starts, and with which period.
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::{
     Drift, Missed, Orbit, SectionMap,
-    newton::SAME,
+    newton::{SAME, Way},
     section::Section,
     unknowns::{ACCELERATES, distance},
     words::{normal, text},
@@ -41,6 +41,15 @@ pub struct Search {
     pub starts: usize,
 }
 
+/// What a search has come to, to go on from.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Searched {
+    /// Starts that have been tried.
+    pub starts: usize,
+    /// What was found, in the order in which it was found.
+    pub orbits: Vec<Orbit>,
+}
+
 /// What was found.
 #[derive(Debug)]
 pub struct Found {
@@ -60,6 +69,20 @@ impl Search {
     /// # Errors
     /// [`SimulationError`] for a train without a forcing period or a start that cannot be used.
     pub fn run(&self, simulation: &Simulation, task: Task<'_>) -> Result<Found, SimulationError> {
+        self.go_on(simulation, None, &mut |_| (), task)
+    }
+
+    /// The same, going on from what was kept, if anything; after each block of further starts `keep` is given what has been found.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn go_on(
+        &self,
+        simulation: &Simulation,
+        earlier: Option<Searched>,
+        keep: &mut (dyn FnMut(&Searched) + Send),
+        task: Task<'_>,
+    ) -> Result<Found, SimulationError> {
         let map = SectionMap::new(simulation)?;
         let mut found = Found { orbits: Vec::new(), drift: map.drift(), reason: None, best: f64::INFINITY };
         let start = map.start()?;
@@ -67,7 +90,11 @@ impl Search {
             found.reason = Some(ACCELERATES.to_owned());
             return Ok(found);
         }
-        self.near(&map, &start, &mut found, task);
+        let mut first = 0;
+        match earlier {
+            Some(Searched { starts, orbits }) => (first, found.orbits) = (starts, orbits),
+            None => self.near(&map, &start, &mut found, task),
+        }
         let mut passed = Vec::new();
         if found.orbits.is_empty() || self.starts > 0 {
             passed = self.pass(&map, &start, &mut found, task)?;
@@ -77,7 +104,8 @@ impl Search {
         if found.orbits.is_empty() && !passed.is_empty() {
             self.returns(&map, &passed, &mut found, task);
         }
-        self.spread(&map, &passed, &mut found, task);
+        self.spread(&map, &passed, first, &mut found, keep, task);
+        found.pair_up(&map);
         if found.orbits.is_empty() {
             found.reason.get_or_insert("no state of the motion comes back near enough to itself".to_owned());
         } else {
@@ -89,7 +117,8 @@ impl Search {
     /// From one section: the period after which it comes back, or else the first for which Newton's method converges near it.
     fn near(&self, map: &SectionMap<'_>, start: &Section, found: &mut Found, task: Task<'_>) {
         if let Some(period) = self.period {
-            self.attempt(map, start, period, f64::INFINITY, found);
+            let trail = Trail::Unknown(start, period);
+            self.attempt(map, trail, f64::INFINITY, found);
             return;
         }
         let mut sections = vec![start.clone()];
@@ -104,21 +133,27 @@ impl Search {
         }
         let scales = map.scales_of(&sections);
         let close = (1..sections.len()).find(|k| distance(map, start, &sections[*k], &scales, &found.drift) <= SAME);
-        if close.is_some_and(|k| self.attempt(map, start, k as u64, f64::INFINITY, found)) {
+        if close.is_some_and(|k| self.attempt(map, Trail::Known(&sections[..k]), f64::INFINITY, found)) {
             return;
         }
         for (period, section) in sections.iter().enumerate().skip(1) {
             let is_far = distance(map, start, section, &scales, &found.drift) > RETURNED;
-            if task.is_cancelled() || !is_far && self.attempt(map, start, period as u64, NEAR, found) {
+            if task.is_cancelled() || !is_far && self.attempt(map, Trail::Known(&sections[..period]), NEAR, found) {
                 return;
             }
         }
     }
 
-    /// Newton's method from one start. Whether an orbit was found that is `near` it.
-    fn attempt(&self, map: &SectionMap<'_>, start: &Section, period: u64, near: f64, found: &mut Found) -> bool {
+    /// Newton's method from the start of a trail, then from all of it. Whether an orbit was found that is `near` the start.
+    fn attempt(&self, map: &SectionMap<'_>, trail: Trail<'_>, near: f64, found: &mut Found) -> bool {
         let patience = near.is_finite().then_some(PATIENCE);
-        let solved = map.solve_from(start, period, &found.drift, patience);
+        let (start, period) = trail.start();
+        let way = Way { patience, ..Way::default() };
+        let solved = map.solve_from(start, period, &found.drift, way).or_else(|missed| {
+            let sections = if period > 1 { trail.sections(map) } else { None };
+            let shot = sections.map(|sections| map.shoot_from(&sections, &found.drift, patience));
+            shot.and_then(Result::ok).ok_or(missed)
+        });
         let is_near = |orbit: &Orbit| {
             let scales = map.scales_of(std::slice::from_ref(&orbit.section));
             distance(map, start, &orbit.section, &scales, &found.drift) <= near
@@ -189,14 +224,23 @@ impl Search {
             .collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (_, m, k) in ends.into_iter().take(4).chain(all.into_iter().take(RETURNS)) {
-            if task.is_cancelled() || self.attempt(map, &passed[m], k, f64::INFINITY, found) {
+            if task.is_cancelled() || self.attempt(map, Trail::Known(&passed[m..m + k as usize]), f64::INFINITY, found)
+            {
                 return;
             }
         }
     }
 
     /// From further starts: states that the motion takes, and states around them.
-    fn spread(&self, map: &SectionMap<'_>, passed: &[Section], found: &mut Found, task: Task<'_>) {
+    fn spread(
+        &self,
+        map: &SectionMap<'_>,
+        passed: &[Section],
+        first: usize,
+        found: &mut Found,
+        keep: &mut dyn FnMut(&Searched),
+        task: Task<'_>,
+    ) {
         let Some(last) = passed.last() else { return };
         let simulation = map.simulation();
         let n = simulation.structure.freedoms();
@@ -211,16 +255,65 @@ impl Search {
             Section { x: x.collect(), contacts: last.contacts.clone() }
         };
         let periods = self.period.map_or(1..=4, |period| period..=period);
-        for first in (0..self.starts).step_by(BLOCK) {
+        for first in (first..self.starts).step_by(BLOCK) {
             let block = first..self.starts.min(first + BLOCK);
-            let drift = &found.drift;
-            let from = |i: usize| periods.clone().map(|k| map.solve(&start(i), k, drift)).collect::<Vec<_>>();
+            let tried = block.end;
+            let (drift, orbits) = (&found.drift, &found.orbits);
+            // What is known when a block begins is kept away from.
+            let known = |k: u64| {
+                let closing = orbits.iter().filter(move |orbit| k.is_multiple_of(orbit.period));
+                closing.flat_map(|orbit| orbit.image.between.iter().cloned()).collect::<Vec<_>>()
+            };
+            let solve = |i: usize, k: u64| {
+                let way = Way { known: &known(k), ..Way::default() };
+                map.solve_from(&start(i), k, drift, way).or_else(|missed| {
+                    // From states that the motion takes one after the other.
+                    let first = i * 7919 % passed.len();
+                    let trail = passed.get(first..first + k as usize).filter(|_| i.is_multiple_of(2) && k > 1);
+                    trail.ok_or(missed).and_then(|trail| map.shoot(trail, drift))
+                })
+            };
+            let from = |i: usize| periods.clone().map(|k| solve(i, k)).collect::<Vec<_>>();
             let solved: Vec<Vec<_>> = block.into_par_iter().map(from).collect();
+            if task.is_cancelled() {
+                // The block counts as a whole or not at all.
+                return;
+            }
             solved.into_iter().flatten().for_each(|solved| found.take(map, solved));
+            keep(&Searched { starts: tried, orbits: found.orbits.clone() });
             task.report(Progress::Share(first as f64 / self.starts as f64));
             if task.is_cancelled() {
                 return;
             }
+        }
+    }
+}
+
+/// Where a search starts: a section and a period, or a section for each cycle of it.
+enum Trail<'a> {
+    Unknown(&'a Section, u64),
+    Known(&'a [Section]),
+}
+
+impl Trail<'_> {
+    /// The first section, and the period, cycles.
+    fn start(&self) -> (&Section, u64) {
+        match self {
+            Self::Unknown(start, period) => (start, *period),
+            Self::Known(sections) => (&sections[0], sections.len() as u64),
+        }
+    }
+
+    /// A section for each cycle; `None` if the run from the start fails.
+    fn sections(&self, map: &SectionMap<'_>) -> Option<Vec<Section>> {
+        match self {
+            Self::Unknown(start, period) => {
+                let next = |section: &Section| map.follow(section, 1).ok();
+                let all: Vec<Section> =
+                    std::iter::successors(Some((*start).clone()), next).take(*period as usize).collect();
+                (all.len() as u64 == *period).then_some(all)
+            }
+            Self::Known(sections) => Some(sections.to_vec()),
         }
     }
 }
@@ -239,14 +332,10 @@ impl Found {
 
     /// Adds an orbit that is not there yet, at any of its points.
     fn add(&mut self, map: &SectionMap<'_>, orbit: Orbit) {
-        let is_known = self.orbits.iter().any(|known| {
-            let scales = map.scales_of(std::slice::from_ref(&known.section));
-            known.period == orbit.period
-                && known.image.between.iter().any(|x| {
-                    let there = Section { x: x.clone(), contacts: known.section.contacts.clone() };
-                    distance(map, &there, &orbit.section, &scales, &self.drift) <= 1e3 * SAME
-                })
-        });
+        let is_known = self
+            .orbits
+            .iter()
+            .any(|known| known.period == orbit.period && known.passes(map, &orbit.section.x, &self.drift, 1e3 * SAME));
         if !is_known {
             self.orbits.push(orbit);
         }
@@ -296,6 +385,10 @@ struct Row {
     condition: f64,
     contacts: Vec<&'static str>,
     piecewise: bool,
+    symmetric: bool,
+    /// Place in the list of the orbit that a symmetry of the train makes of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    partner: Option<usize>,
     initial: Value,
 }
 
@@ -351,6 +444,8 @@ impl Orbit {
             condition: self.condition,
             contacts: self.section.contacts.iter().map(|contact| contact.name()).collect(),
             piecewise: self.image.is_piecewise,
+            symmetric: self.is_symmetric,
+            partner: self.partner,
             initial: self.initial(simulation),
         };
         json!(row)

@@ -7,7 +7,7 @@ use crate::{
     system::{ContactMode, Variation, contact_mode, guard_id, set_contact},
 };
 use nalgebra::DMatrix;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::{Tangent, words::Speller};
 
@@ -20,8 +20,13 @@ pub struct Section {
     pub contacts: Vec<ContactMode>,
 }
 
+/// Reads a number, of which files hold `null` where it is not finite.
+pub(super) fn number<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))
+}
+
 /// Where some cycles lead from a section, and what that depends on.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Image {
     /// The section after them.
     pub end: Section,
@@ -38,6 +43,7 @@ pub struct Image {
     /// Multipliers that are zero: one for each latched speed that was written, two for each contact that rested at one time.
     pub zeros: usize,
     /// `∫ div f dt + Σ ln |det|` of jumps; NaN where contacts rest or latch.
+    #[serde(deserialize_with = "number")]
     pub volume: f64,
     /// Dependent impacts fell on one instant: the derivative is that of the order they had.
     pub is_piecewise: bool,
@@ -79,6 +85,12 @@ impl<'a> SectionMap<'a> {
     #[must_use]
     pub fn at_phase(self, phase: f64) -> Self {
         Self { phase, ..self }
+    }
+
+    /// The same map between sections that stand so many cycles later.
+    #[must_use]
+    pub(crate) fn later(self, cycles: u64) -> Self {
+        Self { cycle: self.cycle + cycles as i64, ..self }
     }
 
     /// Where sections stand, as a part of the period.

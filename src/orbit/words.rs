@@ -6,7 +6,7 @@
 
 use std::{collections::BTreeMap, ops::ControlFlow};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::{
     engine::{Jumped, Observer},
@@ -51,7 +51,7 @@ pub fn text(tokens: &[String]) -> String {
 }
 
 /// The sequence of the words of cycles, and what it tells.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Sequence {
     /// The words that occurred, and how often.
     words: Vec<(String, u64)>,

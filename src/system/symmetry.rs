@@ -90,6 +90,11 @@ impl Symmetry {
         }
     }
 
+    /// The classes of equal degrees of freedom; in each the members stand in the order of the train.
+    pub fn freedoms(&self) -> &[Vec<usize>] {
+        &self.freedoms
+    }
+
     /// Whether no two degrees of freedom are equal.
     pub fn is_empty(&self) -> bool {
         self.freedoms.is_empty()

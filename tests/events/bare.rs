@@ -194,7 +194,7 @@ fn l40_grazes_after_leaps_are_kept() {
     for i in 0..60 {
         let share = |k: f64| (f64::from(i + 1) * k.sqrt()).fract();
         let swing = 10f64.powf(-14.7 + 1.2 * share(2.0));
-        let (gap, phase) = (3e-16 + 6.7e-15 * share(3.0), 6.28 * share(5.0));
+        let (gap, phase) = (3e-16 + 6.7e-15 * share(3.0), std::f64::consts::TAU * share(5.0));
         let system = Structure::new(Spec {
             freedoms: (0..n).map(|i| format!("x_{i}")).collect(),
             mass: DMatrix::identity(n, n),

@@ -7,6 +7,7 @@ mod exponents;
 mod kinds;
 mod numbers;
 mod orbits;
+mod shooting;
 mod words;
 
 use flank::{Simulation, orbit::Image, scene::Scene};

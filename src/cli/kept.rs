@@ -1,0 +1,87 @@
+//! What an interrupted command keeps, so that the same command with `--resume` goes on.
+
+use std::{fs, io, path::Path};
+
+use flank::output::{Fault, Folder, OutputError, Request};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde_json::{Map, Value, json};
+
+use super::{CliError, print};
+
+/// What was asked, and what came of it so far.
+#[derive(Serialize, Deserialize)]
+struct Kept<T> {
+    asked: Map<String, Value>,
+    work: T,
+    finished: bool,
+}
+
+impl<T: DeserializeOwned> Kept<T> {
+    /// What an earlier command left at `path`, if it was asked the same.
+    fn read(path: &Path, asked: &Map<String, Value>) -> Result<Option<Self>, CliError> {
+        let text = match fs::read_to_string(path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            text => text.map_err(|error| CliError::file(path.display(), error))?,
+        };
+        let place = path.display().to_string();
+        let kept: Self = serde_json::from_str(&text).map_err(|error| {
+            let fault = Fault::new(&place, error.to_string(), "what an earlier command wrote");
+            CliError::Arguments(vec![fault.remedy("write --force to begin anew")])
+        })?;
+        let mut names: Vec<&String> = asked.keys().chain(kept.asked.keys()).collect();
+        names.sort_unstable();
+        names.dedup();
+        let said = |value: Option<&Value>| value.map_or_else(|| "nothing".to_owned(), Value::to_string);
+        let faults = names.into_iter().filter(|name| asked.get(*name) != kept.asked.get(*name)).map(|name| {
+            let fault = Fault::new(&format!("{place}: {name}"), said(kept.asked.get(name)), said(asked.get(name)));
+            fault.remedy("name another folder, or write --force to begin anew")
+        });
+        let faults: Vec<Fault> = faults.collect();
+        if faults.is_empty() { Ok(Some(kept)) } else { Err(CliError::Arguments(faults)) }
+    }
+}
+
+/// The folder of a command that can be broken off, and the file of what it keeps.
+pub struct Keeper {
+    pub folder: Folder,
+    file: &'static str,
+    asked: Map<String, Value>,
+}
+
+impl Keeper {
+    /// Opens the folder, with what the same command has kept there if it is to `resume`; `None` if that has been finished.
+    pub fn begin<T: DeserializeOwned>(
+        request: &Request<'_>,
+        file: &'static str,
+        asked: &Value,
+        (resume, quiet): (bool, bool),
+    ) -> Result<Option<(Self, Option<T>)>, CliError> {
+        let asked = asked.as_object().cloned().unwrap_or_default();
+        let path = request.folder.join(file);
+        let earlier = if resume { Kept::<Option<T>>::read(&path, &asked)? } else { None };
+        if earlier.as_ref().is_some_and(|kept| kept.finished) {
+            if !quiet {
+                print(&format!("{} holds the whole of it\n", request.folder.display()))?;
+            }
+            return Ok(None);
+        }
+        // What another command wrote is not removed by --resume.
+        let folder = if resume { request.reopen() } else { request.open() }?;
+        Ok(Some((Self { folder, file, asked }, earlier.and_then(|kept| kept.work))))
+    }
+
+    /// Keeps what came of the command so far.
+    pub fn keep(&mut self, work: &impl Serialize) -> Result<(), OutputError> {
+        self.write(Some(work), false)
+    }
+
+    /// Keeps that it is finished.
+    pub fn finish(&mut self) -> Result<(), OutputError> {
+        self.write(None::<()>, true)
+    }
+
+    fn write(&mut self, work: Option<impl Serialize>, finished: bool) -> Result<(), OutputError> {
+        let kept = json!({ "asked": self.asked, "work": work, "finished": finished });
+        self.folder.bytes(self.file, kept.to_string() + "\n")
+    }
+}

@@ -1,0 +1,54 @@
+//! Orbits that a symmetry of the train makes of one another: both flanks changed for each other half a cycle later, or equal planets.
+
+use super::{Drift, Found, Orbit, Section, SectionMap, newton::SAME, unknowns::distance};
+
+impl Orbit {
+    /// Whether `x` is a point of the orbit, to so many scales.
+    pub(super) fn passes(&self, map: &SectionMap<'_>, x: &[f64], drift: &Drift, within: f64) -> bool {
+        let here = |x: &[f64]| Section { x: x.to_vec(), contacts: self.section.contacts.clone() };
+        let (scales, there) = (map.scales_of(std::slice::from_ref(&self.section)), here(x));
+        self.image.between.iter().any(|point| distance(map, &here(point), &there, &scales, drift) <= within)
+    }
+
+    /// The state half a cycle later with drive and back flanks changed for each other; `None` if it cannot be reached.
+    fn mirrored(&self, map: &SectionMap<'_>) -> Option<Vec<f64>> {
+        let half = map.lead(&self.section, &map.at_phase(0.5)).ok()?;
+        let moving = 2 * map.simulation().structure.freedoms();
+        Some(half.x.iter().enumerate().map(|(i, x)| if i < moving { -x } else { *x }).collect())
+    }
+
+    /// The state with two members of all classes of equal degrees of freedom changed for each other, for each such pair.
+    fn exchanged(&self, map: &SectionMap<'_>) -> Vec<Vec<f64>> {
+        let structure = &map.simulation().structure;
+        let (n, classes) = (structure.freedoms(), structure.symmetry.freedoms());
+        let most = classes.iter().map(Vec::len).max().unwrap_or(0);
+        let pairs = (0..most).flat_map(|a| (0..a).map(move |b| (a, b)));
+        let exchange = |(a, b): (usize, usize)| {
+            let mut x = self.section.x.clone();
+            for class in classes.iter().filter(|class| class.len() == most) {
+                for first in [0, n] {
+                    x.swap(first + class[a], first + class[b]);
+                }
+            }
+            x
+        };
+        pairs.map(exchange).collect()
+    }
+}
+
+impl Found {
+    /// Says of each orbit whether it is its own mirror image, and which earlier one is its partner.
+    pub(super) fn pair_up(&mut self, map: &SectionMap<'_>) {
+        for i in 0..self.orbits.len() {
+            let orbit = &self.orbits[i];
+            let mirrored = orbit.mirrored(map);
+            let passes = |other: &Orbit, x: &Vec<f64>| other.passes(map, x, &self.drift, SAME);
+            let is_symmetric = mirrored.as_ref().is_some_and(|x| passes(orbit, x));
+            let images: Vec<Vec<f64>> = mirrored.into_iter().chain(orbit.exchanged(map)).collect();
+            let is_partner = |other: &&Orbit| other.period == orbit.period && images.iter().any(|x| passes(other, x));
+            let partner = self.orbits[..i].iter().position(|other| is_partner(&other));
+            let orbit = &mut self.orbits[i];
+            (orbit.is_symmetric, orbit.partner) = (is_symmetric, partner);
+        }
+    }
+}

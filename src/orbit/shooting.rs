@@ -1,0 +1,191 @@
+//! Multiple shooting: an orbit as a section for each cycle of its period, all of them solved for at once. What one cycle amplifies is not
+//! amplified by the next, so that orbits are found whose whole period would amplify rounding beyond all bounds.
+
+use nalgebra::{Complex, DMatrix, DVector};
+
+use super::{
+    Drift, Missed, Orbit, SectionMap,
+    newton::{CLOSED, HALVINGS, LONGEST, SAME, STEPS},
+    section::{Image, Section},
+    unknowns::Unknowns,
+};
+use crate::simulation::SimulationError;
+
+/// Unknowns at most: their matrix is full, and solving it costs the cube.
+const MOST: usize = 600;
+/// Passes over the period in which the factors of its derivative turn to its invariant directions.
+const PASSES: usize = 8;
+
+/// Where all cycles lead from their sections.
+struct Shots {
+    sections: Vec<Section>,
+    images: Vec<Image>,
+    /// All cycles as one.
+    whole: Image,
+    unknowns: Unknowns,
+    /// Where each cycle ends minus where the next one starts, in scales.
+    off: Vec<DVector<f64>>,
+    /// The largest of them.
+    residual: f64,
+}
+
+/// The images of successive cycles as one.
+fn joined(images: &[Image]) -> Option<Image> {
+    let mut whole = images.first()?.clone();
+    let written = |image: &Image| image.latched.iter().filter(|latched| **latched).count();
+    let mut rested = whole.zeros - written(&whole);
+    for image in &images[1..] {
+        whole.end = image.end.clone();
+        whole.between.extend(image.between.iter().cloned());
+        whole.jacobian = &image.jacobian * &whole.jacobian;
+        whole.word.extend(image.word.iter().cloned());
+        whole.latched.iter_mut().zip(&image.latched).for_each(|(a, b)| *a |= b);
+        whole.sizes.iter_mut().zip(&image.sizes).for_each(|(a, b)| *a = a.max(*b));
+        rested = rested.max(image.zeros - written(image));
+        whole.volume += image.volume;
+        whole.is_piecewise |= image.is_piecewise;
+        whole.pieces += image.pieces;
+    }
+    whole.zeros = rested + written(&whole);
+    Some(whole)
+}
+
+impl Shots {
+    fn new(map: &SectionMap<'_>, sections: Vec<Section>, drift: &Drift) -> Result<Self, SimulationError> {
+        let images = sections.iter().map(|section| map.image(section, 1)).collect::<Result<Vec<_>, _>>()?;
+        let whole = joined(&images).ok_or_else(|| map.simulation().missing("an orbit has at least one cycle"))?;
+        let unknowns = Unknowns::new(map, &whole, drift);
+        let next = sections.iter().cycle().skip(1);
+        let off: Vec<_> = images.iter().zip(next).map(|(i, next)| unknowns.between(&next.x, &i.end.x)).collect();
+        let residual = off.iter().map(DVector::norm).fold(0.0, |m: f64, r| if r.is_nan() { r } else { m.max(r) });
+        Ok(Self { sections, images, whole, unknowns, off, residual })
+    }
+
+    /// The derivative of each cycle, in unknowns.
+    fn factors(&self) -> Vec<DMatrix<f64>> {
+        self.images.iter().map(|image| self.unknowns.reduced(&image.jacobian)).collect()
+    }
+
+    /// Newton's step of each section.
+    fn step(&self) -> Option<Vec<DVector<f64>>> {
+        let (cycles, m) = (self.sections.len(), self.unknowns.count());
+        let mut matrix = DMatrix::zeros(cycles * m, cycles * m);
+        for (i, factor) in self.factors().iter().enumerate() {
+            matrix.view_mut((i * m, i * m), (m, m)).copy_from(factor);
+            let next = (i + 1) % cycles;
+            for l in 0..m {
+                matrix[(i * m + l, next * m + l)] -= 1.0;
+            }
+        }
+        let off = DVector::from_iterator(cycles * m, self.off.iter().flat_map(|off| off.iter().map(|o| -o)));
+        let step = matrix.lu().solve(&off)?;
+        let parts = step.as_slice().chunks_exact(m.max(1)).map(DVector::from_column_slice).collect();
+        step.iter().all(|s| s.is_finite()).then_some(parts)
+    }
+
+    /// The sections after a share of the step. What contacts do there is what the cycle before left them doing.
+    fn moved(&self, step: &[DVector<f64>], share: f64) -> Vec<Section> {
+        let before = self.images.iter().cycle().skip(self.images.len() - 1);
+        let each = self.sections.iter().zip(step).zip(before);
+        each.map(|((section, step), before)| {
+            let change = self.unknowns.lifted(step);
+            let x = section.x.iter().zip(&change).map(|(x, change)| x + share * change).collect();
+            Section { x, contacts: before.end.contacts.clone() }
+        })
+        .collect()
+    }
+}
+
+impl SectionMap<'_> {
+    /// The orbit near `trail`, which has a section for each cycle of the period.
+    ///
+    /// # Errors
+    /// [`Missed`], if Newton's method does not converge, or if the period has more than 600 unknowns.
+    pub fn shoot(&self, trail: &[Section], drift: &Drift) -> Result<Orbit, Missed> {
+        self.shoot_from(trail, drift, None)
+    }
+
+    /// The same; the residual must fall by half in `patience` steps, or the search ends.
+    pub(super) fn shoot_from(
+        &self,
+        trail: &[Section],
+        drift: &Drift,
+        patience: Option<usize>,
+    ) -> Result<Orbit, Missed> {
+        let missed = |residual: f64, reason: &str| Missed { residual, reason: reason.to_owned() };
+        let dim = trail.first().map_or(0, |section| section.x.len());
+        if trail.len() * dim > MOST {
+            return Err(missed(f64::INFINITY, "the period has too many unknowns for multiple shooting"));
+        }
+        let shots = |sections| Shots::new(self, sections, drift);
+        let mut now = shots(trail.to_vec()).map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
+        let first = now.residual;
+        for count in 0..STEPS {
+            if patience.is_some_and(|steps| count == steps) && now.residual > 0.5 * first {
+                return Err(missed(now.residual, "Newton's method does not converge from here"));
+            }
+            if now.unknowns.count() == 0 {
+                return Err(missed(now.residual, "the train drifts as a whole: nothing of its state returns"));
+            }
+            let Some(step) = now.step() else { return Err(missed(now.residual, "the derivative cannot be inverted")) };
+            let length = step.iter().map(DVector::norm).fold(0.0, f64::max);
+            let is_closed = now.residual <= CLOSED;
+            if is_closed && length <= 1e-13 {
+                return self.assemble(now, drift);
+            }
+            if length > LONGEST {
+                return Err(missed(now.residual, "a step of Newton's method leaves the range of the motion"));
+            }
+            let halvings = if is_closed { 0 } else { HALVINGS };
+            let next = (0..=halvings).find_map(|halved| {
+                let trial = shots(now.moved(&step, 0.5f64.powi(halved))).ok()?;
+                (trial.residual < now.residual).then_some(trial)
+            });
+            match next {
+                Some(next) => now = next,
+                None if is_closed => return self.assemble(now, drift),
+                None => return Err(missed(now.residual, "no step of Newton's method makes the residual smaller")),
+            }
+        }
+        if now.residual <= CLOSED {
+            return self.assemble(now, drift);
+        }
+        Err(missed(now.residual, "Newton's method does not converge"))
+    }
+
+    /// The orbit that has been found, with its smallest period.
+    fn assemble(&self, shots: Shots, drift: &Drift) -> Result<Orbit, Missed> {
+        let cycles = shots.sections.len();
+        let apart = |i: usize| shots.unknowns.between(&shots.sections[0].x, &shots.sections[i].x).norm();
+        if let Some(shorter) = (1..cycles).find(|shorter| cycles.is_multiple_of(*shorter) && apart(*shorter) <= SAME) {
+            return self.shoot(&shots.sections[..shorter], drift);
+        }
+        let factors = shots.factors();
+        let whole = shots.unknowns.reduced(&shots.whole.jacobian);
+        let condition = (whole - DMatrix::identity(factors[0].nrows(), factors[0].nrows())).singular_values().min();
+        let Shots { mut sections, whole, unknowns, residual, .. } = shots;
+        Ok(Orbit::of(sections.swap_remove(0), whole, (&unknowns, &factors), residual, condition.recip()))
+    }
+}
+
+/// The eigenvalues of the product of `factors`, the first one applied first. The product would lose what is small beside its largest entry:
+/// its factors are made triangular one after the other, `J Q = Q' R`, and the product of triangles keeps each row's own digits (after the
+/// periodic QR of Bojanczyk, Golub and Van Dooren 1992).
+pub(super) fn eigenvalues(factors: &[DMatrix<f64>]) -> Vec<Complex<f64>> {
+    let Some(size) = factors.first().map(DMatrix::nrows) else { return Vec::new() };
+    if let [factor] = factors {
+        return factor.complex_eigenvalues().iter().copied().collect();
+    }
+    let mut q = DMatrix::identity(size, size);
+    let mut turned = q.clone();
+    for _ in 0..PASSES {
+        let (start, mut product) = (q.clone(), DMatrix::identity(size, size));
+        for factor in factors {
+            let qr = (factor * &q).qr();
+            (q, product) = (qr.q(), qr.r() * product);
+        }
+        // The whole is similar to `R Qᵀ₀ Q`, and nearer to a triangle with each pass.
+        turned = product * start.transpose() * &q;
+    }
+    turned.complex_eigenvalues().iter().copied().collect()
+}

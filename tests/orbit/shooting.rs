@@ -1,0 +1,125 @@
+//! Orbits whose whole period amplifies more than doubles hold.
+
+use flank::{
+    Simulation, Task,
+    orbit::{Search, Section, SectionMap},
+};
+use serde_json::json;
+
+use crate::{open, orbits::pair};
+
+/// The sections of a chaotic pair after some cycles.
+fn trail(pair: &Simulation, map: &SectionMap<'_>, from: u64, cycles: u64) -> Vec<Section> {
+    let start = map.follow(&map.start().unwrap(), from).unwrap();
+    let next = |section: &Section| map.follow(section, 1).ok();
+    assert!(pair.period().is_ok());
+    std::iter::successors(Some(start), next).take(cycles as usize).collect()
+}
+
+/// How far a section is from another.
+fn off(a: &Section, b: &Section) -> f64 {
+    a.x.iter().zip(&b.x).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+/// Of the pair it is known that `Π μ = e^(−2ζ k T)`, so that the small multiplier tells the large one's digits; and the orbit is one of the
+/// map that the cycles make one after the other.
+#[test]
+fn unstable_orbits_of_long_periods_are_found_with_both_multipliers() {
+    let (damping, omega) = (0.05, 1.25);
+    let pair = pair(damping, 0.1, 0.2, omega, 0.3, 0.1);
+    let map = SectionMap::new(&pair).unwrap();
+    let all = trail(&pair, &map, 200, 1500);
+    let mut found = Vec::new();
+    for period in [20, 30, 40] {
+        // Where the motion comes back nearest.
+        let best = (0..all.len() - period).min_by(|a, b| {
+            let closes = |i: usize| off(&all[i], &all[i + period]);
+            closes(*a).total_cmp(&closes(*b))
+        });
+        let Ok(orbit) = map.shoot(&all[best.unwrap()..][..period], &map.drift()) else { continue };
+        assert!(orbit.residual <= 1e-13, "{period}: {:e}", orbit.residual);
+        let [large, small] = [0, 1].map(|i| orbit.multipliers[i].norm());
+        let product = (-2.0 * damping * orbit.period as f64 * std::f64::consts::TAU / omega).exp();
+        // Each cycle's derivative is known to some 1e-14 of itself.
+        let error = (large * small / product - 1.0).abs();
+        println!("{period} → {}: {large:e} {small:e} {error:e}", orbit.period);
+        assert!(error <= 1e-12 * orbit.period as f64, "{period}: {large:e} {small:e} {error:e}");
+        // Every point of the orbit leads to the next one.
+        let points: Vec<&Vec<f64>> = std::iter::once(&orbit.section.x).chain(&orbit.image.between).collect();
+        for pair in points.windows(2) {
+            let contacts = orbit.section.contacts.clone();
+            let next = map.follow(&Section { x: pair[0].clone(), contacts }, 1);
+            let Ok(next) = next else { continue };
+            let gap = next.x.iter().zip(pair[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(gap <= 1e-11, "{gap:e}");
+        }
+        found.push(large);
+    }
+    assert!(found.len() >= 2 && found.iter().any(|large| *large > 1e3), "{found:?}");
+}
+
+/// Between the fold at 0.708 and the graze at 0.821 the pair has a motion in contact, one that separates, and an unstable one between.
+#[test]
+fn starts_find_orbits_that_coexist() {
+    let pair = pair(0.05, 0.1, 0.05, 0.75, 1.1, 0.0);
+    let found = Search { period: Some(1), starts: 24 }.run(&pair, Task::default()).unwrap();
+    let mut words: Vec<(String, bool)> = found.orbits.iter().map(|orbit| (orbit.word(), orbit.is_stable)).collect();
+    words.sort();
+    let expected = [("", true), ("c0+ s0+", false), ("c0+ s0+", true)];
+    assert_eq!(words, expected.map(|(word, is_stable)| (word.to_owned(), is_stable)));
+    assert!(found.orbits.iter().all(|orbit| !orbit.is_symmetric && orbit.partner.is_none()));
+}
+
+/// Without a mean load a mass between flanks moves the same with its flanks changed for each other, half a cycle later: orbits are their own images or
+/// come in twos. So do two equal masses before equal walls, changed for each other.
+#[test]
+fn partners_by_symmetry_are_recognised() {
+    let even = open(json!({
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": [1.0], "damping_n_s_per_m": [[0.05]], "stiffness_n_per_m": [[0.1]],
+            "load_harmonics": [{ "vector_n": [1.5], "frequency_rad_per_s": 0.8, "phase_rad": 0.0 }],
+            "contacts": [{
+                "direction": [1.0], "half_backlash_m": 0.5, "flanks": "both", "stiffness": 4.0,
+                "law": { "kind": "kelvin-voigt", "damping_n_s_per_m": 0.05, "release": "force" },
+            }],
+        },
+        "initial": { "q": [0.2], "v": [0.1] },
+        "run": { "cycles": 300 },
+    }));
+    let orbits = Search { period: Some(1), starts: 40 }.run(&even, Task::default()).unwrap().orbits;
+    assert!(orbits.iter().any(|orbit| orbit.is_symmetric && orbit.partner.is_none()));
+    let mut stable = 0;
+    for (i, orbit) in orbits.iter().enumerate() {
+        let Some(partner) = orbit.partner else { continue };
+        assert!(partner < i && !orbit.is_symmetric && !orbits[partner].is_symmetric);
+        stable += usize::from(orbit.is_stable);
+        for (a, b) in orbit.multipliers.iter().zip(&orbits[partner].multipliers) {
+            // Both are solved for by themselves.
+            assert!((a - b).norm() <= 1e-10 * a.norm().max(1.0), "{a} {b}");
+        }
+    }
+    assert_eq!(stable, 1, "{}", orbits.len());
+    let wall = |i: usize| {
+        json!({
+            "direction": [f64::from(u8::from(i == 0)), f64::from(u8::from(i == 1))], "half_backlash_m": 0.3, "flanks": "drive",
+            "stiffness": 6.0, "law": { "kind": "kelvin-voigt", "damping_n_s_per_m": 0.1, "release": "force" },
+        })
+    };
+    let twins = open(json!({
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": [1.0, 1.0], "damping_n_s_per_m": [[0.05, -0.01], [-0.01, 0.05]],
+            "stiffness_n_per_m": [[1.0, -0.2], [-0.2, 1.0]],
+            "load_harmonics": [{ "vector_n": [0.5, 0.5], "frequency_rad_per_s": 2.6, "phase_rad": 0.0 }],
+            "contacts": [wall(0), wall(1)],
+        },
+        "initial": { "q": [0.3, -0.2], "v": [0.1, 0.4] },
+        "run": { "cycles": 300 },
+    }));
+    let orbits = Search { period: None, starts: 40 }.run(&twins, Task::default()).unwrap().orbits;
+    // Of two stable orbits each strikes the wall of one mass alone.
+    let of = |word: &str| orbits.iter().position(|orbit| orbit.is_stable && orbit.word() == word).unwrap();
+    let [one, other] = ["c0+ r0+ x0+", "c1+ r1+ x1+"].map(of);
+    assert_eq!(orbits[one.max(other)].partner, Some(one.min(other)));
+}
