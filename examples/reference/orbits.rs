@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use flank::{
     Simulation,
     analysis::Contacts,
-    engine::Observer,
+    engine::{Observer, State},
     event::EventRecord,
     hybrid::HybridSystem,
     orbit::{Lyapunov, Orbit, Search, SectionMap, Tangent},
@@ -218,21 +218,35 @@ fn grazing(case: &Value) -> Outcome<Vec<Value>> {
     rows.iter().map(row).collect()
 }
 
-/// The derivative of a run over a time, and what follows from it.
+/// The derivative of a run over a time, and what follows from it; how far rounding may have moved the exponent is its change where the
+/// start moves by the rounding of the whole run.
 fn finite_time(case: &Value) -> Outcome<Vec<Value>> {
     let simulation = simulation(case)?;
     let structure = &simulation.structure;
     let end = number(&case["t_end"], "t_end")?;
-    let mut tangent = Tangent::new(structure);
-    let mut engine = simulation.engine(simulation.start()?)?;
-    engine.run(HybridSystem::clock(structure).instant(end), &mut tangent)?;
-    let dim = tangent.columns.count;
-    let jacobian = DMatrix::from_row_slice(dim, dim, &tangent.columns.values);
-    let largest = jacobian.singular_values().max();
+    let run = |start: State| -> Outcome<_> {
+        let mut tangent = Tangent::new(structure);
+        let mut engine = simulation.engine(start)?;
+        engine.run(HybridSystem::clock(structure).instant(end), &mut tangent)?;
+        let dim = tangent.columns.count;
+        let jacobian = DMatrix::from_row_slice(dim, dim, &tangent.columns.values);
+        Ok((jacobian.singular_values().max(), jacobian, tangent.volume / end, engine.counters()))
+    };
+    let start = simulation.start()?;
+    let (largest, jacobian, sum, counters) = run(start.clone())?;
+    let rounding = 2.0 * f64::EPSILON * ((counters.steps + counters.events) as f64).sqrt();
+    let mut error = 0.0f64;
+    for sign in [1.0, -1.0] {
+        let size = start.x.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        let mut moved = start.clone();
+        moved.x.iter_mut().for_each(|x| *x += sign * rounding * size);
+        let (other, ..) = run(moved)?;
+        error = error.max((other.ln() - largest.ln()).abs() / end);
+    }
     let rows: Vec<Vec<f64>> = jacobian.row_iter().map(|row| row.iter().copied().collect()).collect();
     Ok(vec![json!({
-        "lambda_T": largest.ln() / end, "sigma_max": largest, "jacobian": rows,
-        "sum_of_exponents": tangent.volume / end, "n_events": engine.counters().events,
+        "lambda_T": largest.ln() / end, "lambda_error": error, "sigma_max": largest, "jacobian": rows, "sum_of_exponents": sum,
+        "n_events": counters.events,
     })])
 }
 

@@ -51,9 +51,19 @@ fn joined(images: &[Image]) -> Option<Image> {
 }
 
 impl Shots {
-    fn new(map: &SectionMap<'_>, sections: Vec<Section>, drift: &Drift) -> Result<Self, SimulationError> {
-        let images = sections.iter().map(|section| map.image(section, 1)).collect::<Result<Vec<_>, _>>()?;
-        let whole = joined(&images).ok_or_else(|| map.simulation().missing("an orbit has at least one cycle"))?;
+    fn new(map: &SectionMap<'_>, mut sections: Vec<Section>, drift: &Drift) -> Result<Self, SimulationError> {
+        let moving = 2 * map.simulation().structure.freedoms();
+        let (images, whole) = loop {
+            let images = sections.iter().map(|section| map.image(section, 1)).collect::<Result<Vec<_>, _>>()?;
+            let whole = joined(&images).ok_or_else(|| map.simulation().missing("an orbit has at least one cycle"))?;
+            // A latched speed that no cycle writes is no unknown, and stays what it is all the way round.
+            let unwritten = (0..whole.latched.len()).filter(|i| !whole.latched[*i]).map(|i| moving + i);
+            let kept: Vec<(usize, f64)> = unwritten.map(|i| (i, sections[0].x[i])).collect();
+            if sections.iter().all(|section| kept.iter().all(|(i, speed)| section.x[*i] == *speed)) {
+                break (images, whole);
+            }
+            sections.iter_mut().for_each(|section| kept.iter().for_each(|(i, speed)| section.x[*i] = *speed));
+        };
         let unknowns = Unknowns::new(map, &whole, drift);
         let next = sections.iter().cycle().skip(1);
         let off: Vec<_> = images.iter().zip(next).map(|(i, next)| unknowns.between(&next.x, &i.end.x)).collect();
@@ -156,6 +166,11 @@ impl SectionMap<'_> {
     /// The orbit that has been found, with its smallest period.
     fn assemble(&self, shots: Shots, drift: &Drift) -> Result<Orbit, Missed> {
         let cycles = shots.sections.len();
+        let mut next = shots.sections.iter().cycle().skip(1);
+        if shots.images.iter().any(|image| next.next().is_some_and(|next| next.contacts != image.end.contacts)) {
+            let reason = "what contacts do at the start of a cycle is not what the cycle before leaves";
+            return Err(Missed { residual: shots.residual, reason: reason.to_owned() });
+        }
         let apart = |i: usize| shots.unknowns.between(&shots.sections[0].x, &shots.sections[i].x).norm();
         if let Some(shorter) = (1..cycles).find(|shorter| cycles.is_multiple_of(*shorter) && apart(*shorter) <= SAME) {
             return self.shoot(&shots.sections[..shorter], drift);

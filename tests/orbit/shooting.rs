@@ -4,7 +4,7 @@ use flank::{
     Simulation, Task,
     orbit::{Search, Section, SectionMap},
 };
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::{open, orbits::pair};
 
@@ -122,4 +122,32 @@ fn partners_by_symmetry_are_recognised() {
     let of = |word: &str| orbits.iter().position(|orbit| orbit.is_stable && orbit.word() == word).unwrap();
     let [one, other] = ["c0+ r0+ x0+", "c1+ r1+ x1+"].map(of);
     assert_eq!(orbits[one.max(other)].partner, Some(one.min(other)));
+}
+
+/// Sun meshes that are never lost keep the speed that they latched last: it is the same in all cycles, whatever a trail says.
+#[test]
+fn unwritten_latched_speeds_are_carried_from_cycle_to_cycle() {
+    let mut scene: Value =
+        serde_json::from_str(&std::fs::read_to_string("examples/scenes/reference-light.json").unwrap()).unwrap();
+    scene["train"]["speed_rpm"] = json!(1900.0);
+    let set = open(scene);
+    let map = SectionMap::new(&set).unwrap();
+    let mut trail = trail(&set, &map, 100, 2);
+    // Latched speeds of the sun meshes, which stay closed.
+    let first = 2 * set.structure.freedoms();
+    trail[1].x[first..first + 3].iter_mut().for_each(|speed| *speed *= 1.05);
+    let orbit = map.shoot(&trail, &map.drift()).unwrap();
+    let there = map.follow(&orbit.section, orbit.period).unwrap();
+    let (n, x) = (set.structure.freedoms(), &orbit.section.x);
+    let size = |range: std::ops::Range<usize>| x[range].iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    for (i, (a, b)) in x.iter().zip(&there.x).enumerate() {
+        let size = if i < n {
+            size(0..n)
+        } else if i < 2 * n {
+            size(n..2 * n)
+        } else {
+            a.abs()
+        };
+        assert!((a - b).abs() <= 1e-9 * size, "{i}: {a:e} {b:e}");
+    }
 }
