@@ -38,6 +38,14 @@ pub enum StartError {
         /// Number of freedoms.
         expected: usize,
     },
+    /// A closed contact with hysteresis has no approach speed.
+    #[error("{contact} is closed with a latched approach speed of {speed:e} m/s; it must be above zero")]
+    Latched {
+        /// Which contact.
+        contact: String,
+        /// Its latched speed, m/s.
+        speed: f64,
+    },
 }
 
 /// Where a run starts.
@@ -99,18 +107,28 @@ impl Structure {
     /// in a few numbers: `x` is its state `(q, q̇, latched speeds)`, `contacts` the states of its contacts.
     ///
     /// Where the flanks have moved the geometry decides, as at any [`start`](Self::start); a contact that was detached
-    /// inside the zone of a flank and still lies there stays so, and latched speeds are kept.
+    /// inside the zone of a flank and still lies there stays so. Latched speeds are kept, but that of a contact that was open and lies inside
+    /// a flank's zone now: it has latched none, and starts with that of its law.
     ///
     /// # Errors
-    /// As [`start`](Self::start); [`StartError::State`] for a state of another length.
+    /// As [`start`](Self::start); [`StartError::State`] for a state of another length; [`StartError::Latched`] for a latched speed that is
+    /// not above zero.
     pub fn resume(&self, at: Instant, x: &[f64], contacts: &[ContactMode]) -> Result<Start, StartError> {
         if x.len() != self.dim || contacts.len() != self.contacts.len() {
             return Err(StartError::State { expected: self.n });
         }
         let mut start = self.start(at, &x[..self.n], &x[self.n..2 * self.n])?;
-        start.x[2 * self.n..].copy_from_slice(&x[2 * self.n..]);
         for (j, &was) in contacts.iter().enumerate() {
             let is = contact_mode(&start.jump.mode, j);
+            if let Some(latch) = self.contacts[j].latch {
+                let (opens, speed) = (is == ContactMode::Separated, x[latch]);
+                if opens || was != ContactMode::Separated {
+                    start.x[latch] = speed;
+                }
+                if !opens && (start.x[latch] <= 0.0 || start.x[latch].is_nan()) {
+                    return Err(StartError::Latched { contact: self.contacts[j].spec.name.clone(), speed });
+                }
+            }
             if is.is_closed() && !was.is_closed() && was.side() == is.side() {
                 self.enter(&mut start.jump.mode, j, was, at);
             }

@@ -151,3 +151,44 @@ fn unwritten_latched_speeds_are_carried_from_cycle_to_cycle() {
         assert!((a - b).abs() <= 1e-9 * size, "{i}: {a:e} {b:e}");
     }
 }
+
+/// A start inside a flank has latched no speed: it has that of its law, and no trial of Newton's method has one that is not above zero.
+#[test]
+fn starts_inside_a_flank_have_a_latched_speed() {
+    let wall = json!({
+        "direction": [0.0, 1.0], "half_backlash_m": 0.24, "flanks": "both", "stiffness": 11.0,
+        "law": {
+            "kind": "power", "exponent": "2", "hysteresis_coefficient": 0.45, "speed_floor_m_per_s": 1e-6,
+            "initial_speed_m_per_s": 1e-2,
+        },
+    });
+    let masses = open(json!({
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": [1.0, 1.3], "damping_n_s_per_m": [[0.1, 0.0], [0.0, 0.1]],
+            "stiffness_n_per_m": [[1.5, -0.5], [-0.5, 1.2]],
+            "load_harmonics": [{ "vector_n": [0.4, 0.05], "frequency_rad_per_s": 2.2, "phase_rad": 0.3 }],
+            "contacts": [wall],
+        },
+        "initial": { "q": [0.0, 0.0], "v": [0.0, 0.0] },
+        "run": { "cycles": 60 },
+    }));
+    let map = SectionMap::new(&masses).unwrap();
+    let mut start = map.start().unwrap();
+    assert_eq!((start.contacts[0].name(), start.x[4]), ("separated", 1e-2));
+    // Inside the flank now, and never in contact before.
+    (start.x[1], start.x[4]) = (0.5, 0.0);
+    assert_eq!(map.state(&start).unwrap().x[4], 1e-2);
+    let closed = map.section(&map.state(&start).unwrap());
+    for speed in [0.0, -0.2, f64::NAN] {
+        let mut wrong = closed.clone();
+        wrong.x[4] = speed;
+        assert!(map.state(&wrong).unwrap_err().to_string().contains("latched approach speed"), "{speed}");
+    }
+    let found = Search { period: None, starts: 40 }.run(&masses, Task::default()).unwrap();
+    assert!(!found.orbits.is_empty());
+    for orbit in &found.orbits {
+        let closed = orbit.section.contacts[0].name() != "separated";
+        assert!(!closed || orbit.section.x[4] > 0.0);
+    }
+}
