@@ -85,7 +85,7 @@ pub fn truth(built: &Built, budget: usize) -> Truth {
     let mut ambiguous = if let Ending::Ambiguous(why) = &sequence.ending { Some(why.clone()) } else { None };
     let mut sensitivity = vec![0.0_f64; sequence.events.len()];
     for seed in 1..=3 {
-        let tweak = Tweak { amount: TWEAK, seed };
+        let tweak = Tweak { amount: TWEAK, seed, ..Tweak::NONE };
         let other = Model::new(&built.spec, tweak);
         let moved = super::sequence::sequence(&other, start(&other, built, tweak), end, budget);
         for j in 0..m.contacts.len() {

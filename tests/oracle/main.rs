@@ -13,10 +13,13 @@
 //! FLANK_ORACLE_SCENE=scene.json cargo test --test oracle -- --ignored --nocapture replay
 //! ```
 //!
+//! The exact derivative of a motion is compared with differences of the oracle's runs ([`derivative`]).
+//!
 //! A scene that fails is printed as JSON, cut where the comparison ends, with the first difference.
 
 mod arcs;
 mod closed_forms;
+mod derivative;
 mod drift;
 mod flank_run;
 mod instant;

@@ -75,17 +75,24 @@ pub struct Model {
     pub weights: Vec<f64>,
 }
 
-/// Changes the numbers of a train by a relative amount, the same for equal numbers, so that symmetry stays.
+/// Changes the numbers of a train by a relative amount, the same for equal numbers, so that symmetry stays; or one of them.
 #[derive(Clone, Copy)]
 pub struct Tweak {
     pub amount: f64,
     pub seed: u64,
+    /// Value of a number, and the change of all numbers of this value.
+    pub moved: [f64; 2],
+    /// Relative change of all frequencies.
+    pub faster: f64,
 }
 
 impl Tweak {
-    pub const NONE: Self = Self { amount: 0.0, seed: 0 };
+    pub const NONE: Self = Self { amount: 0.0, seed: 0, moved: [f64::NAN, 0.0], faster: 0.0 };
 
     pub fn of(self, x: f64) -> Wide {
+        if x == self.moved[0] {
+            return wide(x) + wide(self.moved[1]);
+        }
         if self.amount == 0.0 {
             return wide(x);
         }
@@ -101,6 +108,7 @@ impl Model {
     pub fn new(spec: &Spec, tweak: Tweak) -> Self {
         let n = spec.freedoms.len();
         let t = |x: f64| tweak.of(x);
+        let faster = wide(1.0) + wide(tweak.faster);
         let matrix = |m: &dyn Fn(usize, usize) -> f64| -> Vec<Vec<Wide>> {
             (0..n).map(|i| (0..n).map(|j| t(m(i, j))).collect()).collect()
         };
@@ -151,9 +159,9 @@ impl Model {
                             Spring::Waves(t(*mean), harmonics.iter().map(|h| wave(h, t(*mean), &mut index)).collect())
                         }
                         Stiffness::Periodic { period, origin, pieces } => Spring::Pieces {
-                            period: t(*period),
+                            period: t(*period) / faster,
                             origin: t(*origin),
-                            pieces: pieces.iter().map(|p| [t(p.start), t(p.value), t(p.slope)]).collect(),
+                            pieces: pieces.iter().map(|p| [t(p.start), t(p.value), t(p.slope) * faster]).collect(),
                         },
                         Stiffness::Switched { times, levels } => Spring::Listed(
                             times.iter().map(|[high, low]| t(*high) + wide(*low)).collect(),
@@ -176,8 +184,8 @@ impl Model {
             })
             .collect();
         let mobility = contacts.iter().map(|a| contacts.iter().map(|b| linear::dot(&a.g, &b.push)).collect()).collect();
-        // Frequencies stay: Flank's clock has their exact doubles too, and a change of them would grow with time.
-        let omegas = omegas.into_iter().map(wide).collect();
+        // No amount moves frequencies: Flank's clock has their exact doubles too, and a change of them would grow with time.
+        let omegas = omegas.into_iter().map(|omega| wide(omega) * faster).collect();
         Self {
             n,
             k: columns(matrix(&|i, j| spec.stiffness[(i, j)])),

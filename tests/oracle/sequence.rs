@@ -96,6 +96,14 @@ pub fn sequence(m: &Model, start: State, end: Wide, budget: usize) -> Sequence {
     Sequence { events: run.events, tails: run.tails, first, ending, until }
 }
 
+/// The state at `end` of the motion from `start`, and the events on the way.
+pub fn follow(m: &Model, start: State, end: Wide) -> Result<(State, Vec<Event>), String> {
+    let mut run = Runner::new(m, start);
+    run.instant(Vec::new(), true)?;
+    while !run.advance(end)? {}
+    Ok((run.state, run.events))
+}
+
 impl<'a> Runner<'a> {
     pub fn new(m: &'a Model, state: State) -> Self {
         let chatter = vec![Chatter::default(); m.contacts.len()];

@@ -9,7 +9,7 @@ use super::{
     judge::{Verdict, truth},
     scenes::Transform,
     sequence::Kind,
-    wide::{Wide, near, size, wide},
+    wide::{Wide, near, size, turn, wide},
 };
 
 /// Judges one transform; the time that both runs took.
@@ -79,12 +79,4 @@ pub fn judge(t: &Transform, budget: usize, limit: Duration) -> (Verdict, f64) {
         }
     }
     (Verdict::Right, seconds)
-}
-
-/// 2π.
-fn turn() -> Wide {
-    let mut quarter = wide(std::f64::consts::FRAC_PI_2);
-    let (sin, cos) = super::wide::sin_cos(quarter);
-    quarter = quarter + cos / sin;
-    quarter * wide(4.0)
 }

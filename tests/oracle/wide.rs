@@ -93,6 +93,13 @@ pub fn sin_cos(x: Wide) -> (Wide, Wide) {
     }
 }
 
+/// 2π: four times the angle at which the cosine is zero.
+pub fn turn() -> Wide {
+    let quarter = wide(QUARTER[0]);
+    let (sin, cos) = sin_cos(quarter);
+    (quarter + cos / sin) * wide(4.0)
+}
+
 /// `x^m` for a whole number m.
 pub fn power(x: Wide, m: usize) -> Wide {
     (0..m).fold(wide(1.0), |p, _| p * x)

@@ -1,5 +1,6 @@
 //! Random scenes, one function a class. The letters are those of the project's list of what must hold.
 
+pub mod derivatives;
 mod laws;
 mod masses;
 mod pairs;
