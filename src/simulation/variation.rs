@@ -1,5 +1,6 @@
 //! The trains around a scene's train in one of its numbers.
 
+use nalgebra::DVector;
 use serde_json::Value;
 
 use super::{Parameter, Simulation, SimulationError};
@@ -9,7 +10,7 @@ use crate::{
         contact::{Law, Release},
     },
     scene::Scene,
-    system::{Spec, Structure, Variation},
+    system::{ContactSpec, Spec, Structure, Variation},
 };
 
 /// Steps in units of their length, and the weights of a derivative by them. The short ones are tried first: they are exact for what is
@@ -128,7 +129,12 @@ impl Simulation {
             if omega > 0.0 {
                 bent.push([omega, omega.recip()]);
             }
-            bent.extend(spec.mass.clone().try_inverse().iter().flatten());
+            if let Some(inverse) = spec.mass.clone().try_inverse() {
+                bent.extend(&inverse);
+                // The masses that contacts feel: what impacts and contacts at rest multiply by.
+                let direction = |c: &ContactSpec| DVector::from_column_slice(&c.direction);
+                bent.push(spec.contacts.iter().map(direction).map(|g| g.dot(&(&inverse * &g)).recip()));
+            }
             flatten(spec, &mut shape, &mut numbers, &mut bent);
             shape.push(ratios.len() as u64);
             Ok(Neighbour { shape, numbers, bent, ratios, structure })

@@ -53,6 +53,8 @@ const SWEEPS: usize = 60;
 const CONVERGED: f64 = 1e-14;
 /// Change below which an iteration that makes no more way has converged to the rounding of its terms.
 const STALLED: f64 = 1e-9;
+/// Share of the change before to which it must fall, to make way.
+const NO_WAY: f64 = 0.9;
 /// Largest share of the highest Legendre coefficient of a piece: the ends of pieces are exact to its square.
 const RESOLVED: f64 = 1e-8;
 /// Roundings of the rates that a difference of trains is formed from.
@@ -142,8 +144,8 @@ impl Tangent<'_> {
                     moved = moved.max(difference(value, sum, &size));
                     value.values.copy_from_slice(&sum.values);
                 }
-                // Where terms far larger than a component cancel in it, their rounding ends the iteration.
-                if moved <= CONVERGED || moved <= STALLED && moved >= 0.5 * before {
+                // Where terms far larger than a component cancel in it, their rounding ends the iteration: it makes no more way at all.
+                if moved <= CONVERGED || moved <= STALLED && moved >= NO_WAY * before {
                     converged = true;
                     break;
                 }
