@@ -29,8 +29,8 @@ const LEAST: f64 = 1e-2;
 /// Largest error with the start: the states of the runs are off by some 1e-16 of their size, and the derivative of the most unstable of
 /// these motions (many impacts in turn) changes by 2e4 times that.
 const BY_START: f64 = 1e-11;
-/// Largest error with a number: differences of trains are exact to 1e-10 of the rates, and the motion amplifies that a little.
-const BY_NUMBER: f64 = 5e-10;
+/// Largest error with a number: differences of trains are exact to 1e-11 of the rates, and the motion amplifies that a little.
+const BY_NUMBER: f64 = 2e-11;
 /// Kinds of events that are crossed, columns, pairs of a scene and a number, and kinds of numbers.
 const EVENTS: &str = "acilrsxz";
 const COLUMNS: usize = 385;
