@@ -204,3 +204,31 @@ fn it_writes_what_the_command_writes() {
         }
     }
 }
+
+/// A contact with hysteresis that closes without an approach speed latches its floor: legal, and hardly what was meant.
+#[test]
+fn a_hysteretic_contact_that_starts_at_rest_on_its_flank_is_warned_of() {
+    let warned = |q: f64, v: f64, hysteresis: f64| {
+        let scene = serde_json::json!({
+            "flank": 1,
+            "train": {
+                "kind": "matrices", "mass_kg": [1.0], "load_n": [1.0],
+                "contacts": [{
+                    "direction": [1.0], "half_backlash_m": 0.0, "flanks": "drive", "stiffness": 9.0,
+                    "law": {
+                        "kind": "power", "exponent": "3/2", "hysteresis_coefficient": hysteresis, "speed_floor_m_per_s": 1e-6,
+                        "initial_speed_m_per_s": 1e-2,
+                    },
+                }],
+            },
+            "initial": { "q": [q], "v": [v] },
+            "run": { "t_end_s": 1.0 },
+        });
+        Simulation::from_json(&scene.to_string()).unwrap().warnings_in_words()
+    };
+    let told = warned(0.0, 0.0, 0.5);
+    assert!(told.len() == 1 && told[0].contains("exactly on its flank") && told[0].contains("1e-6 m/s"), "{told:?}");
+    for (q, v, hysteresis) in [(0.0, 0.3, 0.5), (0.0, 0.0, 0.0), (-0.1, 0.0, 0.5), (0.1, 0.0, 0.5)] {
+        assert!(warned(q, v, hysteresis).is_empty(), "{q} {v} {hysteresis}");
+    }
+}

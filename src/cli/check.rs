@@ -55,7 +55,7 @@ fn text(simulation: &Simulation, start: &Mode, why: &str) -> Result<String, std:
     let period = run.period.map_or("none".to_owned(), |p| format!("{} {s}", number(p)));
     writeln!(out, "  run: {length}; cycle {period}")?;
     contacts(&mut out, simulation, start)?;
-    let mut warnings: Vec<String> = simulation.warnings.iter().map(ToString::to_string).collect();
+    let mut warnings = simulation.warnings_in_words();
     frequencies(&mut out, simulation, &mut warnings)?;
     out.push_str(&geometry(simulation.resolved(), &simulation.meshes)?);
     integrators(&mut out, simulation, start, why)?;

@@ -174,7 +174,7 @@ impl<'a> Job<'a> {
             energy: ledger.balance(),
             work: engine.counters(),
             verification: check.as_ref().map(crate::verify::Verifier::verification),
-            warnings: simulation.warnings.iter().map(ToString::to_string).collect(),
+            warnings: simulation.warnings_in_words(),
         };
         let written = rows.finish();
         let sampled = samples.map_or(Ok(()), SampleFile::finish);

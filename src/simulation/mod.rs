@@ -23,11 +23,11 @@ pub use summary::{Ended, IntegratorUsed, Provenance, RunEnd, Summary, TrainUsed}
 
 use crate::{
     engine::{Engine, Observer, Options, State},
-    gear::MeshGeometry,
-    hybrid::{Clock, Instant, Wide},
+    gear::{MeshGeometry, contact::Law},
+    hybrid::{Clock, Instant, Watch, Wide},
     integrate::{Integrator, build},
     scene::{Built, Memory, Run, Scene, Warning, hash},
-    system::{Contact, ContactMode, Spec, Structure, bonded_modes, contact_mode},
+    system::{Contact, ContactMode, Spec, Structure, bonded_modes, contact_mode, guard_id},
     verify::Verifier,
 };
 
@@ -233,6 +233,33 @@ impl Simulation {
         let states: Vec<ContactMode> = (0..structure.contacts().len()).map(state).collect();
         let resumed = structure.resume(start.at, &x, &states)?;
         Ok(State { at: start.at, x: resumed.x, jump: resumed.jump })
+    }
+
+    /// What is odd but allowed, of the train and of its start, in words.
+    #[must_use]
+    pub fn warnings_in_words(&self) -> Vec<String> {
+        let of_train = self.warnings.iter().map(ToString::to_string);
+        let Ok(start) = self.start() else { return of_train.collect() };
+        let hysteretic = self.structure.contacts().iter().enumerate().filter_map(|(j, c)| match c.spec.law {
+            Law::Power(law) if c.latch().is_some() => Some((j, c, law.speed_floor)),
+            _ => None,
+        });
+        let at_rest = hysteretic.filter(|(j, _, floor)| {
+            let (_, rate) = self.structure.deflection(*j, start.at, &start.x);
+            let on = |watch: &Watch| start.jump.pinned.contains(guard_id(*j, *watch));
+            [Watch::DriveFlank, Watch::BackFlank]
+                .iter()
+                .filter(|watch| on(watch))
+                .any(|watch| watch.side() * rate <= *floor)
+        });
+        let of_start = at_rest.map(|(_, c, floor)| {
+            format!(
+                "{} starts exactly on its flank without an approach speed: where it closes it latches its speed floor of {floor:e} m/s, by \
+                 which its hysteresis damps very strongly; start it inside the flank, or give it a speed",
+                c.spec.name
+            )
+        });
+        of_train.chain(of_start).collect()
     }
 
     /// The state at the start of another motion: coordinates `q`, m, and velocities `v`, m/s, `[n]` each.
