@@ -61,9 +61,11 @@ impl Drift {
 pub(crate) fn distance(map: &SectionMap<'_>, a: &Section, b: &Section, scales: &[f64], drift: &Drift) -> f64 {
     let n = map.simulation().structure.freedoms();
     let mut off: Vec<f64> = a.x.iter().zip(&b.x).map(|(a, b)| b - a).collect();
-    for direction in &drift.directions {
-        let share = drift_share(map.simulation(), direction, &off[..n]);
-        off[..n].iter_mut().zip(direction).for_each(|(off, d)| *off -= share * d);
+    for (direction, is_free) in drift.directions.iter().zip(&drift.is_free) {
+        for part in off[..2 * n].chunks_exact_mut(n).take(1 + usize::from(*is_free)) {
+            let share = drift_share(map.simulation(), direction, part);
+            part.iter_mut().zip(direction).for_each(|(off, d)| *off -= share * d);
+        }
     }
     off[..2 * n].iter().zip(scales).map(|(off, scale)| (off / scale).powi(2)).sum::<f64>().sqrt()
 }
@@ -149,7 +151,8 @@ impl Unknowns {
         let left_out = out.len();
         for column in out.into_iter().chain((0..dim).map(|i| DVector::from_fn(dim, |k, _| f64::from(u8::from(k == i)))))
         {
-            let mut left = column;
+            // Of length one, however large the scales are.
+            let mut left = column.normalize();
             for _ in 0..2 {
                 basis.iter().for_each(|b| left -= b * b.dot(&left));
             }

@@ -192,3 +192,54 @@ fn starts_inside_a_flank_have_a_latched_speed() {
         assert!(!closed || orbit.section.x[4] > 0.0);
     }
 }
+
+/// A train that drifts freely leaves out its drift and nothing else, however fast a start lets it drift: deflection and rate return.
+#[test]
+fn orbits_of_drifting_trains_return_but_for_the_drift() {
+    let train = open(json!({
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": [1, 1], "stiffness_n_per_m": [[0, 0], [0, 0]], "load_n": [1, 1],
+            "contacts": [{
+                "direction": [1, 1], "half_backlash_m": 0.1, "stiffness": 100,
+                "law": { "kind": "kelvin-voigt", "damping_n_s_per_m": 0.5, "release": "force" },
+                "error": [{ "amplitude_m": 0.05, "frequency_rad_per_s": 6 }],
+            }],
+        },
+        "initial": { "q": [0.05, 0.05], "v": [0.0, 0.0] },
+        "run": { "cycles": 300 },
+    }));
+    let map = SectionMap::new(&train).unwrap();
+    let mut fast = map.start().unwrap();
+    // Far away, and drifting by 1e6 m a second.
+    (fast.x[0], fast.x[1], fast.x[2], fast.x[3]) = (-5e5, 5e5 + 0.1, 1e6, -1e6 + 0.5);
+    let started = map.solve(&fast, 1, &map.drift()).ok();
+    let found = Search { period: None, starts: 30 }.run(&train, Task::default()).unwrap().orbits;
+    assert!(!found.is_empty());
+    for orbit in found.iter().chain(&started) {
+        let end = map.follow(&orbit.section, orbit.period).unwrap();
+        let sum = |x: &[f64]| [x[0] + x[1], x[2] + x[3]];
+        let size = 1.0 + orbit.section.x.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        for (a, b) in sum(&orbit.section.x).iter().zip(sum(&end.x)) {
+            assert!((a - b).abs() <= 1e-9 * size && (a - b).abs() <= 1e-5, "{a:e} {b:e} {:?}", orbit.section.x);
+        }
+    }
+}
+
+#[test]
+fn a_forcing_that_does_not_repeat_with_the_cycle_has_no_orbit() {
+    let scene = json!({
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": [1.0], "damping_n_s_per_m": [[0.1]], "stiffness_n_per_m": [[1.0]],
+            "load_harmonics": [
+                { "vector_n": [0.5], "frequency_rad_per_s": 2.0, "phase_rad": 0.0 },
+                { "vector_n": [0.2], "frequency_rad_per_s": 5f64.sqrt(), "phase_rad": 0.0 },
+            ],
+        },
+        "initial": { "q": [0.0], "v": [0.0] },
+        "run": { "cycles": 100, "period_s": std::f64::consts::TAU },
+    });
+    let error = Search::default().run(&open(scene), Task::default()).unwrap_err().to_string();
+    assert!(error.contains("no multiple") && error.contains("period_s"), "{error}");
+}
