@@ -92,15 +92,15 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     }
     let exponents = exponents?;
     let is_whole = exponents.reason.as_deref() != Some(INTERRUPTED);
+    if !exponents.course.is_empty() {
+        pictures::exponents(&simulation, &exponents).write(&mut keeper.folder)?;
+    }
+    keeper.folder.complete(LYAPUNOV, &exponents)?;
     match &last {
         _ if is_whole => keeper.finish()?,
         Some(last) => keeper.keep(last)?,
         None => {}
     }
-    if !exponents.course.is_empty() {
-        pictures::exponents(&simulation, &exponents).write(&mut keeper.folder)?;
-    }
-    keeper.folder.complete(LYAPUNOV, &exponents)?;
     if !arguments.quiet {
         print(&text(&simulation.name, &exponents).unwrap_or_default())?;
     }

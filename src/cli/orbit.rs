@@ -75,13 +75,13 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         return Err(error.into());
     }
     let found = found?;
-    if !task.is_cancelled() {
-        keeper.finish()?;
-    }
     if let Some(orbit) = found.orbits.first() {
         pictures::orbit(&simulation, orbit)?.write(&mut keeper.folder)?;
     }
     keeper.folder.complete(ORBIT, &found.report(&simulation))?;
+    if !task.is_cancelled() {
+        keeper.finish()?;
+    }
     if !arguments.quiet {
         print(&text(&simulation, &found).unwrap_or_default())?;
     }
