@@ -107,7 +107,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if is_whole {
         return Ok(Done::Completely);
     }
-    print("interrupted: the averages so far are kept; the same command with --resume goes on\n")?;
+    let kept = if last.is_some() { "the averages so far are kept" } else { "too few cycles for averages to keep" };
+    print(&format!("interrupted: {kept}; the same command with --resume goes on\n"))?;
     Ok(Done::Partly)
 }
 

@@ -51,7 +51,7 @@ pub struct Arguments {
 /// Solves for orbits.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let simulation = open(arguments.scene.as_deref())?;
-    SectionMap::new(&simulation)?;
+    SectionMap::new(&simulation)?.repeats()?;
     let mut files = picture_files(pictures::ORBIT, ORBIT);
     files.push(STATE.to_owned());
     let force = arguments.force || arguments.resume;

@@ -9,7 +9,7 @@ use super::{
     words::{Speller, letters},
 };
 use crate::{
-    engine::{Jumped, Observer, State},
+    engine::{Jumped, Observer, Outcome, State},
     event::EventRecord,
     hybrid::{GuardId, Mode, Watch},
     integrate::DenseStep,
@@ -152,7 +152,9 @@ impl<'a> GuardMap<'a> {
         let speller = Speller::new(structure, &start.x);
         let mut watcher = Watcher { map: self, structure, variations, tangent, speller, met: None };
         let mut engine = simulation.engine(start)?;
-        engine.run(end, &mut watcher)?;
+        if engine.run(end, &mut watcher)? == Outcome::EventBudgetSpent {
+            return Err(simulation.missing("its run stops before the section; raise its limit on events"));
+        }
         if watcher.tangent.is_unresolved {
             return Err(simulation.missing("the derivative along a step of its motion cannot be resolved"));
         }
@@ -163,7 +165,12 @@ impl<'a> GuardMap<'a> {
                 self.token
             )));
         };
-        let still = || simulation.missing(format!("its section {} is met at rest: it has no derivative", self.token));
+        let still = || {
+            simulation.missing(format!(
+                "its section {} is met at rest, or by a switch or another impact: it has no derivative",
+                self.token
+            ))
+        };
         Ok((engine.state().clone(), watcher, earlier.ok_or_else(still)?))
     }
 }
@@ -202,7 +209,9 @@ impl Observer for Watcher<'_> {
                 let by = By { variations, at: jumped.at, x: jumped.x_minus };
                 self.structure.earlier(&jumped.from.mode, self.map.guard, by, columns)
             };
-            let by_start = earlier(&[], &self.tangent.columns);
+            // What a switch or another contact's impact brings about comes at their time, and not at that of this guard.
+            let falls = jumped.fired.contains(self.map.guard);
+            let by_start = earlier(&[], &self.tangent.columns).filter(|_| falls);
             let by_number = earlier(self.variations, self.tangent.by_number());
             self.met = Some(by_start.zip(by_number).map(|(start, number)| [start, number]));
         }
@@ -212,6 +221,10 @@ impl Observer for Watcher<'_> {
 
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
         let _ = self.speller.event(record);
+        if record.start {
+            // A decision about the first mode, and no event.
+            self.met = None;
+        }
         if self.met.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }

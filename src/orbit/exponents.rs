@@ -306,8 +306,9 @@ impl Lyapunov {
             known.chain(std::iter::repeat_n(None, values.len() - order.len() + latches)).collect()
         };
         let bare = now.bare.as_ref().zip(watched.bare.as_ref()).map(|((_, averages), bare)| {
-            let (mut values, _) = averages.figures(period);
-            values.retain(|v| v.is_finite());
+            let (means, _) = averages.figures(period);
+            let known = means.iter().zip(&bare.lost).filter(|(mean, lost)| !**lost && mean.is_finite());
+            let mut values: Vec<f64> = known.map(|(mean, _)| *mean).collect();
             values.sort_by(|a, b| b.total_cmp(a));
             let lost = bare.lost.iter().filter(|lost| **lost).count() + latches;
             WithoutSaltation {

@@ -161,6 +161,7 @@ impl SectionMap<'_> {
     ) -> Result<Orbit, Missed> {
         let patience = way.patience;
         let missed = |residual: f64, reason: &str| Missed { residual, reason: reason.to_owned() };
+        self.repeats().map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
         let evaluate = |section: &Section| -> Result<_, SimulationError> {
             let image = self.image(section, period)?;
             let unknowns = Unknowns::new(self, &image, drift);

@@ -85,14 +85,7 @@ impl Search {
     ) -> Result<Found, SimulationError> {
         let map = SectionMap::new(simulation)?;
         let mut found = Found { orbits: Vec::new(), drift: map.drift(), reason: None, best: f64::INFINITY };
-        let (omega, oscillators) = (simulation.clock().omega(), &simulation.structure.oscillators);
-        if let Some(other) = oscillators.iter().find(|o| o.order.is_none()) {
-            return Err(simulation.missing(format!(
-                "its forcing at {} rad/s is no multiple of the {omega} rad/s of its cycle, so that no cycle is like another; give it a \
-                 period after which all of its forcing repeats (/run/period_s)",
-                other.omega
-            )));
-        }
+        map.repeats()?;
         let start = map.start()?;
         if found.drift.accelerates(simulation) {
             found.reason = Some(ACCELERATES.to_owned());

@@ -81,6 +81,20 @@ impl<'a> SectionMap<'a> {
         Ok(Self { simulation, cycle, phase: 0.0 })
     }
 
+    /// Whether each cycle has the forcing of the one before.
+    ///
+    /// # Errors
+    /// [`SimulationError::Missing`], with the frequency that is no multiple of the cycle's.
+    pub fn repeats(&self) -> Result<(), SimulationError> {
+        let (omega, oscillators) = (self.simulation.clock().omega(), &self.simulation.structure.oscillators);
+        let Some(other) = oscillators.iter().find(|o| o.order.is_none()) else { return Ok(()) };
+        Err(self.simulation.missing(format!(
+            "its forcing at {} rad/s is no multiple of the {omega} rad/s of its cycle, so that no cycle is like another; give it a period \
+             after which all of its forcing repeats (/run/period_s)",
+            other.omega
+        )))
+    }
+
     /// The same map between other sections: at a part `phase` of the period, in [0, 1).
     #[must_use]
     pub fn at_phase(self, phase: f64) -> Self {

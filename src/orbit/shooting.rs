@@ -67,7 +67,8 @@ impl Shots {
         let unknowns = Unknowns::new(map, &whole, drift);
         let next = sections.iter().cycle().skip(1);
         let off: Vec<_> = images.iter().zip(next).map(|(i, next)| unknowns.between(&next.x, &i.end.x)).collect();
-        let residual = off.iter().map(DVector::norm).fold(0.0, |m: f64, r| if r.is_nan() { r } else { m.max(r) });
+        let largest = |m: f64, r: f64| if m.is_nan() || r.is_nan() { f64::NAN } else { m.max(r) };
+        let residual = off.iter().map(DVector::norm).fold(0.0, largest);
         Ok(Self { sections, images, whole, unknowns, off, residual })
     }
 
@@ -127,6 +128,7 @@ impl SectionMap<'_> {
         if trail.len() * dim > MOST {
             return Err(missed(f64::INFINITY, "the period has too many unknowns for multiple shooting"));
         }
+        self.repeats().map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
         let shots = |sections| Shots::new(self, sections, drift);
         let mut now = shots(trail.to_vec()).map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
         let first = now.residual;

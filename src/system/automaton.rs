@@ -122,11 +122,14 @@ impl Structure {
             let is = contact_mode(&start.jump.mode, j);
             if let Some(latch) = self.contacts[j].latch {
                 let (opens, speed) = (is == ContactMode::Separated, x[latch]);
-                if opens || was != ContactMode::Separated {
+                if opens || was.side() == is.side() {
                     start.x[latch] = speed;
                 }
                 if !opens && (start.x[latch] <= 0.0 || start.x[latch].is_nan()) {
-                    return Err(StartError::Latched { contact: self.contacts[j].spec.name.clone(), speed });
+                    return Err(StartError::Latched {
+                        contact: self.contacts[j].spec.name.clone(),
+                        speed: start.x[latch],
+                    });
                 }
             }
             if is.is_closed() && !was.is_closed() && was.side() == is.side() {
