@@ -210,7 +210,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("kernel", 6450),
     ("linalg", 150),
     ("map", 3000),
-    ("orbit", 3700),
+    ("orbit", 3800),
     ("output", 450),
     ("plot", 1950),
     ("poly", 1000),

@@ -257,7 +257,7 @@ fn attractor(case: &Value) -> Outcome<Vec<Value>> {
     let reached = map.follow(&map.start()?, TRANSIENT)?;
     let period = case["period"].as_u64().ok_or("a case without a period")?;
     let orbit = map.solve(&reached, period, &map.drift()).map_err(|missed| missed.reason)?;
-    let mut points: Vec<&Vec<f64>> = orbit.image.between.iter().collect();
+    let mut points: Vec<&Vec<f64>> = orbit.image.between.iter().map(|section| &section.x).collect();
     points.sort_by(|a, b| a[0].total_cmp(&b[0]));
     Ok(points.iter().map(|x| json!({ "x": x[0], "v": x[1] })).collect())
 }

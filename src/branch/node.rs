@@ -211,7 +211,7 @@ impl Node {
     /// Whether the orbit closes after a part of its period already.
     pub fn has_shorter_period(&self) -> bool {
         let Orbit { section, image, period, .. } = &self.orbit;
-        let closes = |k: &u64| self.unknowns.between(&section.x, &image.between[*k as usize - 1]).norm() <= SAME;
+        let closes = |k: &u64| self.unknowns.between(&section.x, &image.between[*k as usize - 1].x).norm() <= SAME;
         (1..*period).filter(|k| period.is_multiple_of(*k)).any(|k| closes(&k))
     }
 

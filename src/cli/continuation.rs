@@ -19,7 +19,7 @@ use serde_json::json;
 
 use super::{
     CliError, Done,
-    kept::Keeper,
+    checkpoint::{Begun, Checkpoint},
     print,
     progress::{cancellable, catch_interrupt, running, show},
     read_scene, threads,
@@ -129,8 +129,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let request =
         Request { folder: &arguments.out, command: "continue", input: arguments.scene.as_deref(), force, files };
     let name = Path::new(scene.name()).file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-    let begun = Keeper::begin::<Work>(&request, STATE, &asked, (arguments.resume, arguments.quiet))?;
-    let Some((mut keeper, earlier)) = begun else { return Ok(Done::Completely) };
+    let begun = Checkpoint::begin::<Work>(&request, STATE, &asked, (arguments.resume, arguments.quiet))?;
+    let (mut checkpoint, earlier) = match begun {
+        Begun::Open(checkpoint, earlier) => (checkpoint, earlier),
+        Begun::Finished(done) => return Ok(done),
+    };
     let mut branches = Branches::new(family.clone())?;
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);
@@ -141,13 +144,13 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let pool = threads(arguments.threads)?;
     let mut keep = |followed: &Followed, curves: &[Curve], finished: Option<bool>| -> Result<(), CliError> {
         branches.take(&followed.branches, task);
-        write(&mut keeper.folder, &branches, &name)?;
+        write(&mut checkpoint.folder, &branches, &name)?;
         if arguments.follow.is_some() {
-            write_curves(&mut keeper.folder, &branches, curves, &name)?;
+            write_curves(&mut checkpoint.folder, &branches, curves, &name)?;
         }
         match finished {
-            Some(false) => keeper.keep(&Work { followed: followed.clone(), curves: curves.to_vec() })?,
-            Some(true) => keeper.finish()?,
+            Some(false) => checkpoint.keep(&Work { followed: followed.clone(), curves: curves.to_vec() })?,
+            Some(true) => checkpoint.finish(Done::Completely)?,
             None => {}
         }
         Ok(())
@@ -183,7 +186,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if is_whole {
         return Ok(Done::Completely);
     }
-    print("interrupted: the branches so far are kept; the same command with --resume goes on\n")?;
+    if !arguments.quiet {
+        print("interrupted: the branches so far are kept; the same command with --resume goes on\n")?;
+    }
     Ok(Done::Partly)
 }
 

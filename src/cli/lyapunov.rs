@@ -14,7 +14,7 @@ use serde_json::json;
 
 use super::{
     CliError, Done,
-    kept::Keeper,
+    checkpoint::{Begun, Checkpoint},
     open, picture_files, print,
     progress::{cancellable, catch_interrupt, running, show},
     threads,
@@ -42,7 +42,7 @@ pub struct Arguments {
     /// Add the finite-time exponents of the first N cycles from the start
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     finite: Option<u64>,
-    /// Threads; one motion takes one of them, finite-time exponents another
+    /// Threads; one motion takes one of them, finite-time exponents two
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     /// Go on where the same command was broken off
@@ -69,8 +69,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         "flank": env!("CARGO_PKG_VERSION"), "scene_sha256": simulation.hash(), "cycles": arguments.cycles,
         "without_saltation": arguments.without_saltation, "finite": arguments.finite,
     });
-    let begun = Keeper::begin::<Averaging>(&request, STATE, &asked, (arguments.resume, arguments.quiet))?;
-    let Some((mut keeper, earlier)) = begun else { return Ok(Done::Completely) };
+    let begun = Checkpoint::begin::<Averaging>(&request, STATE, &asked, (arguments.resume, arguments.quiet))?;
+    let (mut checkpoint, earlier) = match begun {
+        Begun::Open(checkpoint, earlier) => (checkpoint, earlier),
+        Begun::Finished(done) => return Ok(done),
+    };
     let method =
         Lyapunov { cycles: arguments.cycles, without_saltation: arguments.without_saltation, finite: arguments.finite };
     let bar = running(arguments.quiet);
@@ -79,7 +82,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let (mut last, mut written, mut failed) = (None, Instant::now(), None);
     let mut keep = |work: &Averaging| {
         if written.elapsed() >= PAUSE {
-            failed = failed.take().or(keeper.keep(work).err());
+            failed = failed.take().or(checkpoint.keep(work).err());
             written = Instant::now();
         }
         last = Some(work.clone());
@@ -93,12 +96,12 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let exponents = exponents?;
     let is_whole = exponents.reason.as_deref() != Some(INTERRUPTED);
     if !exponents.course.is_empty() {
-        pictures::exponents(&simulation, &exponents).write(&mut keeper.folder)?;
+        pictures::exponents(&simulation, &exponents).write(&mut checkpoint.folder)?;
     }
-    keeper.folder.complete(LYAPUNOV, &exponents)?;
+    checkpoint.folder.complete(LYAPUNOV, &exponents)?;
     match &last {
-        _ if is_whole => keeper.finish()?,
-        Some(last) => keeper.keep(last)?,
+        _ if is_whole => checkpoint.finish(Done::Completely)?,
+        Some(last) => checkpoint.keep(last)?,
         None => {}
     }
     if !arguments.quiet {
@@ -107,8 +110,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if is_whole {
         return Ok(Done::Completely);
     }
-    let kept = if last.is_some() { "the averages so far are kept" } else { "too few cycles for averages to keep" };
-    print(&format!("interrupted: {kept}; the same command with --resume goes on\n"))?;
+    if !arguments.quiet {
+        let kept = if last.is_some() { "the averages so far are kept" } else { "too few cycles for averages to keep" };
+        print(&format!("interrupted: {kept}; the same command with --resume goes on\n"))?;
+    }
     Ok(Done::Partly)
 }
 

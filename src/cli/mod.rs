@@ -3,12 +3,12 @@
 mod advise;
 mod basins;
 mod check;
+mod checkpoint;
 mod compare;
 mod continuation;
 mod diagram;
 mod error;
 mod identify;
-mod kept;
 mod lyapunov;
 mod map;
 mod orbit;
@@ -89,7 +89,7 @@ enum Look {
 }
 
 /// How a command ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Done {
     /// As asked.
     Completely,

@@ -11,7 +11,7 @@ use serde_json::json;
 
 use super::{
     CliError, Done,
-    kept::Keeper,
+    checkpoint::{Begun, Checkpoint},
     open, picture_files, print,
     progress::{cancellable, catch_interrupt, running, show},
     threads,
@@ -60,14 +60,17 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         "flank": env!("CARGO_PKG_VERSION"), "scene_sha256": simulation.hash(), "period": arguments.period,
         "starts": arguments.starts,
     });
-    let begun = Keeper::begin::<Searched>(&request, STATE, &asked, (arguments.resume, arguments.quiet))?;
-    let Some((mut keeper, earlier)) = begun else { return Ok(Done::Completely) };
+    let begun = Checkpoint::begin::<Searched>(&request, STATE, &asked, (arguments.resume, arguments.quiet))?;
+    let (mut checkpoint, earlier) = match begun {
+        Begun::Open(checkpoint, earlier) => (checkpoint, earlier),
+        Begun::Finished(done) => return Ok(done),
+    };
     let search = Search { period: arguments.period, starts: arguments.starts };
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);
     catch_interrupt();
     let (task, mut failed) = (cancellable(&progress), None);
-    let mut keep = |work: &Searched| failed = failed.take().or(keeper.keep(work).err());
+    let mut keep = |work: &Searched| failed = failed.take().or(checkpoint.keep(work).err());
     let pool = threads(arguments.threads)?;
     let found = pool.install(|| search.go_on(&simulation, earlier, &mut keep, task));
     bar.finish_and_clear();
@@ -76,20 +79,23 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     }
     let found = found?;
     if let Some(orbit) = found.orbits.first() {
-        pictures::orbit(&simulation, orbit)?.write(&mut keeper.folder)?;
+        pictures::orbit(&simulation, orbit)?.write(&mut checkpoint.folder)?;
     }
-    keeper.folder.complete(ORBIT, &found.report(&simulation))?;
+    checkpoint.folder.complete(ORBIT, &found.report(&simulation))?;
+    let done = if found.orbits.is_empty() { Done::Partly } else { Done::Completely };
     if !task.is_cancelled() {
-        keeper.finish()?;
+        checkpoint.finish(done)?;
     }
     if !arguments.quiet {
         print(&text(&simulation, &found).unwrap_or_default())?;
     }
-    if task.is_cancelled() {
-        print("interrupted: what was found is kept; the same command with --resume goes on\n")?;
-        return Ok(Done::Partly);
+    if !task.is_cancelled() {
+        return Ok(done);
     }
-    Ok(if found.orbits.is_empty() { Done::Partly } else { Done::Completely })
+    if !arguments.quiet {
+        print("interrupted: what was found is kept; the same command with --resume goes on\n")?;
+    }
+    Ok(Done::Partly)
 }
 
 fn text(simulation: &Simulation, found: &Found) -> Result<String, std::fmt::Error> {

@@ -61,8 +61,9 @@ const OTHERS: f64 = 1e-3;
 /// A sequence in which several contacts have a part is summed with the factor by which its rebounds shrink, if that is steady to this
 /// share, where its flights are no higher than the rounding of the gap.
 const STEADY: f64 = 1e-5;
-/// Where flights are that low and rebounds shrink no more than this, rounding keeps them up: the sequence is over.
-const STALLED: f64 = 0.99;
+/// Where flights are that low and rebounds shrink no more than this, rounding keeps them up: the sequence is over. A rebound that grows by
+/// more than its inverse begins another sequence.
+pub(crate) const STALLED: f64 = 0.99;
 /// Impacts that must have shrunk in a row before a sequence counts as one.
 const IN_A_ROW: u32 = 3;
 

@@ -11,6 +11,7 @@ mod state;
 mod visit;
 
 pub use advance::Engine;
+pub(crate) use chatter::STALLED;
 pub use observer::{Jumped, Observer};
 pub use outcome::{EngineError, Outcome};
 pub use state::{Counters, Options, State};

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Drift, Orbit, SectionMap,
-    newton::Way,
+    newton::Options,
     section::Section,
     unknowns::{Unknowns, distance},
     words::Speller,
@@ -203,8 +203,8 @@ impl Approach {
             .map(|k| (distance(map, &sections[last - k], &sections[last], &scales, drift), k))
             .filter(|(apart, _)| *apart <= NEAR)
             .min_by(|a, b| (a.0 * a.1 as f64).total_cmp(&(b.0 * b.1 as f64)))?;
-        let way = Way { patience: Some(PATIENCE), ..Way::default() };
-        match map.solve_from(&sections[last], period as u64, drift, way) {
+        let options = Options { patience: Some(PATIENCE), ..Options::default() };
+        match map.solve_from(&sections[last], period as u64, drift, options) {
             Ok(orbit) if !orbit.is_stable => {
                 *reason = Some("the orbit near the end of the run is not stable".into());
                 unstable.push(orbit.section);
@@ -247,7 +247,7 @@ impl Approach {
             let now = attraction.of(&engine.state().x);
             let is_there = now[1].sqrt() <= self.tolerance;
             let comes = now[0] <= before[0] - CONTRACTS * before[1];
-            if letters(&speller.tokens()) != word || !(is_there || comes) {
+            if letters(&speller.ring()) != word || !(is_there || comes) {
                 return Ok(Some(false));
             }
             before = now;

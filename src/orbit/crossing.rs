@@ -44,8 +44,8 @@ pub struct Crossing {
     pub time_by: DVector<f64>,
     /// `∂x_end/∂t_start` and `∂time/∂t_start`, the state at the start held: zero where neither forcing nor stiffness changes with time.
     pub by_instant: (DVector<f64>, f64),
-    /// `∂x_end/∂α` of each number that was asked for, `[dim, count]`, and `∂time/∂α`, `[count]`. Where α changes the forcing's frequency, time
-    /// is its phase, in seconds of the train as it is.
+    /// `∂x_end/∂α` of each number that was asked for, `[dim, count]`, and `∂time/∂α`, `[count]`, per unit of the number in the scene. Where α
+    /// changes the forcing's frequency, time is its phase, in seconds of the train as it is.
     pub by_number: (DMatrix<f64>, DVector<f64>),
     /// What happened, as tokens of a word; the last one holds the event.
     pub word: Vec<String>,

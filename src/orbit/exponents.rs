@@ -89,7 +89,7 @@ pub struct WithoutSaltation {
 }
 
 /// Exponents of a number of cycles from the start, the columns starting as the unit matrix.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Finite {
     /// How many cycles.
     pub cycles: u64,
@@ -116,16 +116,17 @@ pub struct Averaging {
     course: Vec<(u64, Vec<f64>, Vec<f64>)>,
     next_look: u64,
     next_point: u64,
+    finite: Option<Finite>,
 }
 
 /// A motion, the tangents that watch it, and what their factors have summed to.
-struct Watched<'s> {
+struct Course<'s> {
     engine: Engine<'s>,
     frame: Frame<'s>,
     bare: Option<Frame<'s>>,
 }
 
-impl<'s> Watched<'s> {
+impl<'s> Course<'s> {
     /// Begins at `section` after `cycle` cycles; with the columns that were held, if any.
     fn new(
         map: &SectionMap<'s>,
@@ -165,7 +166,7 @@ impl Lyapunov {
         self.go_on(simulation, None, &mut |_| (), task)
     }
 
-    /// The same, going on from what was kept, if anything; every so many cycles `keep` is given what the averages have come to. The result
+    /// The same, going on from what was kept of the same averages of the same train, if anything; every so many cycles `keep` is given what the averages have come to. The result
     /// is the same to the last bit, however often it was broken off.
     ///
     /// # Errors
@@ -179,11 +180,12 @@ impl Lyapunov {
     ) -> Result<Exponents, SimulationError> {
         let map = SectionMap::new(simulation)?;
         let (drift, period) = (map.drift(), simulation.period()?);
-        let (finite, exponents) = rayon::join(
-            || self.finite.map(|cycles| finite_time(&map, &drift, cycles, period)).transpose(),
-            || self.average(&map, &drift, earlier, keep, task),
-        );
-        Ok(Exponents { finite: finite?, ..exponents? })
+        let finite = match (&earlier, self.finite) {
+            (Some(earlier), _) => earlier.finite.clone(),
+            (None, Some(cycles)) => finite_time(&map, &drift, cycles, period, task)?,
+            (None, None) => None,
+        };
+        self.average(&map, &drift, earlier, finite, keep, task)
     }
 
     fn average(
@@ -191,6 +193,7 @@ impl Lyapunov {
         map: &SectionMap<'_>,
         drift: &Drift,
         earlier: Option<Averaging>,
+        finite: Option<Finite>,
         keep: &mut (dyn FnMut(&Averaging) + Send),
         task: Task<'_>,
     ) -> Result<Exponents, SimulationError> {
@@ -202,18 +205,18 @@ impl Lyapunov {
         let most = self.cycles.unwrap_or(MOST.max(least));
         let dropped = DROPPED.max(run.transient_cycles);
         let begin = |at: (&Section, u64), held: Option<(&Held, Option<&Held>)>| {
-            Watched::new(map, drift, at, held, self.without_saltation)
+            Course::new(map, drift, at, held, self.without_saltation)
         };
-        let (mut now, mut watched) = match earlier {
+        let (mut now, mut running) = match earlier {
             Some(earlier) => {
                 let held = (&earlier.frame, earlier.bare.as_ref().map(|(held, _)| held));
-                let watched = begin((&earlier.section, earlier.cycle), Some(held))?;
-                (earlier, watched)
+                let running = begin((&earlier.section, earlier.cycle), Some(held))?;
+                (earlier, running)
             }
             None => {
                 let section = map.start()?;
-                let watched = begin((&section, 0), None)?;
-                let (frame, bare) = watched.held();
+                let running = begin((&section, 0), None)?;
+                let (frame, bare) = running.held();
                 let now = Averaging {
                     cycle: 0,
                     section,
@@ -225,27 +228,31 @@ impl Lyapunov {
                     course: Vec::new(),
                     next_look: least,
                     next_point: 2 * BLOCKS as u64,
+                    finite,
                 };
-                (now, watched)
+                (now, running)
             }
         };
         let mut speller = Speller::new(&simulation.structure, &now.section.x);
         let mut reason = None;
         while now.cycle < dropped + most {
             if now.cycle.is_multiple_of(KEPT) && now.cycle > 0 {
-                let (frame, bare) = watched.held();
-                (now.section, now.frame) = (map.section(watched.engine.state()), frame);
+                let (frame, bare) = running.held();
+                (now.section, now.frame) = (map.section(running.engine.state()), frame);
                 now.bare.iter_mut().zip(bare).for_each(|((held, _), bare)| *held = bare);
                 keep(&now);
                 let held = (&now.frame, now.bare.as_ref().map(|(held, _)| held));
-                watched = begin((&now.section, now.cycle), Some(held))?;
+                running = begin((&now.section, now.cycle), Some(held))?;
             }
             now.cycle += 1;
-            let Watched { engine, frame, bare } = &mut watched;
+            let Course { engine, frame, bare } = &mut running;
             let spells = now.cycle <= dropped + SPELLED;
             let outcome =
                 engine.run(map.at(now.cycle), &mut ((&mut *frame, &mut *bare), spells.then_some(&mut speller)))?;
             let (logs, bare_logs) = (frame.take(), bare.as_mut().map(Frame::take));
+            if logs.iter().chain(bare_logs.iter().flatten()).any(|log| !log.is_finite()) {
+                return Err(simulation.missing("the derivative of its motion leaves the range of numbers"));
+            }
             if now.cycle == dropped {
                 frame.begin();
                 bare.iter_mut().for_each(Frame::begin);
@@ -297,15 +304,15 @@ impl Lyapunov {
             }
         }
         let (mean, band) = now.averages.figures(period);
-        let lost = &watched.frame.lost;
-        let latches = watched.engine.state().x.len() - 2 * simulation.structure.freedoms();
+        let lost = &running.frame.lost;
+        let latches = running.engine.state().x.len() - 2 * simulation.structure.freedoms();
         let null = |values: &[f64]| -> Vec<Option<f64>> {
             let mut order: Vec<usize> = (0..values.len()).filter(|l| !lost[*l]).collect();
             order.sort_by(|a, b| mean[*b].total_cmp(&mean[*a]));
             let known = order.iter().map(|l| Some(values[*l]).filter(|v| v.is_finite()));
             known.chain(std::iter::repeat_n(None, values.len() - order.len() + latches)).collect()
         };
-        let bare = now.bare.as_ref().zip(watched.bare.as_ref()).map(|((_, averages), bare)| {
+        let bare = now.bare.as_ref().zip(running.bare.as_ref()).map(|((_, averages), bare)| {
             let (means, _) = averages.figures(period);
             let known = means.iter().zip(&bare.lost).filter(|(mean, lost)| !**lost && mean.is_finite());
             let mut values: Vec<f64> = known.map(|(mean, _)| *mean).collect();
@@ -319,7 +326,8 @@ impl Lyapunov {
         let exponents = null(&mean);
         let cycles = now.averages.cycles;
         Ok(Exponents {
-            sum: exponents.iter().flatten().sum(),
+            // The empty sum would be -0.
+            sum: exponents.iter().flatten().sum::<f64>() + 0.0,
             band: null(&band),
             exponents,
             sum_rule: now.volume.filter(|_| latches == 0).map(|volume| volume / (cycles as f64 * period)),
@@ -330,14 +338,21 @@ impl Lyapunov {
             words: now.sequence.statistics(),
             reason,
             without_saltation: bare,
-            finite: None,
+            finite: now.finite,
             course: now.course,
         })
     }
 }
 
 /// Exponents of the first `cycles` cycles, and how far rounding may have moved them.
-fn finite_time(map: &SectionMap<'_>, drift: &Drift, cycles: u64, period: f64) -> Result<Finite, SimulationError> {
+/// `None` if it is cancelled.
+fn finite_time(
+    map: &SectionMap<'_>,
+    drift: &Drift,
+    cycles: u64,
+    period: f64,
+    task: Task<'_>,
+) -> Result<Option<Finite>, SimulationError> {
     let simulation = map.simulation();
     let start = map.start()?;
     let from = |section: &Section| {
@@ -345,30 +360,35 @@ fn finite_time(map: &SectionMap<'_>, drift: &Drift, cycles: u64, period: f64) ->
         let mut frame = Frame::new(simulation, drift, 1.0);
         frame.start(&start);
         let mut engine = simulation.engine(start)?;
-        let outcome = engine.run(map.at(cycles), &mut frame)?;
-        if outcome != Outcome::ReachedEnd {
-            return Err(simulation.missing("its run stops before the cycles asked for; raise its limit on events"));
+        for cycle in 1..=cycles {
+            if engine.run(map.at(cycle), &mut frame)? != Outcome::ReachedEnd {
+                return Err(simulation.missing("its run stops before the cycles asked for; raise its limit on events"));
+            }
+            if task.is_cancelled() {
+                return Ok(None);
+            }
         }
         let logs = frame.take();
         let exponent = |(log, lost): (&f64, &bool)| (!lost).then_some(log / (cycles as f64 * period));
         let counters = engine.counters();
         let exponents: Vec<Option<f64>> = logs.iter().zip(&frame.lost).map(exponent).collect();
-        Ok((exponents, (counters.steps + counters.events) as f64))
+        Ok(Some((exponents, (counters.steps + counters.events) as f64)))
     };
-    let (exponents, pieces) = from(&start)?;
+    let Some((exponents, pieces)) = from(&start)? else { return Ok(None) };
     // A rounding on the way is no more than one of the start: what is left of the way amplifies it less.
     let (scales, n) = (map.scales_of(std::slice::from_ref(&start)), simulation.structure.freedoms());
-    let moved = [1.0, -1.0].map(|sign| {
+    let moved = |sign: f64| {
         let mut moved = start.clone();
         let size = sign * ROUNDED * f64::EPSILON * pieces.sqrt();
         let by = |i: usize| size * scales[i] * [1.0, -1.0][i % 2];
         moved.x.iter_mut().enumerate().take(2 * n).for_each(|(i, x)| *x += by(i));
-        from(&moved).ok().map(|(exponents, _)| exponents)
-    });
+        from(&moved).ok().flatten().map(|(exponents, _)| exponents)
+    };
+    let moved = rayon::join(|| moved(1.0), || moved(-1.0));
     let error = |l: usize| {
         let change = |moved: &Option<Vec<Option<f64>>>| Some((moved.as_ref()?.get(l)?.as_ref()? - exponents[l]?).abs());
-        Some(change(&moved[0])?.max(change(&moved[1])?))
+        Some(change(&moved.0)?.max(change(&moved.1)?))
     };
     let errors = (0..exponents.len()).map(error).collect();
-    Ok(Finite { cycles, exponents, errors })
+    Ok((!task.is_cancelled()).then_some(Finite { cycles, exponents, errors }))
 }

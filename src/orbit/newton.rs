@@ -9,7 +9,7 @@ use super::{
     shooting::eigenvalues,
     unknowns::Unknowns,
 };
-use crate::{simulation::SimulationError, system::Variation};
+use crate::simulation::SimulationError;
 
 /// Newton steps at most.
 pub(super) const STEPS: usize = 40;
@@ -27,6 +27,9 @@ pub(crate) const SAME: f64 = 1e-6;
 pub(crate) const MARGINAL: f64 = 1e-8;
 /// A singular value below this share of the largest one belongs to a direction in which nothing is decided.
 const NEUTRAL: f64 = 1e-12;
+
+/// Why a state that returns starts no orbit.
+pub(super) const UNLIKE: &str = "what contacts do at the start of a cycle is not what the cycle before leaves";
 
 /// A periodic orbit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -57,16 +60,16 @@ pub struct Orbit {
     pub partner: Option<usize>,
 }
 
-/// How Newton's method is to go.
+/// Options of Newton's method.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Way<'a> {
+pub(super) struct Options<'a> {
     /// Steps in which the residual must fall by half, or the search ends.
     pub patience: Option<usize>,
     /// States of orbits that are known already, to be kept away from.
     pub known: &'a [Vec<f64>],
 }
 
-impl Way<'_> {
+impl Options<'_> {
     /// Deflation (Farrell, Birkisson and Funke 2015): the residual counts times `M = Π (1 + 1/‖y − y_i‖²)` over the known states y_i, which
     /// has no zero there. M at `x`, and the change of `ln M` along `step`.
     fn deflation(&self, unknowns: &Unknowns, x: &[f64], step: Option<&DVector<f64>>) -> [f64; 2] {
@@ -148,18 +151,18 @@ impl SectionMap<'_> {
     /// # Errors
     /// [`Missed`], if it does not converge.
     pub fn solve(&self, start: &Section, period: u64, drift: &Drift) -> Result<Orbit, Missed> {
-        self.solve_from(start, period, drift, Way::default())
+        self.solve_from(start, period, drift, Options::default())
     }
 
-    /// The same, on a `way` of its own.
+    /// The same, with `options`.
     pub(super) fn solve_from(
         &self,
         start: &Section,
         period: u64,
         drift: &Drift,
-        way: Way<'_>,
+        options: Options<'_>,
     ) -> Result<Orbit, Missed> {
-        let patience = way.patience;
+        let patience = options.patience;
         let missed = |residual: f64, reason: &str| Missed { residual, reason: reason.to_owned() };
         self.repeats().map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
         let evaluate = |section: &Section| -> Result<_, SimulationError> {
@@ -194,7 +197,7 @@ impl SectionMap<'_> {
             };
             let condition = svd.singular_values.min().recip();
             // Of the deflated residual `M F` the step is a multiple of that of F.
-            let [weight, change] = way.deflation(unknowns, &section.x, Some(&step));
+            let [weight, change] = options.deflation(unknowns, &section.x, Some(&step));
             let step = step / (1.0 - change);
             let length = step.norm();
             if *residual <= CLOSED && (length <= 1e-13 || condition * residual <= 1e-14) {
@@ -218,7 +221,7 @@ impl SectionMap<'_> {
             let first = (0..=halvings).find_map(|halved| {
                 let trial = moved(&section, &step, 0.5f64.powi(halved));
                 let there = off_at(&trial)?;
-                let [weight_there, _] = way.deflation(unknowns, &trial.x, None);
+                let [weight_there, _] = options.deflation(unknowns, &trial.x, None);
                 (weight_there * there.norm() < weight * *residual).then_some((trial, there, halved))
             });
             let next = first.and_then(|(mut trial, mut there, halved)| {
@@ -227,7 +230,7 @@ impl SectionMap<'_> {
                     return None;
                 };
                 let (mut step, mut before) = (&step * 0.5f64.powi(halved), off.clone());
-                let mut fell = if halved == 0 && way.known.is_empty() { there.norm() / residual } else { 1.0 };
+                let mut fell = if halved == 0 && options.known.is_empty() { there.norm() / residual } else { 1.0 };
                 while fell <= CHORD && there.norm() > f64::EPSILON {
                     let change = &inverse * (&there - &before);
                     let along = step.dot(&change);
@@ -258,33 +261,31 @@ impl SectionMap<'_> {
         Err(missed(best, "Newton's method does not converge"))
     }
 
-    /// `dx*/dα = (I − J)⁻¹ P_α`: how the start of an orbit moves with numbers of the train, `[dim, count]`; a drifting body stays where it is.
-    ///
-    /// # Errors
-    /// [`SimulationError`] if the run fails; [`SimulationError::Missing`] where a multiplier is 1 and the orbit does not go on.
-    pub fn orbit_by(&self, orbit: &Orbit, variations: &[Variation]) -> Result<DMatrix<f64>, SimulationError> {
-        let image = self.image_by(&orbit.section, orbit.period, variations)?;
-        let unknowns = Unknowns::new(self, &image, &self.drift());
-        let reduced = DMatrix::identity(unknowns.count(), unknowns.count()) - unknowns.reduced(&image.jacobian);
-        let solved = reduced.lu().solve(&unknowns.columns(&image.by_number));
-        let solved =
-            solved.ok_or_else(|| self.simulation().missing("its orbit has a multiplier 1: it turns back there"))?;
-        let columns: Vec<DVector<f64>> =
-            solved.column_iter().map(|column| unknowns.lifted(&column.into_owned())).collect();
-        Ok(DMatrix::from_columns(&columns))
-    }
-
     /// What is known of an orbit that is found; of its smallest period.
     fn settle(
         &self,
-        section: Section,
-        (residual, _, unknowns, image): (f64, DVector<f64>, Unknowns, Image),
+        mut section: Section,
+        (mut residual, _, mut unknowns, mut image): (f64, DVector<f64>, Unknowns, Image),
         period: u64,
         drift: &Drift,
-        condition: f64,
+        mut condition: f64,
     ) -> Result<Orbit, Missed> {
+        if section.contacts != image.end.contacts {
+            // The state is that of the orbit; what contacts do there, only the motion before it tells.
+            section.contacts.clone_from(&image.end.contacts);
+            let failed = |error: SimulationError| Missed { residual, reason: error.to_string() };
+            image = self.image(&section, period).map_err(failed)?;
+            unknowns = Unknowns::new(self, &image, drift);
+            residual = unknowns.between(&section.x, &image.end.x).norm();
+            let count = unknowns.count();
+            let reduced = unknowns.reduced(&image.jacobian) - DMatrix::identity(count, count);
+            condition = reduced.singular_values().min().recip();
+            if residual.is_nan() || residual > CLOSED || image.end.contacts != section.contacts {
+                return Err(Missed { residual, reason: UNLIKE.to_owned() });
+            }
+        }
         for shorter in (1..period).filter(|shorter| period.is_multiple_of(*shorter)) {
-            if unknowns.between(&section.x, &image.between[shorter as usize - 1]).norm() <= SAME {
+            if unknowns.between(&section.x, &image.between[shorter as usize - 1].x).norm() <= SAME {
                 return self.solve(&section, shorter, drift);
             }
         }

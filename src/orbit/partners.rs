@@ -5,9 +5,9 @@ use super::{Drift, Found, Orbit, Section, SectionMap, newton::SAME, unknowns::di
 impl Orbit {
     /// Whether `x` is a point of the orbit, to so many scales.
     pub(super) fn passes(&self, map: &SectionMap<'_>, x: &[f64], drift: &Drift, within: f64) -> bool {
-        let here = |x: &[f64]| Section { x: x.to_vec(), contacts: self.section.contacts.clone() };
-        let (scales, there) = (map.scales_of(std::slice::from_ref(&self.section)), here(x));
-        self.image.between.iter().any(|point| distance(map, &here(point), &there, &scales, drift) <= within)
+        let there = Section { x: x.to_vec(), contacts: self.section.contacts.clone() };
+        let scales = map.scales_of(std::slice::from_ref(&self.section));
+        self.image.between.iter().any(|point| distance(map, point, &there, &scales, drift) <= within)
     }
 
     /// The state half a cycle later with drive and back flanks changed for each other; `None` if it cannot be reached.

@@ -4,14 +4,15 @@ use std::f64::consts::TAU;
 
 use nalgebra::Complex;
 
-use super::{Exponents, Orbit, SectionMap};
+use super::{Exponents, Orbit, SectionMap, words::Speller};
 use crate::{
     plot::{Axis, Figure, Guide, Panel, Series, Style},
     simulation::{Simulation, SimulationError},
 };
 
-/// Samples of a cycle.
+/// Samples of a cycle, and of the time between two events: a stiff contact is a short part of a cycle.
 const SAMPLES: u64 = 240;
+const BETWEEN: u64 = 24;
 /// Contacts drawn.
 const MOST: usize = 6;
 
@@ -29,17 +30,23 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit) -> Result<Figure, Simulatio
     let contacts = &structure.spec().contacts[..structure.contacts().len().min(MOST)];
     let period = simulation.period()?;
     let map = SectionMap::new(simulation)?;
+    let mut speller = Speller::new(structure, &orbit.section.x);
+    map.watch(&orbit.section, orbit.period, &mut speller)?;
     let mut engine = simulation.engine(map.state(&orbit.section)?)?;
-    let first = engine.state().at.cycle;
-    let mut cycles = Vec::new();
+    let (clock, start) = (simulation.clock(), engine.state().at);
+    let events = speller.letters.iter().map(|letter| clock.between(start, letter.at) / period);
+    let events: Vec<f64> = std::iter::once(0.0).chain(events).collect();
+    let inside = events.windows(2).flat_map(|pair| {
+        let share = move |k: u64| k as f64 / BETWEEN as f64;
+        (0..BETWEEN).map(move |k| pair[0] + share(k) * (pair[1] - pair[0]))
+    });
+    let mut cycles: Vec<f64> = (0..=orbit.period * SAMPLES).map(|i| i as f64 / SAMPLES as f64).chain(inside).collect();
+    cycles.sort_by(f64::total_cmp);
+    cycles.dedup();
     let mut shown = vec![(Vec::new(), Vec::new()); contacts.len()];
-    for i in 0..=orbit.period * SAMPLES {
-        let (cycle, part) = (i / SAMPLES, (i % SAMPLES) as f64 / SAMPLES as f64);
-        if i > 0 {
-            engine.run(simulation.clock().at(first + cycle as i64, part * period), &mut ())?;
-        }
+    for cycle in &cycles {
+        engine.run(clock.at(start.cycle + cycle.trunc() as i64, cycle.fract() * period), &mut ())?;
         let state = engine.state();
-        cycles.push(i as f64 / SAMPLES as f64);
         for (j, (deflections, rates)) in shown.iter_mut().enumerate() {
             let (deflection, rate) = structure.deflection(j, state.at, &state.x);
             deflections.push(deflection);

@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 
 use super::{
     Drift, Missed, Orbit, SectionMap,
-    newton::{SAME, Way},
+    newton::{Options, SAME},
     section::Section,
     unknowns::{ACCELERATES, distance},
     words::{normal, text},
@@ -48,6 +48,9 @@ pub struct Searched {
     pub starts: usize,
     /// What was found, in the order in which it was found.
     pub orbits: Vec<Orbit>,
+    /// The best residual, in scales, of what was not found, and why it was not.
+    best: Option<f64>,
+    reason: Option<String>,
 }
 
 /// What was found.
@@ -72,7 +75,8 @@ impl Search {
         self.go_on(simulation, None, &mut |_| (), task)
     }
 
-    /// The same, going on from what was kept, if anything; after each block of further starts `keep` is given what has been found.
+    /// The same, going on from what was kept of the same search of the same train, if anything; after each block of further starts `keep` is
+    /// given what has been found.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -91,9 +95,12 @@ impl Search {
             found.reason = Some(ACCELERATES.to_owned());
             return Ok(found);
         }
-        let mut first = 0;
+        let (mut first, is_new) = (0, earlier.is_none());
         match earlier {
-            Some(Searched { starts, orbits }) => (first, found.orbits) = (starts, orbits),
+            Some(Searched { starts, orbits, best, reason }) => {
+                (first, found.orbits, found.reason) = (starts, orbits, reason);
+                found.best = best.unwrap_or(f64::INFINITY);
+            }
             None => self.near(&map, &start, &mut found, task),
         }
         let mut passed = Vec::new();
@@ -102,7 +109,7 @@ impl Search {
         }
         // An orbit is the same wherever it has drifted to: near the start it has the most digits.
         passed.iter_mut().for_each(|section| found.drift.take_back(simulation, section, &start));
-        if found.orbits.is_empty() && !passed.is_empty() {
+        if is_new && found.orbits.is_empty() && !passed.is_empty() {
             self.returns(&map, &passed, &mut found, task);
         }
         self.spread(&map, &passed, first, &mut found, keep, task);
@@ -118,8 +125,8 @@ impl Search {
     /// From one section: the period after which it comes back, or else the first for which Newton's method converges near it.
     fn near(&self, map: &SectionMap<'_>, start: &Section, found: &mut Found, task: Task<'_>) {
         if let Some(period) = self.period {
-            let trail = Trail::Unknown(start, period);
-            self.attempt(map, trail, f64::INFINITY, found);
+            let guess = FirstGuess::Start(start, period);
+            self.attempt(map, guess, f64::INFINITY, found);
             return;
         }
         let mut sections = vec![start.clone()];
@@ -134,24 +141,25 @@ impl Search {
         }
         let scales = map.scales_of(&sections);
         let close = (1..sections.len()).find(|k| distance(map, start, &sections[*k], &scales, &found.drift) <= SAME);
-        if close.is_some_and(|k| self.attempt(map, Trail::Known(&sections[..k]), f64::INFINITY, found)) {
+        if close.is_some_and(|k| self.attempt(map, FirstGuess::Cycles(&sections[..k]), f64::INFINITY, found)) {
             return;
         }
         for (period, section) in sections.iter().enumerate().skip(1) {
             let is_far = distance(map, start, section, &scales, &found.drift) > RETURNED;
-            if task.is_cancelled() || !is_far && self.attempt(map, Trail::Known(&sections[..period]), NEAR, found) {
+            if task.is_cancelled() || !is_far && self.attempt(map, FirstGuess::Cycles(&sections[..period]), NEAR, found)
+            {
                 return;
             }
         }
     }
 
-    /// Newton's method from the start of a trail, then from all of it. Whether an orbit was found that is `near` the start.
-    fn attempt(&self, map: &SectionMap<'_>, trail: Trail<'_>, near: f64, found: &mut Found) -> bool {
+    /// Newton's method from the start of a guess, then from all of it. Whether an orbit was found that is `near` the start.
+    fn attempt(&self, map: &SectionMap<'_>, guess: FirstGuess<'_>, near: f64, found: &mut Found) -> bool {
         let patience = near.is_finite().then_some(PATIENCE);
-        let (start, period) = trail.start();
-        let way = Way { patience, ..Way::default() };
-        let solved = map.solve_from(start, period, &found.drift, way).or_else(|missed| {
-            let sections = if period > 1 { trail.sections(map) } else { None };
+        let (start, period) = guess.start();
+        let options = Options { patience, ..Options::default() };
+        let solved = map.solve_from(start, period, &found.drift, options).or_else(|missed| {
+            let sections = if period > 1 { guess.sections(map) } else { None };
             let shot = sections.map(|sections| map.shoot_from(&sections, &found.drift, patience));
             shot.and_then(Result::ok).ok_or(missed)
         });
@@ -225,7 +233,8 @@ impl Search {
             .collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (_, m, k) in ends.into_iter().take(4).chain(all.into_iter().take(RETURNS)) {
-            if task.is_cancelled() || self.attempt(map, Trail::Known(&passed[m..m + k as usize]), f64::INFINITY, found)
+            if task.is_cancelled()
+                || self.attempt(map, FirstGuess::Cycles(&passed[m..m + k as usize]), f64::INFINITY, found)
             {
                 return;
             }
@@ -263,15 +272,17 @@ impl Search {
             // What is known when a block begins is kept away from.
             let known = |k: u64| {
                 let closing = orbits.iter().filter(move |orbit| k.is_multiple_of(orbit.period));
-                closing.flat_map(|orbit| orbit.image.between.iter().cloned()).collect::<Vec<_>>()
+                closing
+                    .flat_map(|orbit| orbit.image.between.iter().map(|section| section.x.clone()))
+                    .collect::<Vec<_>>()
             };
             let solve = |i: usize, k: u64| {
-                let way = Way { known: &known(k), ..Way::default() };
-                map.solve_from(&start(i), k, drift, way).or_else(|missed| {
+                let options = Options { known: &known(k), ..Options::default() };
+                map.solve_from(&start(i), k, drift, options).or_else(|missed| {
                     // From states that the motion takes one after the other.
                     let first = i * 7919 % passed.len();
                     let trail = passed.get(first..first + k as usize).filter(|_| i.is_multiple_of(2) && k > 1);
-                    trail.ok_or(missed).and_then(|trail| map.shoot(trail, drift))
+                    trail.ok_or(missed).and_then(|trail| map.shoot_from(trail, drift, Some(PATIENCE)))
                 })
             };
             let from = |i: usize| periods.clone().map(|k| solve(i, k)).collect::<Vec<_>>();
@@ -281,8 +292,9 @@ impl Search {
                 return;
             }
             solved.into_iter().flatten().for_each(|solved| found.take(map, solved));
-            keep(&Searched { starts: tried, orbits: found.orbits.clone() });
-            task.report(Progress::Share(first as f64 / self.starts as f64));
+            let best = Some(found.best).filter(|best| best.is_finite());
+            keep(&Searched { starts: tried, orbits: found.orbits.clone(), best, reason: found.reason.clone() });
+            task.report(Progress::Share(tried as f64 / self.starts as f64));
             if task.is_cancelled() {
                 return;
             }
@@ -291,30 +303,30 @@ impl Search {
 }
 
 /// Where a search starts: a section and a period, or a section for each cycle of it.
-enum Trail<'a> {
-    Unknown(&'a Section, u64),
-    Known(&'a [Section]),
+enum FirstGuess<'a> {
+    Start(&'a Section, u64),
+    Cycles(&'a [Section]),
 }
 
-impl Trail<'_> {
+impl FirstGuess<'_> {
     /// The first section, and the period, cycles.
     fn start(&self) -> (&Section, u64) {
         match self {
-            Self::Unknown(start, period) => (start, *period),
-            Self::Known(sections) => (&sections[0], sections.len() as u64),
+            Self::Start(start, period) => (start, *period),
+            Self::Cycles(sections) => (&sections[0], sections.len() as u64),
         }
     }
 
     /// A section for each cycle; `None` if the run from the start fails.
     fn sections(&self, map: &SectionMap<'_>) -> Option<Vec<Section>> {
         match self {
-            Self::Unknown(start, period) => {
+            Self::Start(start, period) => {
                 let next = |section: &Section| map.follow(section, 1).ok();
                 let all: Vec<Section> =
                     std::iter::successors(Some((*start).clone()), next).take(*period as usize).collect();
                 (all.len() as u64 == *period).then_some(all)
             }
-            Self::Known(sections) => Some(sections.to_vec()),
+            Self::Cycles(sections) => Some(sections.to_vec()),
         }
     }
 }

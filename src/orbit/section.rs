@@ -30,13 +30,14 @@ pub(super) fn number<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error
 pub struct Image {
     /// The section after them.
     pub end: Section,
-    /// The states after each cycle, the last one in `end`.
-    pub between: Vec<Vec<f64>>,
+    /// The section after each cycle; the last one is `end`.
+    pub between: Vec<Section>,
     /// `∂end/∂start`, `[dim, dim]`.
     pub jacobian: DMatrix<f64>,
     /// `∂end/∂α` of each number that was asked for, `[dim, count]`.
     pub by_number: DMatrix<f64>,
-    /// What happened, as tokens of a word.
+    /// What happened, as tokens of a word that repeats from here: impacts at its end of a sequence that comes to rest at its beginning are
+    /// a part of that token.
     pub word: Vec<String>,
     /// Which latched speeds were written.
     pub latched: Vec<bool>,
@@ -219,22 +220,32 @@ impl<'a> SectionMap<'a> {
     /// # Errors
     /// [`SimulationError`] if the run fails.
     pub fn image_by(&self, section: &Section, cycles: u64, variations: &[Variation]) -> Result<Image, SimulationError> {
-        let structure = &self.simulation.structure;
+        let mut speller = Speller::new(&self.simulation.structure, &section.x);
+        self.image_spelled((section, cycles), variations, &mut speller)
+    }
+
+    /// The same; `speller` has spelled what came before.
+    pub(super) fn image_spelled(
+        &self,
+        (section, cycles): (&Section, u64),
+        variations: &[Variation],
+        speller: &mut Speller<'_>,
+    ) -> Result<Image, SimulationError> {
         let state = self.state(section)?;
-        let mut tangent = Tangent::new(structure).with(variations);
+        let mut tangent = Tangent::new(&self.simulation.structure).with(variations);
         tangent.start(&state);
-        let mut speller = Speller::new(structure, &state.x);
+        speller.meet(&state.x);
         let mut engine = self.simulation.engine(state)?;
         let mut between = Vec::with_capacity(cycles as usize);
         for cycle in 1..=cycles {
-            let outcome = engine.run(self.at(cycle), &mut (&mut tangent, &mut speller))?;
+            let outcome = engine.run(self.at(cycle), &mut (&mut tangent, &mut *speller))?;
             if outcome != Outcome::ReachedEnd {
                 return Err(self.simulation.missing("its run stops within a cycle; raise its limit on events"));
             }
             if tangent.is_unresolved {
                 return Err(self.simulation.missing("the derivative along a step of its motion cannot be resolved"));
             }
-            between.push(engine.state().x.clone());
+            between.push(self.section(engine.state()));
             speller.meet(&engine.state().x);
         }
         let counters = engine.counters();
@@ -244,12 +255,12 @@ impl<'a> SectionMap<'a> {
             between,
             jacobian: DMatrix::from_row_slice(dim, dim, &tangent.columns.values),
             by_number: DMatrix::from_row_slice(dim, variations.len(), &tangent.by_number().values),
-            word: speller.tokens(),
+            word: speller.ring(),
             zeros: tangent.rested + tangent.latched.iter().filter(|latched| **latched).count(),
             latched: tangent.latched,
             volume: tangent.volume,
             is_piecewise: tangent.is_piecewise,
-            sizes: speller.sizes,
+            sizes: speller.sizes.clone(),
             pieces: counters.steps + counters.events,
         })
     }

@@ -5,11 +5,12 @@ use nalgebra::{Complex, DMatrix, DVector};
 
 use super::{
     Drift, Missed, Orbit, SectionMap,
-    newton::{CLOSED, HALVINGS, LONGEST, SAME, STEPS},
+    newton::{CLOSED, HALVINGS, LONGEST, SAME, STEPS, UNLIKE},
     section::{Image, Section},
     unknowns::Unknowns,
+    words::Speller,
 };
-use crate::simulation::SimulationError;
+use crate::{simulation::SimulationError, system::Variation};
 
 /// Unknowns at most: their matrix is full, and solving it costs the cube.
 const MOST: usize = 600;
@@ -29,18 +30,18 @@ struct Shots {
     residual: f64,
 }
 
-/// The images of successive cycles as one.
+/// The images of successive cycles as one; the word and the sizes of the last one are those of all.
 fn joined(images: &[Image]) -> Option<Image> {
-    let mut whole = images.first()?.clone();
+    let (mut whole, last) = (images.first()?.clone(), images.last()?);
     let written = |image: &Image| image.latched.iter().filter(|latched| **latched).count();
     let mut rested = whole.zeros - written(&whole);
+    (whole.word, whole.sizes) = (last.word.clone(), last.sizes.clone());
     for image in &images[1..] {
         whole.end = image.end.clone();
         whole.between.extend(image.between.iter().cloned());
+        whole.by_number = &image.jacobian * &whole.by_number + &image.by_number;
         whole.jacobian = &image.jacobian * &whole.jacobian;
-        whole.word.extend(image.word.iter().cloned());
         whole.latched.iter_mut().zip(&image.latched).for_each(|(a, b)| *a |= b);
-        whole.sizes.iter_mut().zip(&image.sizes).for_each(|(a, b)| *a = a.max(*b));
         rested = rested.max(image.zeros - written(image));
         whole.volume += image.volume;
         whole.is_piecewise |= image.is_piecewise;
@@ -50,11 +51,31 @@ fn joined(images: &[Image]) -> Option<Image> {
     Some(whole)
 }
 
+/// `J_i y_i − y_{i+1}` for all cycles, the last one followed by the first, as a matrix over all y.
+fn cyclic(factors: &[DMatrix<f64>]) -> DMatrix<f64> {
+    let (cycles, m) = (factors.len(), factors.first().map_or(0, DMatrix::nrows));
+    let mut matrix = DMatrix::zeros(cycles * m, cycles * m);
+    for (i, factor) in factors.iter().enumerate() {
+        matrix.view_mut((i * m, i * m), (m, m)).copy_from(factor);
+        let next = (i + 1) % cycles;
+        (0..m).for_each(|l| matrix[(i * m + l, next * m + l)] -= 1.0);
+    }
+    matrix
+}
+
 impl Shots {
-    fn new(map: &SectionMap<'_>, mut sections: Vec<Section>, drift: &Drift) -> Result<Self, SimulationError> {
-        let moving = 2 * map.simulation().structure.freedoms();
+    fn new(
+        map: &SectionMap<'_>,
+        mut sections: Vec<Section>,
+        variations: &[Variation],
+        drift: &Drift,
+    ) -> Result<Self, SimulationError> {
+        let structure = &map.simulation().structure;
+        let moving = 2 * structure.freedoms();
         let (images, whole) = loop {
-            let images = sections.iter().map(|section| map.image(section, 1)).collect::<Result<Vec<_>, _>>()?;
+            let mut speller = Speller::new(structure, &sections[0].x);
+            let image = |section| map.image_spelled((section, 1), variations, &mut speller);
+            let images = sections.iter().map(image).collect::<Result<Vec<_>, _>>()?;
             let whole = joined(&images).ok_or_else(|| map.simulation().missing("an orbit has at least one cycle"))?;
             // A latched speed that no cycle writes is no unknown, and stays what it is all the way round.
             let unwritten = (0..whole.latched.len()).filter(|i| !whole.latched[*i]).map(|i| moving + i);
@@ -79,17 +100,9 @@ impl Shots {
 
     /// Newton's step of each section.
     fn step(&self) -> Option<Vec<DVector<f64>>> {
-        let (cycles, m) = (self.sections.len(), self.unknowns.count());
-        let mut matrix = DMatrix::zeros(cycles * m, cycles * m);
-        for (i, factor) in self.factors().iter().enumerate() {
-            matrix.view_mut((i * m, i * m), (m, m)).copy_from(factor);
-            let next = (i + 1) % cycles;
-            for l in 0..m {
-                matrix[(i * m + l, next * m + l)] -= 1.0;
-            }
-        }
-        let off = DVector::from_iterator(cycles * m, self.off.iter().flat_map(|off| off.iter().map(|o| -o)));
-        let step = matrix.lu().solve(&off)?;
+        let m = self.unknowns.count();
+        let off = DVector::from_iterator(self.off.len() * m, self.off.iter().flat_map(|off| off.iter().map(|o| -o)));
+        let step = cyclic(&self.factors()).lu().solve(&off)?;
         let parts = step.as_slice().chunks_exact(m.max(1)).map(DVector::from_column_slice).collect();
         step.iter().all(|s| s.is_finite()).then_some(parts)
     }
@@ -129,7 +142,7 @@ impl SectionMap<'_> {
             return Err(missed(f64::INFINITY, "the period has too many unknowns for multiple shooting"));
         }
         self.repeats().map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
-        let shots = |sections| Shots::new(self, sections, drift);
+        let shots = |sections| Shots::new(self, sections, &[], drift);
         let mut now = shots(trail.to_vec()).map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
         let first = now.residual;
         for count in 0..STEPS {
@@ -170,18 +183,42 @@ impl SectionMap<'_> {
         let cycles = shots.sections.len();
         let mut next = shots.sections.iter().cycle().skip(1);
         if shots.images.iter().any(|image| next.next().is_some_and(|next| next.contacts != image.end.contacts)) {
-            let reason = "what contacts do at the start of a cycle is not what the cycle before leaves";
-            return Err(Missed { residual: shots.residual, reason: reason.to_owned() });
+            return Err(Missed { residual: shots.residual, reason: UNLIKE.to_owned() });
         }
         let apart = |i: usize| shots.unknowns.between(&shots.sections[0].x, &shots.sections[i].x).norm();
         if let Some(shorter) = (1..cycles).find(|shorter| cycles.is_multiple_of(*shorter) && apart(*shorter) <= SAME) {
             return self.shoot(&shots.sections[..shorter], drift);
         }
         let factors = shots.factors();
-        let whole = shots.unknowns.reduced(&shots.whole.jacobian);
-        let condition = (whole - DMatrix::identity(factors[0].nrows(), factors[0].nrows())).singular_values().min();
+        let condition = cyclic(&factors).singular_values().min();
         let Shots { mut sections, whole, unknowns, residual, .. } = shots;
         Ok(Orbit::of(sections.swap_remove(0), whole, (&unknowns, &factors), residual, condition.recip()))
+    }
+
+    /// How the start of an orbit moves with numbers of the train, `[dim, count]`; a drifting body stays where it is. For each cycle
+    /// `J_i dx_i − dx_{i+1} = −∂x_{i+1}/∂α`.
+    ///
+    /// # Errors
+    /// [`SimulationError`] if the run fails; [`SimulationError::Missing`] where a multiplier is 1 and the orbit does not go on.
+    pub fn orbit_by(&self, orbit: &Orbit, variations: &[Variation]) -> Result<DMatrix<f64>, SimulationError> {
+        let mut sections = orbit.image.between.clone();
+        sections.rotate_right(1);
+        sections[0] = orbit.section.clone();
+        let Shots { images, whole, unknowns, .. } = Shots::new(self, sections, variations, &self.drift())?;
+        // A long period that was found as a whole is solved for as a whole.
+        let images = if images.len() * unknowns.count() > MOST { vec![whole] } else { images };
+        let factors: Vec<_> = images.iter().map(|image| unknowns.reduced(&image.jacobian)).collect();
+        let m = unknowns.count();
+        let mut by_number = DMatrix::zeros(images.len() * m, variations.len());
+        for (i, image) in images.iter().enumerate() {
+            by_number.rows_mut(i * m, m).copy_from(&-unknowns.columns(&image.by_number));
+        }
+        let solved = cyclic(&factors).lu().solve(&by_number);
+        let solved =
+            solved.ok_or_else(|| self.simulation().missing("its orbit has a multiplier 1: it turns back there"))?;
+        let lifted = |column: usize| unknowns.lifted(&solved.view((0, column), (m, 1)).column(0).into_owned());
+        let columns: Vec<DVector<f64>> = (0..variations.len()).map(lifted).collect();
+        Ok(DMatrix::from_columns(&columns))
     }
 }
 

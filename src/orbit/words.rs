@@ -9,7 +9,7 @@ use std::{collections::BTreeMap, ops::ControlFlow};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    engine::{Jumped, Observer},
+    engine::{Jumped, Observer, STALLED},
     event::EventRecord,
     hybrid::{Instant, Watch},
     system::{ContactMode, Structure, contact_mode, guard_of},
@@ -148,6 +148,8 @@ pub struct Letter {
     pub at: Instant,
     /// Rate of the contact's deflection before it, m/s.
     pub rate: f64,
+    /// Number of the event: letters of one event stand in brackets.
+    event: usize,
 }
 
 /// What a jump is called: for each contact that it changes, its token.
@@ -164,14 +166,26 @@ pub(crate) fn letters<'a>(structure: &'a Structure, jumped: &'a Jumped<'a>) -> i
     })
 }
 
+/// The tokens of letters: those of one event in brackets.
+fn spell(letters: &[Letter]) -> Vec<String> {
+    let token = |event: &[Letter]| match event {
+        [single] => single.token.clone(),
+        several => {
+            let tokens: Vec<&str> = several.iter().map(|letter| letter.token.as_str()).collect();
+            format!("[{}]", tokens.join(" "))
+        }
+    };
+    letters.chunk_by(|a, b| a.event == b.event).map(token).collect()
+}
+
 /// Spells the motion that it watches.
 #[derive(Debug)]
 pub(crate) struct Speller<'s> {
     structure: &'s Structure,
-    /// Letters of the instant that is open.
+    /// Letters of the event that is open.
     open: Vec<Letter>,
-    tokens: Vec<String>,
-    /// The letters of all tokens.
+    events: usize,
+    /// The letters of all events.
     pub letters: Vec<Letter>,
     /// The largest size of each component of the state so far.
     pub sizes: Vec<f64>,
@@ -180,7 +194,7 @@ pub(crate) struct Speller<'s> {
 impl<'s> Speller<'s> {
     pub fn new(structure: &'s Structure, x: &[f64]) -> Self {
         let sizes = x.iter().map(|x| x.abs()).collect();
-        Self { structure, open: Vec::new(), tokens: Vec::new(), letters: Vec::new(), sizes }
+        Self { structure, open: Vec::new(), events: 0, letters: Vec::new(), sizes }
     }
 
     /// Takes the sizes of a state into account.
@@ -190,25 +204,41 @@ impl<'s> Speller<'s> {
 
     /// The tokens since they were taken last.
     pub fn take(&mut self) -> Vec<String> {
-        self.close();
+        let tokens = self.tokens();
         self.letters.clear();
-        std::mem::take(&mut self.tokens)
+        tokens
     }
 
     /// The tokens up to now.
     pub fn tokens(&mut self) -> Vec<String> {
         self.close();
-        self.tokens.clone()
+        spell(&self.letters)
+    }
+
+    /// The tokens up to now of a motion that repeats from here: where a contact first comes to rest, the impacts of the sequence that ends so
+    /// stand at the end of the word, and are a part of that token.
+    pub fn ring(&mut self) -> Vec<String> {
+        self.close();
+        let mut letters = self.letters.clone();
+        for contact in 0..self.structure.contacts().len() {
+            let Some(first) = letters.iter().find(|letter| letter.contact == contact) else { continue };
+            let Some(end) = first.token.strip_prefix('z') else { continue };
+            let (impact, mut speed) = (format!("i{end}"), 0.0);
+            while let Some(last) = letters.iter().rposition(|letter| letter.contact == contact) {
+                let Letter { token, rate, .. } = &letters[last];
+                if *token != impact || rate.abs() < STALLED * speed {
+                    break;
+                }
+                speed = rate.abs();
+                letters.remove(last);
+            }
+        }
+        spell(&letters)
     }
 
     fn close(&mut self) {
         self.open.sort_by(|a, b| a.token.cmp(&b.token));
-        let tokens: Vec<&str> = self.open.iter().map(|letter| letter.token.as_str()).collect();
-        match &tokens[..] {
-            [] => {}
-            [single] => self.tokens.push((*single).to_owned()),
-            several => self.tokens.push(format!("[{}]", several.join(" "))),
-        }
+        self.events += 1;
         self.letters.append(&mut self.open);
     }
 }
@@ -227,7 +257,7 @@ impl Observer for Speller<'_> {
         self.meet(jumped.x_plus);
         for (contact, token) in letters(self.structure, jumped) {
             let (_, rate) = self.structure.deflection(contact, jumped.at, jumped.x_minus);
-            self.open.push(Letter { token, contact, at: jumped.at, rate });
+            self.open.push(Letter { token, contact, at: jumped.at, rate, event: self.events });
         }
     }
 
@@ -242,10 +272,8 @@ impl Observer for Speller<'_> {
                 for side in [1.0, -1.0] {
                     let impact = spelled('i', j, side);
                     for _ in 0..accumulation.resolved {
-                        let Some(last) = self.tokens.iter().rposition(|token| *token == impact) else { break };
-                        self.tokens.remove(last);
-                        let letter = self.letters.iter().rposition(|letter| letter.token == impact);
-                        letter.map(|letter| self.letters.remove(letter));
+                        let Some(last) = self.letters.iter().rposition(|letter| letter.token == impact) else { break };
+                        self.letters.remove(last);
                     }
                 }
             }

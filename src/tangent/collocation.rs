@@ -51,7 +51,7 @@ const PIECE: f64 = 1.5;
 const SWEEPS: usize = 60;
 /// Change in a sweep below which the iteration has converged: some ten roundings of a sum.
 const CONVERGED: f64 = 1e-14;
-/// Change below which an iteration that makes no more way has converged to the rounding of its terms.
+/// Change below which an iteration that hardly falls any more has converged to the rounding of its terms.
 const STALLED: f64 = 1e-9;
 /// Share of the change before to which it must fall, to make way.
 const NO_WAY: f64 = 0.9;
@@ -144,7 +144,7 @@ impl Tangent<'_> {
                     moved = moved.max(difference(value, sum, &size));
                     value.values.copy_from_slice(&sum.values);
                 }
-                // Where terms far larger than a component cancel in it, their rounding ends the iteration: it makes no more way at all.
+                // Where terms far larger than a component cancel in it, their rounding ends the iteration: its change stays what it was.
                 if moved <= CONVERGED || moved <= STALLED && moved >= NO_WAY * before {
                     converged = true;
                     break;

@@ -6,7 +6,9 @@ use flank::{
 };
 use serde_json::{Value, json};
 
-use crate::{open, orbits::pair};
+use crate::{open, orbits::pair, six_points};
+
+const LOAD: f64 = 0.1;
 
 /// The sections of a chaotic pair after some cycles.
 fn trail(pair: &Simulation, map: &SectionMap<'_>, from: u64, cycles: u64) -> Vec<Section> {
@@ -26,7 +28,7 @@ fn off(a: &Section, b: &Section) -> f64 {
 #[test]
 fn unstable_orbits_of_long_periods_are_found_with_both_multipliers() {
     let (damping, omega) = (0.05, 1.25);
-    let pair = pair(damping, 0.1, 0.2, omega, 0.3, 0.1);
+    let pair = self::pair(damping, LOAD, 0.2, omega, 0.3, 0.1);
     let map = SectionMap::new(&pair).unwrap();
     let all = trail(&pair, &map, 200, 1500);
     let mut found = Vec::new();
@@ -45,13 +47,24 @@ fn unstable_orbits_of_long_periods_are_found_with_both_multipliers() {
         println!("{period} → {}: {large:e} {small:e} {error:e}", orbit.period);
         assert!(error <= 1e-12 * orbit.period as f64, "{period}: {large:e} {small:e} {error:e}");
         // Every point of the orbit leads to the next one.
-        let points: Vec<&Vec<f64>> = std::iter::once(&orbit.section.x).chain(&orbit.image.between).collect();
+        let points: Vec<&Section> = std::iter::once(&orbit.section).chain(&orbit.image.between).collect();
         for pair in points.windows(2) {
-            let contacts = orbit.section.contacts.clone();
-            let next = map.follow(&Section { x: pair[0].clone(), contacts }, 1);
-            let Ok(next) = next else { continue };
-            let gap = next.x.iter().zip(pair[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            let next = map.follow(pair[0], 1).unwrap();
+            let gap = off(&next, pair[1]);
             assert!(gap <= 1e-11, "{gap:e}");
+        }
+        // It moves with the mean load as it does where it is solved for at other loads.
+        let moved = |change: f64| {
+            let other = self::pair(damping, LOAD + change, 0.2, omega, 0.3, 0.1);
+            let map = SectionMap::new(&other).unwrap();
+            let sections: Vec<Section> = points[..orbit.period as usize].iter().map(|s| (*s).clone()).collect();
+            Some(map.shoot(&sections, &map.drift()).ok()?.section.x)
+        };
+        let by_load = map.orbit_by(&orbit, &[pair.variation("/train/mean_load").unwrap()]).unwrap();
+        let expected = six_points(1e-6, moved).unwrap();
+        for (by, expected) in by_load.iter().zip(&expected) {
+            // Orbits are known to 1e-13 of their size; steps of 1e-6 leave 1e-7.
+            assert!((by - expected).abs() <= 1e-6 * (1.0 + expected.abs()), "{period}: {by} {expected}");
         }
         found.push(large);
     }

@@ -1,6 +1,15 @@
 //! Words and what their sequence tells.
 
-use flank::orbit::words::{Sequence, normal};
+use flank::{
+    Task,
+    orbit::{
+        Search,
+        words::{Sequence, normal},
+    },
+};
+use serde_json::json;
+
+use crate::open;
 
 fn tokens(word: &str) -> Vec<String> {
     word.split_whitespace().map(String::from).collect()
@@ -38,4 +47,43 @@ fn a_fair_coin_has_the_entropy_of_two() {
     let strays = (2.0 * f64::from(cycles) / 10.0).sqrt() / (2.0 * f64::from(cycles));
     assert!((told.entropy - std::f64::consts::LN_2).abs() <= 5.0 * strays, "{told:?}");
     assert!(told.memory >= 5);
+}
+
+/// Equal masses before equal walls that bounce to rest once a period, the forcing begun at a phase: the word of their orbit.
+fn chattering(masses: usize, phase: f64) -> String {
+    let unit = |scale: f64| -> Vec<Vec<f64>> {
+        (0..masses).map(|i| (0..masses).map(|j| if i == j { scale } else { 0.0 }).collect()).collect()
+    };
+    let contact = |i: usize| {
+        json!({
+            "direction": unit(1.0)[i], "half_backlash_m": 0, "flanks": "drive", "law": { "kind": "rigid", "restitution": 0.4 },
+        })
+    };
+    let simulation = open(json!({
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": unit(1.0), "damping_n_s_per_m": unit(0.1), "stiffness_n_per_m": unit(1.0),
+            "load_harmonics": [
+                { "vector_n": vec![1.0; masses], "frequency_rad_per_s": 0.3, "phase_rad": phase }
+            ],
+            "contacts": (0..masses).map(contact).collect::<Vec<_>>(),
+        },
+        "initial": { "q": vec![-0.5; masses], "v": vec![0.0; masses] },
+        "run": { "cycles": 40 },
+    }));
+    let found = Search { period: Some(1), starts: 0 }.run(&simulation, Task::default()).unwrap();
+    assert_eq!(found.orbits.len(), 1, "{phase}: {:?}", found.reason);
+    assert_eq!(found.orbits[0].section.contacts, found.orbits[0].image.end.contacts);
+    found.orbits[0].word()
+}
+
+/// A word does not depend on where its cycle begins, be it within a sequence of impacts that comes to rest; and contacts that bounce at one
+/// time come to rest at one time.
+#[test]
+fn a_sequence_of_impacts_is_one_token_wherever_the_cycle_begins() {
+    for i in 0..48 {
+        let phase = std::f64::consts::TAU * f64::from(i) / 48.0;
+        assert_eq!(chattering(1, phase), "l0+ z0+", "phase {phase}");
+    }
+    assert_eq!(chattering(2, 0.0), "[l0+ l1+] [z0+ z1+]");
 }

@@ -6,17 +6,25 @@ use flank::output::{Fault, Folder, OutputError, Request};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::{Map, Value, json};
 
-use super::{CliError, print};
+use super::{CliError, Done, print};
 
-/// What was asked, and what came of it so far.
-#[derive(Serialize, Deserialize)]
-struct Kept<T> {
+/// What was asked, what came of it so far, and how it ended.
+#[derive(Deserialize)]
+struct Content<T> {
     asked: Map<String, Value>,
-    work: T,
-    finished: bool,
+    work: Option<T>,
+    finished: Option<Done>,
 }
 
-impl<T: DeserializeOwned> Kept<T> {
+/// How a command begins.
+pub enum Begun<T> {
+    /// With work to do, and with what has been done of it.
+    Open(Checkpoint, Option<T>),
+    /// It has been finished, and ended so.
+    Finished(Done),
+}
+
+impl<T: DeserializeOwned> Content<T> {
     /// What an earlier command left at `path`, if it was asked the same.
     fn read(path: &Path, asked: &Map<String, Value>) -> Result<Option<Self>, CliError> {
         let text = match fs::read_to_string(path) {
@@ -24,64 +32,64 @@ impl<T: DeserializeOwned> Kept<T> {
             text => text.map_err(|error| CliError::file(path.display(), error))?,
         };
         let place = path.display().to_string();
-        let kept: Self = serde_json::from_str(&text).map_err(|error| {
+        let content: Self = serde_json::from_str(&text).map_err(|error| {
             let fault = Fault::new(&place, error.to_string(), "what an earlier command wrote");
             CliError::Arguments(vec![fault.remedy("write --force to begin anew")])
         })?;
-        let mut names: Vec<&String> = asked.keys().chain(kept.asked.keys()).collect();
+        let mut names: Vec<&String> = asked.keys().chain(content.asked.keys()).collect();
         names.sort_unstable();
         names.dedup();
         let said = |value: Option<&Value>| value.map_or_else(|| "nothing".to_owned(), Value::to_string);
-        let faults = names.into_iter().filter(|name| asked.get(*name) != kept.asked.get(*name)).map(|name| {
-            let fault = Fault::new(&format!("{place}: {name}"), said(kept.asked.get(name)), said(asked.get(name)));
+        let faults = names.into_iter().filter(|name| asked.get(*name) != content.asked.get(*name)).map(|name| {
+            let fault = Fault::new(&format!("{place}: {name}"), said(content.asked.get(name)), said(asked.get(name)));
             fault.remedy("name another folder, or write --force to begin anew")
         });
         let faults: Vec<Fault> = faults.collect();
-        if faults.is_empty() { Ok(Some(kept)) } else { Err(CliError::Arguments(faults)) }
+        if faults.is_empty() { Ok(Some(content)) } else { Err(CliError::Arguments(faults)) }
     }
 }
 
 /// The folder of a command that can be broken off, and the file of what it keeps.
-pub struct Keeper {
+pub struct Checkpoint {
     pub folder: Folder,
     file: &'static str,
     asked: Map<String, Value>,
 }
 
-impl Keeper {
-    /// Opens the folder, with what the same command has kept there if it is to `resume`; `None` if that has been finished.
+impl Checkpoint {
+    /// Opens the folder, with what the same command has kept there if it is to `resume`.
     pub fn begin<T: DeserializeOwned>(
         request: &Request<'_>,
         file: &'static str,
         asked: &Value,
         (resume, quiet): (bool, bool),
-    ) -> Result<Option<(Self, Option<T>)>, CliError> {
+    ) -> Result<Begun<T>, CliError> {
         let asked = asked.as_object().cloned().unwrap_or_default();
         let path = request.folder.join(file);
-        let earlier = if resume { Kept::<Option<T>>::read(&path, &asked)? } else { None };
-        if earlier.as_ref().is_some_and(|kept| kept.finished) {
+        let earlier = if resume { Content::<T>::read(&path, &asked)? } else { None };
+        if let Some(done) = earlier.as_ref().and_then(|content| content.finished) {
             if !quiet {
                 print(&format!("{} holds the whole of it\n", request.folder.display()))?;
             }
-            return Ok(None);
+            return Ok(Begun::Finished(done));
         }
         // What another command wrote is not removed by --resume.
         let folder = if resume { request.reopen() } else { request.open() }?;
-        Ok(Some((Self { folder, file, asked }, earlier.and_then(|kept| kept.work))))
+        Ok(Begun::Open(Self { folder, file, asked }, earlier.and_then(|content| content.work)))
     }
 
     /// Keeps what came of the command so far.
     pub fn keep(&mut self, work: &impl Serialize) -> Result<(), OutputError> {
-        self.write(Some(work), false)
+        self.write(Some(work), None)
     }
 
-    /// Keeps that it is finished.
-    pub fn finish(&mut self) -> Result<(), OutputError> {
-        self.write(None::<()>, true)
+    /// Keeps that it is finished, and how it ended.
+    pub fn finish(&mut self, done: Done) -> Result<(), OutputError> {
+        self.write(None::<()>, Some(done))
     }
 
-    fn write(&mut self, work: Option<impl Serialize>, finished: bool) -> Result<(), OutputError> {
-        let kept = json!({ "asked": self.asked, "work": work, "finished": finished });
-        self.folder.bytes(self.file, kept.to_string() + "\n")
+    fn write(&mut self, work: Option<impl Serialize>, finished: Option<Done>) -> Result<(), OutputError> {
+        let content = json!({ "asked": self.asked, "work": work, "finished": finished });
+        self.folder.bytes(self.file, content.to_string() + "\n")
     }
 }
