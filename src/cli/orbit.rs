@@ -100,12 +100,14 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 
 fn text(simulation: &Simulation, found: &Found) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
-    writeln!(out, "{}: {} orbits", simulation.name, found.orbits.len())?;
+    let count = found.orbits.len();
+    writeln!(out, "{}: {count} {}", simulation.name, if count == 1 { "orbit" } else { "orbits" })?;
     let head = ["period", "word", "stable", "largest multiplier", "residual"].map(String::from);
     let rows = found.orbits.iter().map(|orbit| {
         let stable = if orbit.is_stable { "yes" } else { "no" };
         let [largest, residual] = [orbit.largest_multiplier(), orbit.residual].map(number);
-        vec![orbit.period.to_string(), orbit.word(), stable.to_owned(), largest, residual]
+        let word = if orbit.image.word.is_empty() { "no event".to_owned() } else { orbit.word() };
+        vec![orbit.period.to_string(), word, stable.to_owned(), largest, residual]
     });
     if !found.orbits.is_empty() {
         write!(out, "{}", Table::new(head).with(rows))?;

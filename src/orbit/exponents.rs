@@ -330,7 +330,7 @@ impl Lyapunov {
             sum: exponents.iter().flatten().sum::<f64>() + 0.0,
             band: null(&band),
             exponents,
-            sum_rule: now.volume.filter(|_| latches == 0).map(|volume| volume / (cycles as f64 * period)),
+            sum_rule: now.volume.filter(|_| latches == 0 && cycles > 0).map(|volume| volume / (cycles as f64 * period)),
             cycles,
             dropped,
             unit: if simulation.dimensionless { "1/time" } else { "1/s" },
