@@ -180,10 +180,10 @@ impl Lyapunov {
     ) -> Result<Exponents, SimulationError> {
         let map = SectionMap::new(simulation)?;
         let (drift, period) = (map.drift(), simulation.period()?);
-        let finite = match (&earlier, self.finite) {
-            (Some(earlier), _) => earlier.finite.clone(),
-            (None, Some(cycles)) => finite_time(&map, &drift, cycles, period, task)?,
-            (None, None) => None,
+        // What was kept has them.
+        let finite = match self.finite.filter(|_| earlier.is_none()) {
+            Some(cycles) => finite_time(&map, &drift, cycles, period, task)?,
+            None => None,
         };
         self.average(&map, &drift, earlier, finite, keep, task)
     }

@@ -75,6 +75,27 @@ fn exponents_that_were_broken_off_go_on() {
     }
 }
 
+/// `x″ + 2.5 x′ + x` has the exponents −½ and −2. Columns that have turned to them stay there, also where a run begins anew: one that
+/// started as a unit matrix again would add some 1e-5 to the mean.
+#[test]
+fn columns_keep_their_directions_where_a_run_begins_anew() {
+    let overdamped = open(json!({
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": [[1]], "damping_n_s_per_m": [[2.5]], "stiffness_n_per_m": [[1]],
+            "load_harmonics": [{ "vector_n": [0.1], "frequency_rad_per_s": 3.0, "phase_rad": 0 }],
+            "contacts": [{ "direction": [1], "half_backlash_m": 5, "stiffness": 1, "law": { "kind": "kelvin-voigt" } }],
+        },
+        "initial": { "q": [0.1], "v": [0] },
+        "run": { "cycles": 100 },
+    }));
+    let found = Lyapunov { cycles: Some(9000), ..Lyapunov::default() }.run(&overdamped, Task::default()).unwrap();
+    for (exponent, expected) in found.exponents.iter().zip([-0.5, -2.0]) {
+        // A mean of 9000 sums, each rounded.
+        assert!((exponent.unwrap() - expected).abs() <= 1e-12, "{exponent:?}");
+    }
+}
+
 /// Impacts against a wall amplify a rounding of the start by 6.5e12 over 60 periods: the finite-time exponents say how far they are known.
 /// `ln σ_max/t` is 0.2270042318035 over t = 130 by a computation with 110 digits.
 #[test]

@@ -71,6 +71,25 @@ fn unstable_orbits_of_long_periods_are_found_with_both_multipliers() {
     assert!(found.len() >= 2 && found.iter().any(|large| *large > 1e3), "{found:?}");
 }
 
+/// What is known of an orbit that multiple shooting has found is what its period as a whole tells.
+#[test]
+fn cycles_of_an_orbit_are_joined_in_their_order() {
+    let pair = pair(0.05, LOAD, 0.2, 1.25, 0.3, 0.1);
+    let map = SectionMap::new(&pair).unwrap();
+    let all = trail(&pair, &map, 200, 1500);
+    let closes = |i: &usize| off(&all[*i], &all[*i + 3]);
+    // Away from orbits of one cycle.
+    let others = (0..all.len() - 3).filter(|i| off(&all[*i], &all[i + 1]) > 0.3);
+    let best = others.min_by(|a, b| closes(a).total_cmp(&closes(b))).unwrap();
+    let orbit = map.shoot(&all[best..best + 3], &map.drift()).unwrap();
+    let load = [pair.variation("/train/mean_load").unwrap()];
+    let whole = map.image_by(&orbit.section, orbit.period, &load).unwrap();
+    assert!(orbit.period == 3 && orbit.image.word == whole.word && orbit.image.between.len() == 3);
+    let largest = whole.jacobian.amax();
+    // The end of a cycle is the start of the next one to 1e-15, which the cycles left amplify by no more than their derivative.
+    assert!((&orbit.image.jacobian - &whole.jacobian).amax() <= 1e-11 * largest, "{}", orbit.image.jacobian);
+}
+
 /// Between the fold at 0.708 and the graze at 0.821 the pair has a motion in contact, one that separates, and an unstable one between.
 #[test]
 fn starts_find_orbits_that_coexist() {
