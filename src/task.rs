@@ -9,7 +9,7 @@ use std::{
 /// How far work has come.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Progress {
-    /// One more unit is done: a scene of a study, a row of a sweep, a run of a map.
+    /// One more unit is done: a scene of a study, a row of a sweep, a run of a map, an orbit of a branch.
     Unit,
     /// This share of a run is done, in [0, 1].
     Share(f64),

@@ -342,6 +342,23 @@ fn plane(scene: &Value, kind: Kind, first: (&str, [f64; 2]), second: (&str, [f64
     curves(&family, kind, &branches, Vec::new(), &mut |_| Ok(()), Task::default()).unwrap()
 }
 
+/// One bounce a cycle begins at a fold and ends at a doubling, both in closed form (Holmes 1982).
+#[test]
+fn a_ball_on_a_table_doubles_on_the_curve_of_holmes() {
+    let ball = Scene::from_file("examples/scenes/bouncing-ball.json").unwrap().resolved().clone();
+    let fold = |e: f64| std::f64::consts::PI * (1.0 - e) / (1.0 + e);
+    let doubling = |e: f64| fold(e).hypot(2.0 * (1.0 + e * e) / (1.0 + e).powi(2));
+    for (kind, exact) in [(Kind::Fold, &fold as &dyn Fn(f64) -> f64), (Kind::PeriodDoubling, &doubling)] {
+        let amplitude = ("/train/wall_motion/0/amplitude_m", [0.4, 3.0]);
+        let curves = plane(&ball, kind, amplitude, ("/train/law/restitution", [0.2, 0.8]));
+        assert!(curves.len() == 1 && curves[0].points.len() > 20, "{kind:?}: {}", curves.len());
+        for point in &curves[0].points {
+            let off = (point.value - exact(point.second)).abs();
+            assert!(off <= 1e-11 * point.value, "{kind:?} {}: {off:e}", point.second);
+        }
+    }
+}
+
 /// Grazes of free motions, on both sides of the resonance, in the plane of frequency and load: closed forms of the amplitude.
 #[test]
 fn grazes_have_the_curves_of_their_closed_forms() {

@@ -235,6 +235,7 @@ impl Solver<'_> {
             if points.len() >= MOST {
                 return (points, format!("{MOST} points are computed; take shorter ranges"), first);
             }
+            task.advance();
             let (along, _) = head.directions(ranges);
             let asides = if points.is_empty() { ASIDE_FIRST } else { ASIDE }.map(|aside| aside * h);
             let slice = Plane::through(&head.node, &along, h);

@@ -240,6 +240,7 @@ impl Solver<'_> {
                 trace.end = format!("{most} points are computed; take a shorter range");
                 return trace;
             }
+            task.advance();
             let ahead = here.value + h * here.tangent.p * range;
             let end = if ahead >= to {
                 Some(to)

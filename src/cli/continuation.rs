@@ -3,9 +3,11 @@
 use std::{
     fmt::Write,
     path::{Path, PathBuf},
+    sync::atomic::{AtomicUsize, Ordering},
 };
 
 use flank::{
+    Progress,
     branch::{Continuation, Curve, Family, Followed, Kind, curves},
     output::{Fault, Folder, OutputError, Request, Table, five_digits as number},
     scene::Scene,
@@ -136,7 +138,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     };
     let mut branches = Branches::new(family.clone())?;
     let bar = running(arguments.quiet);
-    let progress = |progress| show(&bar, progress, None);
+    let tried = AtomicUsize::new(0);
+    let progress = |progress| match progress {
+        Progress::Unit => bar.set_message(format!("{} orbits", tried.fetch_add(1, Ordering::Relaxed) + 1)),
+        Progress::Share(_) => show(&bar, progress, None),
+    };
     catch_interrupt();
     let task = cancellable(&progress);
     let method = Continuation { period: arguments.period, doublings: arguments.doublings };
