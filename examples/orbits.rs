@@ -40,6 +40,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let chaos = Simulation::from_file("examples/scenes/W1a-ch.json")?;
     let exponents = Lyapunov { cycles: Some(20_000), ..Lyapunov::default() }.run(&chaos, Task::default())?;
     writeln!(out, "exponents {:?} ± {:?}", exponents.exponents, exponents.band)?;
-    writeln!(out, "sum {} (must be {:?})", exponents.sum, exponents.sum_rule)?;
+    writeln!(out, "sum {:?} (must be {:?})", exponents.sum, exponents.sum_rule)?;
     Ok(())
 }

@@ -210,7 +210,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("kernel", 6450),
     ("linalg", 150),
     ("map", 3000),
-    ("orbit", 3800),
+    ("orbit", 3950),
     ("output", 450),
     ("plot", 1950),
     ("poly", 1000),
@@ -219,7 +219,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("study", 6750),
     ("sweep", 1250),
     ("system", 4000),
-    ("tangent", 850),
+    ("tangent", 900),
     ("train", 1550),
     ("verify", 800),
 ];

@@ -75,7 +75,12 @@ impl Checkpoint {
         }
         // What another command wrote is not removed by --resume.
         let folder = if resume { request.reopen() } else { request.open() }?;
-        Ok(Begun::Open(Self { folder, file, asked }, earlier.and_then(|content| content.work)))
+        let (work, mut checkpoint) = (earlier.and_then(|content| content.work), Self { folder, file, asked });
+        if work.is_none() {
+            // What is broken off before any work is kept is known by what was asked.
+            checkpoint.write(None::<()>, None)?;
+        }
+        Ok(Begun::Open(checkpoint, work))
     }
 
     /// Keeps what came of the command so far.

@@ -94,21 +94,22 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         return Err(error.into());
     }
     let exponents = exponents?;
-    let is_whole = exponents.reason.as_deref() != Some(INTERRUPTED);
+    let is_interrupted = exponents.reason.as_deref() == Some(INTERRUPTED);
+    let done = if exponents.is_whole { Done::Completely } else { Done::Partly };
     if !exponents.course.is_empty() {
         pictures::exponents(&simulation, &exponents).write(&mut checkpoint.folder)?;
     }
     checkpoint.folder.complete(LYAPUNOV, &exponents)?;
     match &last {
-        _ if is_whole => checkpoint.finish(Done::Completely)?,
+        _ if !is_interrupted => checkpoint.finish(done)?,
         Some(last) => checkpoint.keep(last)?,
         None => {}
     }
     if !arguments.quiet {
         print(&text(&simulation.name, &exponents).unwrap_or_default())?;
     }
-    if is_whole {
-        return Ok(Done::Completely);
+    if !is_interrupted {
+        return Ok(done);
     }
     if !arguments.quiet {
         let kept = if last.is_some() { "the averages so far are kept" } else { "too few cycles for averages to keep" };
@@ -120,13 +121,25 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 fn text(name: &str, e: &Exponents) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
     writeln!(out, "{name}: exponents over {} cycles, {}", e.cycles, e.unit)?;
+    let list = |values: &[Option<f64>]| {
+        let value = |value: &Option<f64>| value.map_or("-infinity".to_owned(), number);
+        values.iter().map(value).collect::<Vec<_>>().join(", ")
+    };
     let rows = e.exponents.iter().zip(&e.band).enumerate().map(|(i, (exponent, band))| {
         let exponent = exponent.map_or("-infinity".to_owned(), number);
         vec![(i + 1).to_string(), exponent, band.map_or(String::new(), |band| format!("± {}", number(band)))]
     });
     write!(out, "{}", Table::default().with(rows))?;
     let rule = e.sum_rule.map_or(String::new(), |rule| format!(", must be {}", number(rule)));
-    writeln!(out, "sum {}{rule}", number(e.sum))?;
+    if let Some(sum) = e.sum {
+        writeln!(out, "sum {}{rule}", number(sum))?;
+    }
+    if let Some(without) = &e.without_saltation {
+        writeln!(out, "without saltation: {}", list(&without.exponents))?;
+    }
+    if let Some(finite) = &e.finite {
+        writeln!(out, "over the first {} cycles from the start: {}", finite.cycles, list(&finite.exponents))?;
+    }
     if let Some(reason) = &e.reason {
         writeln!(out, "{reason}")?;
     }

@@ -69,8 +69,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);
     catch_interrupt();
-    let (task, mut failed) = (cancellable(&progress), None);
-    let mut keep = |work: &Searched| failed = failed.take().or(checkpoint.keep(work).err());
+    let (task, mut failed, mut is_kept) = (cancellable(&progress), None, earlier.is_some());
+    let mut keep = |work: &Searched| {
+        failed = failed.take().or(checkpoint.keep(work).err());
+        is_kept = true;
+    };
     let pool = threads(arguments.threads)?;
     let found = pool.install(|| search.go_on(&simulation, earlier, &mut keep, task));
     bar.finish_and_clear();
@@ -78,11 +81,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         return Err(error.into());
     }
     let found = found?;
+    checkpoint.folder.complete(ORBIT, &found.report(&simulation))?;
     if let Some(orbit) = found.orbits.first() {
         pictures::orbit(&simulation, orbit)?.write(&mut checkpoint.folder)?;
     }
-    checkpoint.folder.complete(ORBIT, &found.report(&simulation))?;
-    let done = if found.orbits.is_empty() { Done::Partly } else { Done::Completely };
+    let done = if found.reason.is_some() { Done::Partly } else { Done::Completely };
     if !task.is_cancelled() {
         checkpoint.finish(done)?;
     }
@@ -93,7 +96,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         return Ok(done);
     }
     if !arguments.quiet {
-        print("interrupted: what was found is kept; the same command with --resume goes on\n")?;
+        let kept = if is_kept { "; the same command with --resume goes on" } else { "" };
+        print(&format!("what was found is in {ORBIT}{kept}\n"))?;
     }
     Ok(Done::Partly)
 }
@@ -112,8 +116,10 @@ fn text(simulation: &Simulation, found: &Found) -> Result<String, std::fmt::Erro
     if !found.orbits.is_empty() {
         write!(out, "{}", Table::new(head).with(rows))?;
     }
-    if let Some(reason) = &found.reason {
-        writeln!(out, "no orbit: {reason} (best residual {})", number(found.best))?;
+    match &found.reason {
+        Some(reason) if count == 0 => writeln!(out, "no orbit: {reason} (best residual {})", number(found.best))?,
+        Some(reason) => writeln!(out, "{reason}")?,
+        None => {}
     }
     Ok(out)
 }

@@ -13,7 +13,7 @@ use super::{
     words::{Sequence, Speller, Statistics},
 };
 use crate::{
-    engine::{Engine, Outcome},
+    engine::{Engine, State},
     simulation::{Simulation, SimulationError},
     task::{Progress, Task},
 };
@@ -24,7 +24,9 @@ const DROPPED: u64 = 1000;
 const MOST: u64 = 1_000_000;
 /// Band of the largest exponent that is good enough, as a share of the largest in size.
 const BAND: f64 = 1e-3;
-/// Why an interrupted average ends.
+/// Share of the largest exponent that the sum may be off its rule: logarithms are summed to some 1e-13 of themselves.
+const RULE: f64 = 1e-9;
+/// Why interrupted work ends.
 pub const INTERRUPTED: &str = "interrupted";
 /// Cycles whose words are read.
 const SPELLED: u64 = 100_000;
@@ -52,8 +54,8 @@ pub struct Exponents {
     pub exponents: Vec<Option<f64>>,
     /// One standard error each.
     pub band: Vec<Option<f64>>,
-    /// Their sum, of those that are finite.
-    pub sum: f64,
+    /// Their sum, of those that are finite; `null` before the first cycle.
+    pub sum: Option<f64>,
     /// The value that the sum must have; `null` where contacts rest or latch speeds.
     pub sum_rule: Option<f64>,
     /// Cycles averaged.
@@ -66,8 +68,11 @@ pub struct Exponents {
     pub drift: usize,
     /// What the words of the averaged cycles tell, of at most the first hundred thousand.
     pub words: Statistics,
-    /// Why it stopped before the band was small enough, if so.
+    /// Why it stopped before the band was small enough, or before its end, if so.
     pub reason: Option<String>,
+    /// All cycles that were asked for are averaged.
+    #[serde(skip)]
+    pub is_whole: bool,
     /// What only the derivative of each reset gives, without the change of event times.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub without_saltation: Option<WithoutSaltation>,
@@ -234,7 +239,7 @@ impl Lyapunov {
             }
         };
         let mut speller = Speller::new(&simulation.structure, &now.section.x);
-        let mut reason = None;
+        let (mut reason, mut is_whole) = (None, true);
         while now.cycle < dropped + most {
             if now.cycle.is_multiple_of(KEPT) && now.cycle > 0 {
                 let (frame, bare) = running.held();
@@ -247,13 +252,20 @@ impl Lyapunov {
             now.cycle += 1;
             let Course { engine, frame, bare } = &mut running;
             let spells = now.cycle <= dropped + SPELLED;
-            let outcome =
-                engine.run(map.at(now.cycle), &mut ((&mut *frame, &mut *bare), spells.then_some(&mut speller)))?;
+            let observer = &mut ((&mut *frame, &mut *bare), spells.then_some(&mut speller));
+            let run = map.advance(engine, map.at(now.cycle), observer);
             let (logs, bare_logs) = (frame.take(), bare.as_mut().map(Frame::take));
-            if logs.iter().chain(bare_logs.iter().flatten()).any(|log| !log.is_finite()) {
-                return Err(simulation.missing("the derivative of its motion leaves the range of numbers"));
+            let all_logs = logs.iter().chain(bare_logs.iter().flatten());
+            if let Err(error) = run.and_then(|()| known(simulation, engine.state(), frame, all_logs)) {
+                // A cycle that is not whole counts for nothing.
+                if now.averages.cycles == 0 && now.finite.is_none() {
+                    return Err(error);
+                }
+                (now.cycle, reason, is_whole) = (now.cycle - 1, Some(error.to_string()), false);
+                break;
             }
-            if now.cycle == dropped {
+            // Twice: columns that have turned to what a speed leaves behind that was latched once, and never again, have to turn back.
+            if [dropped / 2, dropped].contains(&now.cycle) {
                 frame.begin();
                 bare.iter_mut().for_each(Frame::begin);
             }
@@ -267,12 +279,8 @@ impl Lyapunov {
                 now.volume = now.volume.map(|volume| volume + frame.tangent.volume).filter(|volume| volume.is_finite());
             }
             frame.tangent.volume = 0.0;
-            if frame.tangent.is_unresolved {
-                return Err(simulation.missing("the derivative along a step of its motion cannot be resolved"));
-            }
-            if outcome != Outcome::ReachedEnd || task.is_cancelled() {
-                let why = if task.is_cancelled() { INTERRUPTED } else { "the limit on events is reached" };
-                reason = Some(why.to_owned());
+            if task.is_cancelled() {
+                (reason, is_whole) = (Some(INTERRUPTED.to_owned()), false);
                 break;
             }
             let averaged = now.averages.cycles;
@@ -325,23 +333,53 @@ impl Lyapunov {
         });
         let exponents = null(&mean);
         let cycles = now.averages.cycles;
+        // The empty sum would be -0.
+        let sum = (cycles > 0).then(|| exponents.iter().flatten().sum::<f64>() + 0.0);
+        let known = now.volume.filter(|_| latches == 0 && cycles > 0);
+        let sum_rule = known.map(|volume| volume / (cycles as f64 * period));
+        let largest = exponents.iter().flatten().fold(0.0, |m: f64, e| m.max(e.abs()));
+        if let (Some(sum), Some(rule)) = (sum, sum_rule)
+            && (sum - rule).abs() > RULE * largest
+        {
+            is_whole = false;
+            reason = Some(format!("the exponents have the sum {sum}, which must be {rule}: do not use them"));
+        }
         Ok(Exponents {
-            // The empty sum would be -0.
-            sum: exponents.iter().flatten().sum::<f64>() + 0.0,
+            sum,
             band: null(&band),
             exponents,
-            sum_rule: now.volume.filter(|_| latches == 0 && cycles > 0).map(|volume| volume / (cycles as f64 * period)),
+            sum_rule,
             cycles,
             dropped,
             unit: if simulation.dimensionless { "1/time" } else { "1/s" },
             drift: drift.is_free.iter().map(|free| 1 + usize::from(*free)).sum(),
             words: now.sequence.statistics(),
             reason,
+            is_whole,
             without_saltation: bare,
             finite: now.finite,
             course: now.course,
         })
     }
+}
+
+/// Whether a cycle that ends in `state` has left everything within the range of numbers.
+fn known<'l>(
+    simulation: &Simulation,
+    state: &State,
+    frame: &Frame<'_>,
+    mut logs: impl Iterator<Item = &'l f64>,
+) -> Result<(), SimulationError> {
+    let what = if !state.x.iter().all(|x| x.is_finite()) {
+        "its motion leaves the range of numbers"
+    } else if frame.is_unresolved() {
+        "the derivative along a step of its motion cannot be resolved"
+    } else if !logs.all(|log| log.is_finite()) {
+        "the derivative of its motion leaves the range of numbers"
+    } else {
+        return Ok(());
+    };
+    Err(simulation.missing(what))
 }
 
 /// Exponents of the first `cycles` cycles, and how far rounding may have moved them.
@@ -355,20 +393,21 @@ fn finite_time(
 ) -> Result<Option<Finite>, SimulationError> {
     let simulation = map.simulation();
     let start = map.start()?;
-    let from = |section: &Section| {
+    // The exponents, and how many steps and events there were.
+    type Known = (Vec<Option<f64>>, f64);
+    let from = |section: &Section| -> Result<Option<Known>, SimulationError> {
         let start = map.state(section)?;
         let mut frame = Frame::new(simulation, drift, 1.0);
         frame.start(&start);
         let mut engine = simulation.engine(start)?;
         for cycle in 1..=cycles {
-            if engine.run(map.at(cycle), &mut frame)? != Outcome::ReachedEnd {
-                return Err(simulation.missing("its run stops before the cycles asked for; raise its limit on events"));
-            }
+            map.advance(&mut engine, map.at(cycle), &mut frame)?;
             if task.is_cancelled() {
                 return Ok(None);
             }
         }
         let logs = frame.take();
+        known(simulation, engine.state(), &frame, logs.iter())?;
         let exponent = |(log, lost): (&f64, &bool)| (!lost).then_some(log / (cycles as f64 * period));
         let counters = engine.counters();
         let exponents: Vec<Option<f64>> = logs.iter().zip(&frame.lost).map(exponent).collect();

@@ -133,6 +133,13 @@ impl<'s> Frame<'s> {
         self.resting = self.tangent.rests.then(|| mode.clone());
     }
 
+    /// Whether a column has lost its rank since the last time.
+    pub(super) fn has_lost(&mut self) -> bool {
+        let lost = self.lost.contains(&true);
+        self.lost.clone_from(&self.zero);
+        lost
+    }
+
     /// Takes the averages to begin here: nothing that rested or latched before has a part in them.
     pub(super) fn begin(&mut self) {
         self.lost.clone_from(&self.zero);

@@ -190,6 +190,8 @@ struct Watched<'m, 's> {
     frame: Frame<'m>,
     /// Logarithms of the growth of the column, a row for each cycle.
     rows: Vec<Vec<f64>>,
+    /// In which cycles rest has taken its rank.
+    lost: Vec<bool>,
     sections: Vec<Section>,
     observables: [Vec<f64>; 4],
     is_settled: bool,
@@ -256,7 +258,7 @@ impl<'m, 's> Watched<'m, 's> {
         let mut frame = Frame::single(simulation, drift);
         frame.start(state);
         let observables = [const { Vec::new() }; 4];
-        Self { map, drift, frame, rows: Vec::new(), sections: Vec::new(), observables, is_settled }
+        Self { map, drift, frame, rows: Vec::new(), lost: Vec::new(), sections: Vec::new(), observables, is_settled }
     }
 
     /// Runs one cycle more. Whether it ended.
@@ -266,6 +268,7 @@ impl<'m, 's> Watched<'m, 's> {
             return Ok(false);
         }
         self.rows.push(self.frame.take());
+        self.lost.push(self.frame.has_lost());
         let section = self.map.section(engine.state());
         self.map.observe(&section, &mut self.observables);
         self.sections.push(section);
@@ -275,7 +278,8 @@ impl<'m, 's> Watched<'m, 's> {
     fn figures(&self, period: f64) -> Figures {
         let half = if self.is_settled { 0 } else { self.rows.len() / 2 };
         let figures = Figures::new(&self.rows[half..], self.observables.iter().map(|values| &values[half..]), period);
-        Figures { exponent: if self.frame.lost[0] { f64::NEG_INFINITY } else { figures.exponent }, ..figures }
+        let is_lost = self.lost[half..].contains(&true);
+        Figures { exponent: if is_lost { f64::NEG_INFINITY } else { figures.exponent }, ..figures }
     }
 
     /// Whether the motion grows from quarter to quarter of the cycles.

@@ -1,11 +1,14 @@
 //! Pictures: an orbit against its backlash, and how exponents settle.
 
-use std::f64::consts::TAU;
+use std::{f64::consts::TAU, ops::ControlFlow};
 
 use nalgebra::Complex;
 
-use super::{Exponents, Orbit, SectionMap, words::Speller};
+use super::{Exponents, Orbit, SectionMap};
 use crate::{
+    engine::{Jumped, Observer},
+    event::EventRecord,
+    hybrid::{Instant, Mode},
     plot::{Axis, Figure, Guide, Panel, Series, Style},
     simulation::{Simulation, SimulationError},
 };
@@ -21,6 +24,28 @@ pub const ORBIT: &str = "orbit";
 /// Name of the picture of exponents.
 pub const EXPONENTS: &str = "exponents";
 
+/// The states before and after each jump.
+#[derive(Default)]
+struct Jumps(Vec<(Instant, Vec<f64>, Vec<f64>)>);
+
+impl Observer for Jumps {
+    fn wants_steps(&self, _: &Mode) -> bool {
+        false
+    }
+
+    fn wants_jumps(&self) -> bool {
+        true
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        self.0.push((jumped.at, jumped.x_minus.to_vec(), jumped.x_plus.to_vec()));
+    }
+
+    fn event(&mut self, _: &EventRecord) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}
+
 /// The deflection of each contact over the period and against its rate, and the multipliers in the unit circle.
 ///
 /// # Errors
@@ -30,31 +55,56 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit) -> Result<Figure, Simulatio
     let contacts = &structure.spec().contacts[..structure.contacts().len().min(MOST)];
     let period = simulation.period()?;
     let map = SectionMap::new(simulation)?;
-    let mut speller = Speller::new(structure, &orbit.section.x);
-    map.watch(&orbit.section, orbit.period, &mut speller)?;
+    let mut jumps = Jumps::default();
+    map.watch(&orbit.section, orbit.period, &mut jumps)?;
     let mut engine = simulation.engine(map.state(&orbit.section)?)?;
     let (clock, start) = (simulation.clock(), engine.state().at);
-    let events = speller.letters.iter().map(|letter| clock.between(start, letter.at) / period);
-    let events: Vec<f64> = std::iter::once(0.0).chain(events).collect();
-    let inside = events.windows(2).flat_map(|pair| {
-        let share = move |k: u64| k as f64 / BETWEEN as f64;
-        (0..BETWEEN).map(move |k| pair[0] + share(k) * (pair[1] - pair[0]))
-    });
-    let mut cycles: Vec<f64> = (0..=orbit.period * SAMPLES).map(|i| i as f64 / SAMPLES as f64).chain(inside).collect();
-    cycles.sort_by(f64::total_cmp);
-    cycles.dedup();
+    let mut cycles = Vec::new();
     let mut shown = vec![(Vec::new(), Vec::new()); contacts.len()];
-    for cycle in &cycles {
-        engine.run(clock.at(start.cycle + cycle.trunc() as i64, cycle.fract() * period), &mut ())?;
-        let state = engine.state();
+    let mut show = |cycle: f64, at: Instant, x: &[f64]| {
+        cycles.push(cycle);
         for (j, (deflections, rates)) in shown.iter_mut().enumerate() {
-            let (deflection, rate) = structure.deflection(j, state.at, &state.x);
+            let (deflection, rate) = structure.deflection(j, at, x);
             deflections.push(deflection);
             rates.push(rate);
         }
+    };
+    // From event to event, with the states before and after each.
+    let (mut from, mut x) = (0.0, engine.state().x.clone());
+    let ends =
+        jumps.0.iter().map(|(at, before, after)| (clock.between(start, *at) / period, Some((at, before, after))));
+    for (to, jump) in ends.chain([(orbit.period as f64, None)]) {
+        show(from, clock.at(start.cycle + from.trunc() as i64, from.fract() * period), &x);
+        let samples = ((SAMPLES as f64 * (to - from)).ceil() as u64).max(BETWEEN);
+        for k in 1..samples {
+            let cycle = from + (to - from) * k as f64 / samples as f64;
+            let at = clock.at(start.cycle + cycle.trunc() as i64, cycle.fract() * period);
+            map.advance(&mut engine, at, &mut ())?;
+            show(cycle, at, &engine.state().x);
+        }
+        from = to;
+        if let Some((at, before, after)) = jump {
+            show(to, *at, before);
+            x.clone_from(after);
+        }
     }
+    map.advance(&mut engine, map.at(orbit.period), &mut ())?;
+    show(orbit.period as f64, map.at(orbit.period), &engine.state().x);
     let (m, speed) = (simulation.unit("m"), simulation.unit("m/s"));
-    let deflection = || Axis::new("deflection", m);
+    let flanks_of = contacts.iter().flat_map(|c| [c.half_backlash, -c.half_backlash]);
+    let all = || shown.iter().flat_map(|(deflections, _)| deflections.iter().copied());
+    let [low, high] = [all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max)];
+    // A flank that is touched is not drawn upon the frame.
+    let [low, high] = flanks_of.fold([low, high], |[low, high], flank| {
+        let near = 0.2 * (high - low);
+        let is_near = (low - near..=high + near).contains(&flank);
+        if is_near { [low.min(flank), high.max(flank)] } else { [low, high] }
+    });
+    let margin = 0.05 * (high - low);
+    let deflection = || {
+        let axis = Axis::new("deflection", m);
+        if margin > 0.0 { axis.between(low - margin, high + margin) } else { axis }
+    };
     let line = |j: usize, x: Vec<f64>, y: Vec<f64>| Series::line(contacts[j].name.clone(), j, x, y);
     // The flanks of all contacts, each once.
     let mut flanks: Vec<(f64, &str)> = Vec::new();
@@ -70,7 +120,7 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit) -> Result<Figure, Simulatio
     let upright = flanks.iter().map(|(x, name)| Guide::Vertical { x: *x, name: (*name).to_owned() });
     let over = Panel {
         title: "Over the period".to_owned(),
-        x: Axis::new("cycle", "").between(0.0, orbit.period as f64),
+        x: Axis::new("time", "cycles").between(0.0, orbit.period as f64),
         y: deflection(),
         series: (0..contacts.len()).map(|j| line(j, cycles.clone(), shown[j].0.clone())).collect(),
         guides: across.collect(),
@@ -79,7 +129,7 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit) -> Result<Figure, Simulatio
     let portrait = Panel {
         title: "Phase portrait".to_owned(),
         x: deflection(),
-        y: Axis::new("rate", speed),
+        y: Axis::new("rate of deflection", speed),
         series: (0..contacts.len()).map(|j| line(j, shown[j].0.clone(), shown[j].1.clone())).collect(),
         guides: upright.collect(),
         names_above: true,
@@ -119,7 +169,7 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit) -> Result<Figure, Simulatio
     let rest = if left_out > 0 { format!(" {left_out} further contacts are not drawn.") } else { String::new() };
     Ok(Figure {
         id: ORBIT.to_owned(),
-        title: format!("Periodic orbit of {}", simulation.title()),
+        title: format!("Periodic orbit of {}, {stable}", simulation.title()),
         caption: format!("Period {} cycles, {stable}. Word: {}.{rest}", orbit.period, shortened(&orbit.word())),
         columns: 3,
         panels: vec![over, portrait, plane],

@@ -5,15 +5,14 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::{
-    Drift, Missed, Orbit, SectionMap,
+    Drift, INTERRUPTED, Missed, Orbit, SectionMap,
     newton::{Options, SAME},
+    report::components,
     section::Section,
     unknowns::{ACCELERATES, distance},
-    words::{normal, text},
 };
 use crate::{
     simulation::{Simulation, SimulationError},
-    system::ContactMode,
     task::{Progress, Task},
 };
 
@@ -29,6 +28,8 @@ const PATIENCE: usize = 3;
 const KEPT: usize = 2000;
 /// Starts that are solved side by side, between two looks at the task.
 const BLOCK: usize = 64;
+/// Times its condition times its residual that an orbit may be off.
+const UNSURE: f64 = 10.0;
 /// Close returns that are tried.
 const RETURNS: usize = 24;
 
@@ -60,7 +61,7 @@ pub struct Found {
     pub orbits: Vec<Orbit>,
     /// The drift of the train.
     pub drift: Drift,
-    /// Why none was found, or what ended the search.
+    /// Why none was found, or what ended the search before its end.
     pub reason: Option<String>,
     /// The best residual, in scales, of what was not found.
     pub best: f64,
@@ -103,22 +104,29 @@ impl Search {
             }
             None => self.near(&map, &start, &mut found, task),
         }
-        let mut passed = Vec::new();
+        let (mut passed, mut ended) = (Vec::new(), None);
         if found.orbits.is_empty() || self.starts > 0 {
-            passed = self.pass(&map, &start, &mut found, task)?;
+            (passed, ended) = self.pass(&map, &start, task)?;
         }
         // An orbit is the same wherever it has drifted to: near the start it has the most digits.
         passed.iter_mut().for_each(|section| found.drift.take_back(simulation, section, &start));
         if is_new && found.orbits.is_empty() && !passed.is_empty() {
             self.returns(&map, &passed, &mut found, task);
         }
+        if is_new && self.starts > 0 && !task.is_cancelled() {
+            keep(&found.kept(0));
+        }
         self.spread(&map, &passed, first, &mut found, keep, task);
         found.pair_up(&map);
-        if found.orbits.is_empty() {
-            found.reason.get_or_insert("no state of the motion comes back near enough to itself".to_owned());
-        } else {
-            found.reason = None;
+        if task.is_cancelled() {
+            ended = Some(INTERRUPTED.to_owned());
         }
+        found.reason = if !found.orbits.is_empty() || ended.is_some() {
+            ended
+        } else {
+            let no_return = || "no state of the motion comes back near enough to itself".to_owned();
+            Some(found.reason.take().unwrap_or_else(no_return))
+        };
         Ok(found)
     }
 
@@ -174,23 +182,22 @@ impl Search {
         is_found
     }
 
-    /// Runs the scene, and gives the last of its sections.
+    /// Runs the scene; the last of its sections, and what ended it before its end.
     fn pass(
         &self,
         map: &SectionMap<'_>,
         start: &Section,
-        found: &mut Found,
         task: Task<'_>,
-    ) -> Result<Vec<Section>, SimulationError> {
+    ) -> Result<(Vec<Section>, Option<String>), SimulationError> {
         let simulation = map.simulation();
         let [from, _, end] = simulation.instants();
         let cycles = (end.cycle - from.cycle).max(1);
         let mut engine = simulation.engine(map.state(start)?)?;
         let first = engine.state().at.cycle;
-        let mut sections = std::collections::VecDeque::new();
+        let (mut sections, mut ended) = (std::collections::VecDeque::new(), None);
         for cycle in 1..=cycles {
-            if let Err(error) = engine.run(simulation.clock().at(first + cycle, 0.0), &mut ()) {
-                found.reason = Some(error.to_string());
+            if let Err(error) = map.advance(&mut engine, simulation.clock().at(first + cycle, 0.0), &mut ()) {
+                ended = Some(format!("the run of the scene ends in cycle {cycle}: {error}"));
                 break;
             }
             if sections.len() == KEPT {
@@ -204,7 +211,7 @@ impl Search {
                 break;
             }
         }
-        Ok(sections.into())
+        Ok((sections.into(), ended))
     }
 
     /// From the end of a run, and from its closest returns.
@@ -255,9 +262,10 @@ impl Search {
         let simulation = map.simulation();
         let n = simulation.structure.freedoms();
         let scales = map.scales_of(passed);
+        // Multiples of the roots of primes, which are independent, fill the cube evenly (Weyl 1916); the same on every machine.
+        let roots: Vec<f64> = primes().take(2 * n).map(|prime| (prime as f64).sqrt()).collect();
         let start = |i: usize| {
-            // Weyl's sequence: the same starts on every machine.
-            let spread = |k: usize| ((i + 1) as f64 * (k as f64 + 2.0).sqrt()).fract() * 2.0 - 1.0;
+            let spread = |k: usize| ((i + 1) as f64 * roots[k]).fract() * 2.0 - 1.0;
             if i.is_multiple_of(2) {
                 return passed[i * 7919 % passed.len()].clone();
             }
@@ -292,8 +300,7 @@ impl Search {
                 return;
             }
             solved.into_iter().flatten().for_each(|solved| found.take(map, solved));
-            let best = Some(found.best).filter(|best| best.is_finite());
-            keep(&Searched { starts: tried, orbits: found.orbits.clone(), best, reason: found.reason.clone() });
+            keep(&found.kept(tried));
             task.report(Progress::Share(tried as f64 / self.starts as f64));
             if task.is_cancelled() {
                 return;
@@ -331,24 +338,39 @@ impl FirstGuess<'_> {
     }
 }
 
+/// 2, 3, 5, 7, …
+fn primes() -> impl Iterator<Item = u64> {
+    (2..).filter(|n| (2..).take_while(|d| d * d <= *n).all(|d| n % d != 0))
+}
+
 impl Found {
+    /// What is kept of it after so many further starts.
+    fn kept(&self, starts: usize) -> Searched {
+        let best = Some(self.best).filter(|best| best.is_finite());
+        Searched { starts, orbits: self.orbits.clone(), best, reason: self.reason.clone() }
+    }
+
     /// Takes what Newton's method has come to.
     fn take(&mut self, map: &SectionMap<'_>, solved: Result<Orbit, Missed>) {
         match solved {
             Ok(orbit) => self.add(map, orbit),
-            Err(Missed { residual, reason }) if residual <= self.best => {
-                (self.best, self.reason) = (residual, Some(reason));
+            Err(Missed { residual, reason })
+                if residual <= self.best || residual.is_nan() && self.best == f64::INFINITY =>
+            {
+                (self.best, self.reason) = (if residual.is_nan() { f64::INFINITY } else { residual }, Some(reason));
             }
             Err(_) => {}
         }
     }
 
-    /// Adds an orbit that is not there yet, at any of its points.
+    /// Adds an orbit that is not there yet, at any of its points, each known to its condition times its residual.
     fn add(&mut self, map: &SectionMap<'_>, orbit: Orbit) {
-        let is_known = self
-            .orbits
-            .iter()
-            .any(|known| known.period == orbit.period && known.passes(map, &orbit.section.x, &self.drift, 1e3 * SAME));
+        let unsure = |orbit: &Orbit| (UNSURE * orbit.condition * orbit.residual).min(1e3 * SAME);
+        let is_same = |known: &Orbit| {
+            let within = SAME + unsure(known).max(unsure(&orbit));
+            known.period == orbit.period && known.passes(map, &orbit.section.x, &self.drift, within)
+        };
+        let is_known = self.orbits.iter().any(is_same);
         if !is_known {
             self.orbits.push(orbit);
         }
@@ -370,97 +392,5 @@ impl Found {
             "reason": self.reason,
             "best_residual": if self.best.is_finite() && self.orbits.is_empty() { json!(self.best) } else { Value::Null },
         })
-    }
-}
-
-/// The names of the components of the state.
-#[must_use]
-pub fn components(simulation: &Simulation) -> Vec<String> {
-    let spec = simulation.structure.spec();
-    let of = |kind: &str| spec.freedoms.iter().map(move |name| format!("{kind} {name}")).collect::<Vec<_>>();
-    let latched = simulation.structure.contacts().iter().filter(|c| c.latch().is_some());
-    of("q").into_iter().chain(of("v")).chain(latched.map(|c| format!("latched {}", c.spec.name))).collect()
-}
-
-/// An orbit as a file has it.
-#[derive(Serialize)]
-struct Row {
-    period_cycles: u64,
-    word: String,
-    /// Contacts gained and impacts, over periods of the forcing: p/q.
-    impacts_per_period: String,
-    x: Vec<f64>,
-    multipliers: Vec<[f64; 2]>,
-    stable: bool,
-    /// A multiplier is so near to the unit circle that rounding may decide about `stable`.
-    marginal: bool,
-    residual: f64,
-    condition: f64,
-    contacts: Vec<&'static str>,
-    piecewise: bool,
-    symmetric: bool,
-    /// Place in the list of the orbit that a symmetry of the train makes of it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    partner: Option<usize>,
-    initial: Value,
-}
-
-impl Orbit {
-    /// The orbit's word, in normal form.
-    #[must_use]
-    pub fn word(&self) -> String {
-        text(&normal(&self.image.word))
-    }
-
-    /// Contacts gained and impacts in the period.
-    #[must_use]
-    pub fn impacts(&self) -> usize {
-        let tokens = self.image.word.iter().flat_map(|token| token.split(['[', ']', ' ']));
-        tokens.filter(|token| token.starts_with(['c', 'i', 'z'])).count()
-    }
-
-    /// A block of a scene that starts there.
-    fn initial(&self, simulation: &Simulation) -> Value {
-        let structure = &simulation.structure;
-        let (n, x) = (structure.freedoms(), &self.section.x);
-        let mut initial = json!({ "q": x[..n], "v": x[n..2 * n] });
-        let mut latched = Map::new();
-        let mut detached = Vec::new();
-        for (c, state) in structure.contacts().iter().zip(&self.section.contacts) {
-            if let Some(latch) = c.latch().filter(|_| *state != ContactMode::Separated) {
-                latched.insert(c.spec.name.clone(), json!(x[latch]));
-            }
-            if matches!(state, ContactMode::DriveDetached | ContactMode::BackDetached) {
-                detached.push(c.spec.name.clone());
-            }
-        }
-        if !latched.is_empty() {
-            initial["latched"] = latched.into();
-        }
-        if !detached.is_empty() {
-            initial["detached"] = json!(detached);
-        }
-        initial
-    }
-
-    fn report(&self, simulation: &Simulation) -> Value {
-        let x = &self.section.x;
-        let row = Row {
-            period_cycles: self.period,
-            word: self.word(),
-            impacts_per_period: format!("{}/{}", self.impacts(), self.period),
-            x: x.clone(),
-            multipliers: self.multipliers.iter().map(|m| [m.re, m.im]).collect(),
-            stable: self.is_stable,
-            marginal: self.is_marginal,
-            residual: self.residual,
-            condition: self.condition,
-            contacts: self.section.contacts.iter().map(|contact| contact.name()).collect(),
-            piecewise: self.image.is_piecewise,
-            symmetric: self.is_symmetric,
-            partner: self.partner,
-            initial: self.initial(simulation),
-        };
-        json!(row)
     }
 }

@@ -1,10 +1,11 @@
 //! The map of a whole number of cycles, with its derivative.
 
 use crate::{
-    engine::{Observer, Outcome, State},
+    engine::{Engine, Observer, Outcome, State},
     hybrid::{Instant, Mode, Watch},
     simulation::{Simulation, SimulationError},
     system::{ContactMode, Variation, contact_mode, guard_id, set_contact},
+    tangent::zeros,
 };
 use nalgebra::DMatrix;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -41,8 +42,11 @@ pub struct Image {
     pub word: Vec<String>,
     /// Which latched speeds were written.
     pub latched: Vec<bool>,
-    /// Multipliers that are zero: one for each latched speed that was written, two for each contact that rested at one time.
+    /// Multipliers that are zero: the most that there are at one time of ranks that contacts at rest take, and of latched speeds of open
+    /// contacts, written when those close.
     pub zeros: usize,
+    /// What they are counted from.
+    pub(super) dead: Vec<(usize, Vec<bool>)>,
     /// `∫ div f dt + Σ ln |det|` of jumps; NaN where contacts rest or latch.
     #[serde(deserialize_with = "number")]
     pub volume: f64,
@@ -137,8 +141,21 @@ impl<'a> SectionMap<'a> {
             return Ok(self.section(&start));
         }
         let mut engine = self.simulation.engine(start)?;
-        engine.run(self.at(0), &mut ())?;
+        self.advance(&mut engine, self.at(0), &mut ())?;
         Ok(self.section(engine.state()))
+    }
+
+    /// Runs to `end`: where the limit on events is reached before, there is no section.
+    pub(super) fn advance(
+        &self,
+        engine: &mut Engine<'_>,
+        end: Instant,
+        observer: &mut dyn Observer,
+    ) -> Result<(), SimulationError> {
+        if engine.run(end, observer)? == Outcome::EventBudgetSpent {
+            return Err(self.simulation.missing("its run stops within a cycle; raise its limit on events"));
+        }
+        Ok(())
     }
 
     /// The section of a state.
@@ -180,7 +197,7 @@ impl<'a> SectionMap<'a> {
     /// [`SimulationError`].
     pub fn follow(&self, section: &Section, cycles: u64) -> Result<Section, SimulationError> {
         let mut engine = self.simulation.engine(self.state(section)?)?;
-        engine.run(self.at(cycles), &mut ())?;
+        self.advance(&mut engine, self.at(cycles), &mut ())?;
         Ok(self.section(engine.state()))
     }
 
@@ -190,8 +207,7 @@ impl<'a> SectionMap<'a> {
     /// [`SimulationError`].
     pub fn watch(&self, section: &Section, cycles: u64, observer: &mut dyn Observer) -> Result<(), SimulationError> {
         let mut engine = self.simulation.engine(self.state(section)?)?;
-        engine.run(self.at(cycles), observer)?;
-        Ok(())
+        self.advance(&mut engine, self.at(cycles), observer)
     }
 
     /// The next section of `other`, of the same train, that a section leads to: at once where both stand at one phase.
@@ -203,7 +219,7 @@ impl<'a> SectionMap<'a> {
             return Ok(section.clone());
         }
         let mut engine = self.simulation.engine(self.state(section)?)?;
-        engine.run(other.at(u64::from(other.phase < self.phase)), &mut ())?;
+        self.advance(&mut engine, other.at(u64::from(other.phase < self.phase)), &mut ())?;
         Ok(self.section(engine.state()))
     }
 
@@ -238,10 +254,7 @@ impl<'a> SectionMap<'a> {
         let mut engine = self.simulation.engine(state)?;
         let mut between = Vec::with_capacity(cycles as usize);
         for cycle in 1..=cycles {
-            let outcome = engine.run(self.at(cycle), &mut (&mut tangent, &mut *speller))?;
-            if outcome != Outcome::ReachedEnd {
-                return Err(self.simulation.missing("its run stops within a cycle; raise its limit on events"));
-            }
+            self.advance(&mut engine, self.at(cycle), &mut (&mut tangent, &mut *speller))?;
             if tangent.is_unresolved {
                 return Err(self.simulation.missing("the derivative along a step of its motion cannot be resolved"));
             }
@@ -256,7 +269,8 @@ impl<'a> SectionMap<'a> {
             jacobian: DMatrix::from_row_slice(dim, dim, &tangent.columns.values),
             by_number: DMatrix::from_row_slice(dim, variations.len(), &tangent.by_number().values),
             word: speller.ring(),
-            zeros: tangent.rested + tangent.latched.iter().filter(|latched| **latched).count(),
+            zeros: zeros(&tangent.dead, &tangent.latched),
+            dead: tangent.dead,
             latched: tangent.latched,
             volume: tangent.volume,
             is_piecewise: tangent.is_piecewise,

@@ -10,7 +10,7 @@ use super::{
     unknowns::Unknowns,
     words::Speller,
 };
-use crate::{simulation::SimulationError, system::Variation};
+use crate::{simulation::SimulationError, system::Variation, tangent::zeros};
 
 /// Unknowns at most: their matrix is full, and solving it costs the cube.
 const MOST: usize = 600;
@@ -33,8 +33,6 @@ struct Shots {
 /// The images of successive cycles as one; the word and the sizes of the last one are those of all.
 fn joined(images: &[Image]) -> Option<Image> {
     let (mut whole, last) = (images.first()?.clone(), images.last()?);
-    let written = |image: &Image| image.latched.iter().filter(|latched| **latched).count();
-    let mut rested = whole.zeros - written(&whole);
     (whole.word, whole.sizes) = (last.word.clone(), last.sizes.clone());
     for image in &images[1..] {
         whole.end = image.end.clone();
@@ -42,12 +40,12 @@ fn joined(images: &[Image]) -> Option<Image> {
         whole.by_number = &image.jacobian * &whole.by_number + &image.by_number;
         whole.jacobian = &image.jacobian * &whole.jacobian;
         whole.latched.iter_mut().zip(&image.latched).for_each(|(a, b)| *a |= b);
-        rested = rested.max(image.zeros - written(image));
+        whole.dead.extend(image.dead.iter().cloned());
         whole.volume += image.volume;
         whole.is_piecewise |= image.is_piecewise;
         whole.pieces += image.pieces;
     }
-    whole.zeros = rested + written(&whole);
+    whole.zeros = zeros(&whole.dead, &whole.latched);
     Some(whole)
 }
 

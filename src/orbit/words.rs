@@ -267,14 +267,13 @@ impl Observer for Speller<'_> {
             self.open.clear();
         }
         if let Some(accumulation) = record.accumulation {
-            // The impacts of the sequence are one token, that of its end.
-            for j in record.fired.iter().map(|id| guard_of(id).0) {
-                for side in [1.0, -1.0] {
-                    let impact = spelled('i', j, side);
-                    for _ in 0..accumulation.resolved {
-                        let Some(last) = self.letters.iter().rposition(|letter| letter.token == impact) else { break };
-                        self.letters.remove(last);
-                    }
+            // The impacts of the sequence, the last ones of their contact, are one token: that of its end.
+            for (contact, watch) in record.fired.iter().map(guard_of) {
+                let impact = spelled('i', contact, watch.side());
+                for _ in 0..accumulation.resolved {
+                    let last = self.letters.iter().rposition(|letter| letter.contact == contact);
+                    let Some(last) = last.filter(|last| self.letters[*last].token == impact) else { break };
+                    self.letters.remove(last);
                 }
             }
         }

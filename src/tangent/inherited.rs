@@ -57,8 +57,11 @@ impl<'s> Inherited<'s> {
             let (omega, state) = (s.clock().omega(), |i: usize| x[i]);
             let q = size(0..n, &state).max(size(n..2 * n, &state) / omega);
             let share = (size(0..n, direction) / q).max(size(n..2 * n, direction) / (q * omega));
-            if share == 0.0 || !share.is_finite() {
+            if share == 0.0 {
                 return 0.0;
+            }
+            if !share.is_finite() {
+                return f64::INFINITY;
             }
             let length = DIFFERENCE / share;
             let guard = |sign: f64| {
@@ -124,8 +127,9 @@ impl Observer for Inherited<'_> {
 
     fn jump(&mut self, jumped: &Jumped<'_>) {
         let moved = jumped.fired.iter().map(|id| self.moved(jumped, id));
-        let moved = moved.filter(|moved| moved.is_finite()).fold(0.0, f64::max);
-        self.time = Some(self.time.map_or(moved, |time| time.max(moved))).filter(|_| !self.tangent.is_unresolved);
+        // What has grown beyond all numbers, or meets its guard at no speed, is not known.
+        let moved = moved.fold(0.0, |m: f64, moved| if moved.is_nan() { f64::INFINITY } else { m.max(moved) });
+        self.time = Some(self.time.map_or(moved, |time| time.max(moved)));
         self.tangent.jump(jumped);
         let n = self.structure.freedoms();
         for i in 0..n {
@@ -134,7 +138,8 @@ impl Observer for Inherited<'_> {
     }
 
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
-        self.told.set(self.time.take());
+        let is_known = |time: &f64| time.is_finite() && !self.tangent.is_unresolved;
+        self.told.set(self.time.take().filter(is_known));
         let n = self.structure.freedoms();
         let largest = |range: std::ops::Range<usize>| record.x_plus[range].iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         let (q, v, steps) = (largest(0..n), largest(n..2 * n), (self.steps + 1.0).sqrt());

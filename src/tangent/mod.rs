@@ -57,8 +57,9 @@ pub struct Tangent<'s> {
     pub(crate) rests: bool,
     /// The last jump took a rank.
     pub(crate) dies: bool,
-    /// The most ranks that contacts at rest have taken at one time.
-    pub rested: usize,
+    /// What nothing follows from at one time, for each mode and each impact met: ranks that contacts at rest take, and whose latched speeds
+    /// are those of open contacts.
+    pub(crate) dead: Vec<(usize, Vec<bool>)>,
     resets_only: bool,
     modes: BTreeMap<Mode, Known>,
     work: [Columns; 2],
@@ -93,7 +94,7 @@ impl<'s> Tangent<'s> {
             is_unresolved: false,
             rests: false,
             dies: false,
-            rested: 0,
+            dead: Vec::new(),
             resets_only: false,
             modes: BTreeMap::new(),
         }
@@ -154,6 +155,12 @@ impl<'s> Tangent<'s> {
         self.resets_only = true;
     }
 
+    /// Whose latched speeds are those of contacts that are open in `mode`.
+    fn open(&self, mode: &Mode) -> Vec<bool> {
+        let contacts = self.structure.contacts().iter().enumerate().filter(|(_, c)| c.latch().is_some());
+        contacts.map(|(j, _)| contact_mode(mode, j) == ContactMode::Separated).collect()
+    }
+
     /// A size of the rates of `mode`, rad/s.
     pub(crate) fn rate(&self, mode: &Mode) -> f64 {
         self.modes.get(mode).map_or(0.0, |known| known.rate)
@@ -164,7 +171,7 @@ impl<'s> Tangent<'s> {
             let s = self.structure;
             let gradient = s.is_affine(mode).then(|| s.gradient(mode, s.clock().instant(0.0), &self.x));
             let held = s.held(mode);
-            self.rested = self.rested.max(held.as_ref().map_or(0, |held| 2 * held.independent()));
+            self.dead.push((held.as_ref().map_or(0, |held| 2 * held.independent()), self.open(mode)));
             let known = Known { gradient, held, rate: s.rate_of(mode) };
             self.modes.insert(mode.clone(), known);
         }
@@ -223,6 +230,12 @@ fn difference(a: &Columns, b: &Columns, sizes: &[f64]) -> f64 {
         .fold(0.0, f64::max)
 }
 
+/// Multipliers that are exactly zero: the most that is dead at one time, of latched speeds those that are `written` later.
+pub(crate) fn zeros(dead: &[(usize, Vec<bool>)], written: &[bool]) -> usize {
+    let latched = |open: &[bool]| open.iter().zip(written).filter(|(open, written)| **open && **written).count();
+    dead.iter().map(|(ranks, open)| ranks + latched(open)).max().unwrap_or(0)
+}
+
 impl Observer for Tangent<'_> {
     fn wants_steps(&self, mode: &Mode) -> bool {
         !self.variations.is_empty() || !self.structure.is_affine(mode)
@@ -272,7 +285,11 @@ impl Observer for Tangent<'_> {
         }
         self.rests = s.held(&to.mode).is_some();
         self.dies = saltation.ranks > 0;
-        self.rested = self.rested.max(saltation.ranks);
+        if saltation.ranks > 0 {
+            let (before, after) = (self.open(&from.mode), self.open(&to.mode));
+            let throughout = before.iter().zip(after).map(|(before, after)| *before && after);
+            self.dead.push((saltation.ranks, throughout.collect()));
+        }
         self.is_piecewise |= saltation.is_piecewise;
         self.volume += saltation.volume;
         saltation.latched.iter().for_each(|latch| self.latched[latch - 2 * s.freedoms()] = true);

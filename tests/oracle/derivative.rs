@@ -160,6 +160,8 @@ impl Case {
     /// Errors of the columns of the start, relative to the largest entry in the scales of the motion.
     fn columns(&self) -> Result<Vec<f64>, String> {
         let (scales, jacobian, dim) = (&self.scales, &self.image.jacobian, self.x.len());
+        // The largest of differences passes over what is no number.
+        assert!(jacobian.iter().all(|entry| entry.is_finite()));
         let entry = |r: usize, i: usize| (jacobian[(r, i)] * scales[i] / scales[r]).abs();
         let largest = (0..dim * dim).map(|at| entry(at / dim, at % dim)).fold(0.0, f64::max);
         let column = |i: usize| -> Result<f64, String> {
@@ -179,6 +181,7 @@ impl Case {
         let map = SectionMap::new(&self.simulation).unwrap();
         let image = map.image_by(&map.start().unwrap(), self.cycles, &[variation]).unwrap();
         let (value, column) = (parameter.value(), image.by_number.column(0));
+        assert!(column.iter().all(|entry| entry.is_finite()));
         let largest = column.iter().zip(&self.scales).map(|(c, s)| c.abs() / s).fold(0.0, f64::max);
         let weights: Vec<f64> = self.scales.iter().map(|s| 1.0 / s / largest.max(LEAST / value.abs())).collect();
         let is_frequency = pointers[0].contains("frequency");

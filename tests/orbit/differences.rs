@@ -29,6 +29,8 @@ pub fn disagreement(simulation: &Simulation, before: u64, cycles: u64) -> (f64, 
         start = map.follow(&start, before).unwrap();
     }
     let image = map.image(&start, cycles).unwrap();
+    // The largest of differences passes over what is no number.
+    assert!(image.jacobian.iter().all(|entry| entry.is_finite()));
     let scales = scales(simulation, &image);
     let scale = |i: usize| scales[i];
     let dim = start.x.len();

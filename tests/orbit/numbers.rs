@@ -58,6 +58,8 @@ fn disagreement(scene: &Value, pointer: &str, cycles: u64) -> Option<(f64, Strin
     let value = simulation.resolved().pointer(pointer)?.as_f64()?;
     let variations = [simulation.variation(pointer).unwrap()];
     let image = map.image_by(&start, cycles, &variations).unwrap_or_else(|error| panic!("{pointer}: {error}"));
+    // The largest of differences passes over what is no number.
+    assert!(image.by_number.iter().all(|entry| entry.is_finite()), "{pointer}");
     let scales = scales(&simulation, &image);
     let scale = |i: usize| scales[i];
     let dim = start.x.len();

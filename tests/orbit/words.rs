@@ -87,3 +87,24 @@ fn a_sequence_of_impacts_is_one_token_wherever_the_cycle_begins() {
     }
     assert_eq!(chattering(2, 0.0), "[l0+ l1+] [z0+ z1+]");
 }
+
+/// A mass that strikes its back flank on its way to the drive flank, where it bounces to rest: only impacts of the last kind are its end.
+#[test]
+fn impacts_on_the_other_flank_stay_in_the_word() {
+    let simulation = open(json!({
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": [[1]], "damping_n_s_per_m": [[0.1]], "stiffness_n_per_m": [[0.05]], "load_n": [0.3],
+            "load_harmonics": [{ "vector_n": [1.0], "frequency_rad_per_s": 0.3, "phase_rad": 0 }],
+            "contacts": [{
+                "direction": [1], "half_backlash_m": 1, "flanks": "both", "law": { "kind": "rigid", "restitution": 0.5 },
+            }],
+        },
+        "initial": { "q": [0], "v": [0] },
+        "run": { "cycles": 60 },
+    }));
+    let found = Search { period: Some(1), starts: 0 }.run(&simulation, Task::default()).unwrap();
+    let word = found.orbits[0].word();
+    // By its letters, told by a run of the orbit itself.
+    assert!(word.contains("z0+") && word.contains("i0-") && !word.contains("i0+"), "{word}");
+}

@@ -1,0 +1,102 @@
+//! Orbits as files have them.
+
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::{
+    Orbit,
+    words::{normal, text},
+};
+use crate::{simulation::Simulation, system::ContactMode};
+
+/// The names of the components of the state.
+#[must_use]
+pub fn components(simulation: &Simulation) -> Vec<String> {
+    let spec = simulation.structure.spec();
+    let of = |kind: &str| spec.freedoms.iter().map(move |name| format!("{kind} {name}")).collect::<Vec<_>>();
+    let latched = simulation.structure.contacts().iter().filter(|c| c.latch().is_some());
+    of("q").into_iter().chain(of("v")).chain(latched.map(|c| format!("latched {}", c.spec.name))).collect()
+}
+
+/// An orbit as a file has it.
+#[derive(Serialize)]
+struct Row {
+    period_cycles: u64,
+    word: String,
+    /// Contacts gained and impacts, over periods of the forcing: p/q.
+    impacts_per_period: String,
+    x: Vec<f64>,
+    multipliers: Vec<[f64; 2]>,
+    stable: bool,
+    /// A multiplier is so near to the unit circle that rounding may decide about `stable`.
+    marginal: bool,
+    residual: f64,
+    condition: f64,
+    contacts: Vec<&'static str>,
+    piecewise: bool,
+    symmetric: bool,
+    /// Place in the list of the orbit that a symmetry of the train makes of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    partner: Option<usize>,
+    initial: Value,
+}
+
+impl Orbit {
+    /// The orbit's word, in normal form.
+    #[must_use]
+    pub fn word(&self) -> String {
+        text(&normal(&self.image.word))
+    }
+
+    /// Contacts gained and impacts in the period.
+    #[must_use]
+    pub fn impacts(&self) -> usize {
+        let tokens = self.image.word.iter().flat_map(|token| token.split(['[', ']', ' ']));
+        tokens.filter(|token| token.starts_with(['c', 'i', 'z'])).count()
+    }
+
+    /// A block of a scene that starts there.
+    fn initial(&self, simulation: &Simulation) -> Value {
+        let structure = &simulation.structure;
+        let (n, x) = (structure.freedoms(), &self.section.x);
+        let mut initial = json!({ "q": x[..n], "v": x[n..2 * n] });
+        let mut latched = Map::new();
+        let mut detached = Vec::new();
+        for (c, state) in structure.contacts().iter().zip(&self.section.contacts) {
+            if let Some(latch) = c.latch().filter(|_| *state != ContactMode::Separated) {
+                latched.insert(c.spec.name.clone(), json!(x[latch]));
+            }
+            if matches!(state, ContactMode::DriveDetached | ContactMode::BackDetached) {
+                detached.push(c.spec.name.clone());
+            }
+        }
+        if !latched.is_empty() {
+            initial["latched"] = latched.into();
+        }
+        if !detached.is_empty() {
+            initial["detached"] = json!(detached);
+        }
+        initial
+    }
+
+    pub(super) fn report(&self, simulation: &Simulation) -> Value {
+        let x = &self.section.x;
+        let row = Row {
+            period_cycles: self.period,
+            word: self.word(),
+            impacts_per_period: format!("{}/{}", self.impacts(), self.period),
+            x: x.clone(),
+            multipliers: self.multipliers.iter().map(|m| [m.re, m.im]).collect(),
+            stable: self.is_stable,
+            marginal: self.is_marginal,
+            residual: self.residual,
+            condition: self.condition,
+            contacts: self.section.contacts.iter().map(|contact| contact.name()).collect(),
+            piecewise: self.image.is_piecewise,
+            symmetric: self.is_symmetric,
+            partner: self.partner,
+            initial: self.initial(simulation),
+        };
+        json!(row)
+    }
+}
