@@ -116,6 +116,12 @@ fn text(simulation: &Simulation, found: &Found) -> Result<String, std::fmt::Erro
     if !found.orbits.is_empty() {
         write!(out, "{}", Table::new(head).with(rows))?;
     }
+    if found.orbits.iter().any(|orbit| orbit.image.is_cut) {
+        writeln!(
+            out,
+            "an event lies on phase 0: it may be missing from word and multipliers, or be there twice; shift the phase of the forcing"
+        )?;
+    }
     match &found.reason {
         Some(reason) if count == 0 => writeln!(out, "no orbit: {reason} (best residual {})", number(found.best))?,
         Some(reason) => writeln!(out, "{reason}")?,

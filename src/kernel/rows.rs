@@ -299,9 +299,9 @@ impl Rows<'_> {
         let owner = Some(self.step.work[layout.owner]).filter(|owner| *owner >= 0.0).map(|owner| owner as usize);
         let (m, q) = (law.exponent.p as usize, law.exponent.q as usize);
         let owns = owner == Some(j) || self.motion.goes_with(owner, j, &self.step.state, &self.step.work);
-        if owns {
-            // `p = y^q`: `pⁿ⁻¹ = y^(m − q)`, products only.
-            let y = self.every(1, &self.step.work[layout.y(1)..]);
+        // `p = y^q`: `pⁿ⁻¹ = y^(m − q)`, products only. So with whole exponents, where `y = p`: a small penetration at the start is no divisor.
+        if owns || q == 1 {
+            let y = if owns { self.every(1, &self.step.work[layout.y(1)..]) } else { p };
             let mut power: Series = gather(std::iter::once(1.0));
             for _ in 0..m - q {
                 power = times(&power, &y);

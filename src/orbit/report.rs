@@ -34,6 +34,8 @@ struct Row {
     condition: f64,
     contacts: Vec<&'static str>,
     piecewise: bool,
+    /// An event lies on phase 0: its part of word and multipliers may be missing, or be there twice.
+    event_at_phase_0: bool,
     symmetric: bool,
     /// Place in the list of the orbit that a symmetry of the train makes of it.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -93,6 +95,7 @@ impl Orbit {
             condition: self.condition,
             contacts: self.section.contacts.iter().map(|contact| contact.name()).collect(),
             piecewise: self.image.is_piecewise,
+            event_at_phase_0: self.image.is_cut,
             symmetric: self.is_symmetric,
             partner: self.partner,
             initial: self.initial(simulation),

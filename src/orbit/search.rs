@@ -384,6 +384,7 @@ impl Found {
             "flank": env!("CARGO_PKG_VERSION"),
             "scene": { "name": simulation.name, "sha256": simulation.hash() },
             "components": components(simulation),
+            (if simulation.dimensionless { "cycle" } else { "cycle_s" }): simulation.clock().period().map(|period| period.value()),
             "drift": self.drift.directions.iter().zip(&self.drift.is_free).map(|(direction, is_free)| json!({
                 "direction": names.iter().zip(direction).map(|(name, d)| (name.clone(), json!(d))).collect::<Map<_, _>>(),
                 "multipliers": 1 + usize::from(*is_free),

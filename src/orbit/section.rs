@@ -2,9 +2,10 @@
 
 use crate::{
     engine::{Engine, Observer, Outcome, State},
+    gear::Stiffness,
     hybrid::{Instant, Mode, Watch},
     simulation::{Simulation, SimulationError},
-    system::{ContactMode, Variation, contact_mode, guard_id, set_contact},
+    system::{ContactMode, ContactSpec, Variation, contact_mode, guard_id, set_contact},
     tangent::zeros,
 };
 use nalgebra::DMatrix;
@@ -20,6 +21,11 @@ pub struct Section {
     /// What each contact does.
     pub contacts: Vec<ContactMode>,
 }
+
+/// Share of a whole number by which a cycle may differ from so many periods of a stiffness: both are written with rounding.
+const WHOLE: f64 = 1e-12;
+/// Share of a period within which an event lies on phase 0: what rounds there may be met twice, or not at all.
+const EDGE: f64 = 1e-11;
 
 /// Reads a number, of which files hold `null` where it is not finite.
 pub(super) fn number<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
@@ -52,6 +58,8 @@ pub struct Image {
     pub volume: f64,
     /// Dependent impacts fell on one instant: the derivative is that of the order they had.
     pub is_piecewise: bool,
+    /// An event lies on the instant of a section: rounding may have counted it twice, or left its part of the derivative out.
+    pub is_cut: bool,
     /// The largest size of each component at the starts of cycles and at events.
     pub sizes: Vec<f64>,
     /// Arcs and jumps, for the rounding of it all.
@@ -91,12 +99,27 @@ impl<'a> SectionMap<'a> {
     /// # Errors
     /// [`SimulationError::Missing`], with the frequency that is no multiple of the cycle's.
     pub fn repeats(&self) -> Result<(), SimulationError> {
-        let (omega, oscillators) = (self.simulation.clock().omega(), &self.simulation.structure.oscillators);
-        let Some(other) = oscillators.iter().find(|o| o.order.is_none()) else { return Ok(()) };
+        let (clock, structure) = (self.simulation.clock(), &self.simulation.structure);
+        let cycle = clock.period().map_or(f64::NAN, |period| period.value());
+        let begins = clock.time(self.at(0)).value();
+        let stray = |c: &ContactSpec| match &c.stiffness {
+            Stiffness::Periodic { period, .. } => {
+                let periods = cycle / period;
+                let is_whole = (periods - periods.round()).abs() <= WHOLE * periods && periods.round() >= 1.0;
+                (!is_whole).then(|| format!("stiffness of {}, of period {period} s, does not fit", c.name))
+            }
+            Stiffness::Switched { times, .. } => {
+                let last = times.last().map(|time| time[0]).filter(|time| *time > begins)?;
+                Some(format!("stiffness of {} is switched at {last} s and never again: it does not fit", c.name))
+            }
+            Stiffness::Constant(_) | Stiffness::Harmonic { .. } => None,
+        };
+        let wave = structure.oscillators.iter().find(|o| o.order.is_none());
+        let wave = wave.map(|o| format!("forcing at {} rad/s does not fit", o.omega));
+        let Some(stray) = wave.or_else(|| structure.spec().contacts.iter().find_map(stray)) else { return Ok(()) };
         Err(self.simulation.missing(format!(
-            "its forcing at {} rad/s is no multiple of the {omega} rad/s of its cycle, so that no cycle is like another; give it a period \
-             after which all of its forcing repeats (/run/period_s)",
-            other.omega
+            "its {stray} the {cycle} s of its cycle, so that no cycle is like another; give the train a base frequency of which all of its \
+             forcing are multiples (key base_frequency_rad_per_s, without units base_frequency)"
         )))
     }
 
@@ -122,6 +145,14 @@ impl<'a> SectionMap<'a> {
     #[must_use]
     pub fn simulation(&self) -> &'a Simulation {
         self.simulation
+    }
+
+    /// Whether sections stand at this phase.
+    fn is_section(&self, at: Instant) -> bool {
+        let clock = self.simulation.clock();
+        let off = clock.between(self.at(0), Instant { cycle: self.at(0).cycle, ..at });
+        let part = clock.period().map_or(f64::NAN, |period| off / period.value());
+        (part - part.round()).abs() <= EDGE
     }
 
     /// The instant of a section.
@@ -274,6 +305,7 @@ impl<'a> SectionMap<'a> {
             latched: tangent.latched,
             volume: tangent.volume,
             is_piecewise: tangent.is_piecewise,
+            is_cut: speller.letters.iter().any(|letter| self.is_section(letter.at)),
             sizes: speller.sizes.clone(),
             pieces: counters.steps + counters.events,
         })

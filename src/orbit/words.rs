@@ -150,6 +150,8 @@ pub struct Letter {
     pub rate: f64,
     /// Number of the event: letters of one event stand in brackets.
     event: usize,
+    /// It ends a sequence of impacts.
+    ends: bool,
 }
 
 /// What a jump is called: for each contact that it changes, its token.
@@ -222,7 +224,7 @@ impl<'s> Speller<'s> {
         let mut letters = self.letters.clone();
         for contact in 0..self.structure.contacts().len() {
             let Some(first) = letters.iter().find(|letter| letter.contact == contact) else { continue };
-            let Some(end) = first.token.strip_prefix('z') else { continue };
+            let Some(end) = first.token.strip_prefix('z').filter(|_| first.ends) else { continue };
             let (impact, mut speed) = (format!("i{end}"), 0.0);
             while let Some(last) = letters.iter().rposition(|letter| letter.contact == contact) {
                 let Letter { token, rate, .. } = &letters[last];
@@ -257,7 +259,7 @@ impl Observer for Speller<'_> {
         self.meet(jumped.x_plus);
         for (contact, token) in letters(self.structure, jumped) {
             let (_, rate) = self.structure.deflection(contact, jumped.at, jumped.x_minus);
-            self.open.push(Letter { token, contact, at: jumped.at, rate, event: self.events });
+            self.open.push(Letter { token, contact, at: jumped.at, rate, event: self.events, ends: false });
         }
     }
 
@@ -269,6 +271,7 @@ impl Observer for Speller<'_> {
         if let Some(accumulation) = record.accumulation {
             // The impacts of the sequence, the last ones of their contact, are one token: that of its end.
             for (contact, watch) in record.fired.iter().map(guard_of) {
+                self.open.iter_mut().filter(|letter| letter.contact == contact).for_each(|letter| letter.ends = true);
                 let impact = spelled('i', contact, watch.side());
                 for _ in 0..accumulation.resolved {
                     let last = self.letters.iter().rposition(|letter| letter.contact == contact);

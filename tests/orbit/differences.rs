@@ -194,3 +194,30 @@ fn the_derivative_crosses_every_kind_of_event() {
     assert!(failed.is_empty(), "{failed:#?}");
     assert_eq!(kinds.into_iter().collect::<String>(), EVENTS);
 }
+
+/// Whole exponents: a section may stand at any penetration, however small. Without hysteresis volumes shrink by the damping alone.
+#[test]
+fn powers_with_whole_exponents_start_at_any_penetration() {
+    for exponent in ["2", "3", "5"] {
+        for penetration in [1e-1, 1e-2, 1e-3, 1e-5, 1e-8] {
+            let simulation = crate::open(json!({
+                "flank": 1,
+                "train": {
+                    "kind": "matrices", "mass_kg": [[1]], "damping_n_s_per_m": [[0.1]], "stiffness_n_per_m": [[1]],
+                    "load_harmonics": [{ "vector_n": [0.5], "frequency_rad_per_s": 1.0, "phase_rad": 0 }],
+                    "contacts": [{
+                        "direction": [1], "half_backlash_m": 0.2, "flanks": "drive", "stiffness": 20,
+                        "law": { "kind": "power", "exponent": exponent, "hysteresis_coefficient": 0 },
+                    }],
+                },
+                "initial": { "q": [0.2 + penetration], "v": [0.4] },
+                "run": { "cycles": 5 },
+            }));
+            let map = SectionMap::new(&simulation).unwrap();
+            let image = map.image(&map.start().unwrap(), 1).unwrap();
+            let off = image.jacobian.determinant() / (-0.1 * std::f64::consts::TAU).exp() - 1.0;
+            // Each step's derivative is known to some 1e-14 of itself.
+            assert!(off.abs() <= 1e-12, "{exponent} {penetration}: {off:e}");
+        }
+    }
+}

@@ -273,5 +273,35 @@ fn a_forcing_that_does_not_repeat_with_the_cycle_has_no_orbit() {
         "run": { "cycles": 100, "period_s": std::f64::consts::TAU },
     });
     let error = Search::default().run(&open(scene), Task::default()).unwrap_err().to_string();
-    assert!(error.contains("no multiple") && error.contains("period_s"), "{error}");
+    assert!(error.contains("2.236") && error.contains("base_frequency_rad_per_s"), "{error}");
+}
+
+/// So have switched stiffnesses of another period, or that are switched once after the start.
+#[test]
+fn a_stiffness_that_does_not_repeat_with_the_cycle_has_no_orbit() {
+    let switched = |stiffness: Value| {
+        open(json!({
+            "flank": 1,
+            "train": {
+                "kind": "matrices", "mass_kg": [[1]], "damping_n_s_per_m": [[0.1]], "stiffness_n_per_m": [[1]],
+                "load_harmonics": [{ "vector_n": [0.5], "frequency_rad_per_s": 1.0, "phase_rad": 0 }],
+                "contacts": [{
+                    "direction": [1], "half_backlash_m": 0.2, "stiffness": stiffness, "law": { "kind": "kelvin-voigt" },
+                }],
+            },
+            "initial": { "q": [0], "v": [0] },
+            "run": { "cycles": 20, "period_s": std::f64::consts::TAU },
+        }))
+    };
+    let rectangular =
+        |period: f64| json!({ "kind": "rectangular", "high": 10, "low": 5, "duty": 0.5, "period_s": period });
+    for (stiffness, repeats) in [
+        (rectangular(3.3), false),
+        (rectangular(std::f64::consts::PI), true),
+        (json!({ "kind": "switched", "levels": [10, 8], "times_s": [30.0, 100.0] }), false),
+        (json!({ "kind": "switched", "levels": [10, 8], "times_s": [-3.0, -1.0] }), true),
+    ] {
+        let simulation = switched(stiffness.clone());
+        assert_eq!(SectionMap::new(&simulation).unwrap().repeats().is_ok(), repeats, "{stiffness}");
+    }
 }
