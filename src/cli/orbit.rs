@@ -116,7 +116,7 @@ fn text(simulation: &Simulation, found: &Found) -> Result<String, std::fmt::Erro
     if !found.orbits.is_empty() {
         write!(out, "{}", Table::new(head).with(rows))?;
     }
-    if found.orbits.iter().any(|orbit| orbit.image.is_cut) {
+    if found.orbits.iter().any(|orbit| orbit.image.has_event_at_section) {
         writeln!(
             out,
             "an event lies on phase 0: it may be missing from word and multipliers, or be there twice; shift the phase of the forcing"

@@ -125,13 +125,13 @@ pub struct Averaging {
 }
 
 /// A motion, the tangents that watch it, and what their factors have summed to.
-struct Course<'s> {
+struct FramedRun<'s> {
     engine: Engine<'s>,
     frame: Frame<'s>,
     bare: Option<Frame<'s>>,
 }
 
-impl<'s> Course<'s> {
+impl<'s> FramedRun<'s> {
     /// Begins at `section` after `cycle` cycles; with the columns that were held, if any.
     fn new(
         map: &SectionMap<'s>,
@@ -171,8 +171,8 @@ impl Lyapunov {
         self.go_on(simulation, None, &mut |_| (), task)
     }
 
-    /// The same, going on from what was kept of the same averages of the same train, if anything; every so many cycles `keep` is given what the averages have come to. The result
-    /// is the same to the last bit, however often it was broken off.
+    /// The same, going on from what was kept of the same averages of the same train, if anything; every so many cycles `keep` is given what
+    /// the averages have come to. The result is the same to the last bit, however often it was broken off.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -210,7 +210,7 @@ impl Lyapunov {
         let most = self.cycles.unwrap_or(MOST.max(least));
         let dropped = DROPPED.max(run.transient_cycles);
         let begin = |at: (&Section, u64), held: Option<(&Held, Option<&Held>)>| {
-            Course::new(map, drift, at, held, self.without_saltation)
+            FramedRun::new(map, drift, at, held, self.without_saltation)
         };
         let (mut now, mut running) = match earlier {
             Some(earlier) => {
@@ -250,7 +250,7 @@ impl Lyapunov {
                 running = begin((&now.section, now.cycle), Some(held))?;
             }
             now.cycle += 1;
-            let Course { engine, frame, bare } = &mut running;
+            let FramedRun { engine, frame, bare } = &mut running;
             let spells = now.cycle <= dropped + SPELLED;
             let observer = &mut ((&mut *frame, &mut *bare), spells.then_some(&mut speller));
             let run = map.advance(engine, map.at(now.cycle), observer);

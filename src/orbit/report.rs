@@ -95,7 +95,7 @@ impl Orbit {
             condition: self.condition,
             contacts: self.section.contacts.iter().map(|contact| contact.name()).collect(),
             piecewise: self.image.is_piecewise,
-            event_at_phase_0: self.image.is_cut,
+            event_at_phase_0: self.image.has_event_at_section,
             symmetric: self.is_symmetric,
             partner: self.partner,
             initial: self.initial(simulation),

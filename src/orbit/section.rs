@@ -59,7 +59,7 @@ pub struct Image {
     /// Dependent impacts fell on one instant: the derivative is that of the order they had.
     pub is_piecewise: bool,
     /// An event lies on the instant of a section: rounding may have counted it twice, or left its part of the derivative out.
-    pub is_cut: bool,
+    pub has_event_at_section: bool,
     /// The largest size of each component at the starts of cycles and at events.
     pub sizes: Vec<f64>,
     /// Arcs and jumps, for the rounding of it all.
@@ -102,25 +102,31 @@ impl<'a> SectionMap<'a> {
         let (clock, structure) = (self.simulation.clock(), &self.simulation.structure);
         let cycle = clock.period().map_or(f64::NAN, |period| period.value());
         let begins = clock.time(self.at(0)).value();
-        let stray = |c: &ContactSpec| match &c.stiffness {
+        let strays = |what: String| {
+            format!(
+                "{what} does not repeat with its cycle of {cycle} s; give the train a base frequency of which all of its frequencies are \
+                 multiples (base_frequency_rad_per_s, without units base_frequency)"
+            )
+        };
+        let of_contact = |c: &ContactSpec| match &c.stiffness {
             Stiffness::Periodic { period, .. } => {
                 let periods = cycle / period;
                 let is_whole = (periods - periods.round()).abs() <= WHOLE * periods && periods.round() >= 1.0;
-                (!is_whole).then(|| format!("stiffness of {}, of period {period} s, does not fit", c.name))
+                (!is_whole).then(|| strays(format!("the stiffness of {}, of period {period} s,", c.name)))
             }
             Stiffness::Switched { times, .. } => {
                 let last = times.last().map(|time| time[0]).filter(|time| *time > begins)?;
-                Some(format!("stiffness of {} is switched at {last} s and never again: it does not fit", c.name))
+                Some(format!(
+                    "the stiffness of {} is switched at {last} s, and no cycle repeats before; start the run later (/run/start_cycle)",
+                    c.name
+                ))
             }
             Stiffness::Constant(_) | Stiffness::Harmonic { .. } => None,
         };
-        let wave = structure.oscillators.iter().find(|o| o.order.is_none());
-        let wave = wave.map(|o| format!("forcing at {} rad/s does not fit", o.omega));
-        let Some(stray) = wave.or_else(|| structure.spec().contacts.iter().find_map(stray)) else { return Ok(()) };
-        Err(self.simulation.missing(format!(
-            "its {stray} the {cycle} s of its cycle, so that no cycle is like another; give the train a base frequency of which all of its \
-             forcing are multiples (key base_frequency_rad_per_s, without units base_frequency)"
-        )))
+        let of_wave = structure.oscillators.iter().find(|o| o.order.is_none());
+        let fault = of_wave.map(|o| strays(format!("its forcing at {} rad/s", o.omega)));
+        let fault = fault.or_else(|| structure.spec().contacts.iter().find_map(of_contact));
+        fault.map_or(Ok(()), |fault| Err(self.simulation.missing(fault)))
     }
 
     /// The same map between other sections: at a part `phase` of the period, in [0, 1).
@@ -305,7 +311,7 @@ impl<'a> SectionMap<'a> {
             latched: tangent.latched,
             volume: tangent.volume,
             is_piecewise: tangent.is_piecewise,
-            is_cut: speller.letters.iter().any(|letter| self.is_section(letter.at)),
+            has_event_at_section: speller.letters.iter().any(|letter| self.is_section(letter.at)),
             sizes: speller.sizes.clone(),
             pieces: counters.steps + counters.events,
         })

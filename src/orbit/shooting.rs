@@ -43,7 +43,7 @@ fn joined(images: &[Image]) -> Option<Image> {
         whole.dead.extend(image.dead.iter().cloned());
         whole.volume += image.volume;
         whole.is_piecewise |= image.is_piecewise;
-        whole.is_cut |= image.is_cut;
+        whole.has_event_at_section |= image.has_event_at_section;
         whole.pieces += image.pieces;
     }
     whole.zeros = zeros(&whole.dead, &whole.latched);

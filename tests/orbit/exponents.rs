@@ -96,6 +96,45 @@ fn columns_keep_their_directions_where_a_run_begins_anew() {
     }
 }
 
+/// A load holds the first of two masses to its flank: the speed of its only gain is latched for ever. Columns turn to what follows from that,
+/// which has nothing of the second mass, coupled by 1e-10; averages of columns that are not turned back would be off by `2 ln 1e-10/(N T)`, 0.04.
+/// Of the second mass alone the two exponents have the sum −0.1.
+#[test]
+fn a_speed_that_is_latched_once_leaves_no_trace_in_exponents() {
+    let scene = open(json!({
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": [[1, 0], [0, 1]], "damping_n_s_per_m": [[0.4, 0], [0, 0.1]],
+            "stiffness_n_per_m": [[1, 1e-10], [1e-10, 3]], "load_n": [5, 0],
+            "load_harmonics": [{ "vector_n": [0.2, 0.3], "frequency_rad_per_s": 1.0, "phase_rad": 0 }],
+            "contacts": [{
+                "direction": [1, 0], "half_backlash_m": 0.2, "flanks": "drive", "stiffness": 20,
+                "law": {
+                    "kind": "power", "exponent": "3/2", "hysteresis_coefficient": 0.3,
+                    "speed_floor_m_per_s": 1e-6, "initial_speed_m_per_s": 1e-2,
+                },
+            }],
+        },
+        "initial": { "q": [0, 0], "v": [0, 0] },
+        "run": { "cycles": 100 },
+    }));
+    let found = Lyapunov { cycles: Some(200), ..Lyapunov::default() }.run(&scene, Task::default()).unwrap();
+    let sum: f64 = found.exponents.iter().flatten().take(2).sum();
+    assert!((sum + 0.1).abs() <= 1e-4, "{:?}", found.exponents);
+}
+
+/// Where the limit on events ends the run, whole cycles alone are averaged, and the reason is told.
+#[test]
+fn an_unfinished_cycle_counts_for_nothing() {
+    let mut scene = chaotic().resolved().clone();
+    scene["run"]["event_budget"] = json!(6000);
+    let found = Lyapunov { cycles: Some(5000), ..Lyapunov::default() }.run(&open(scene), Task::default()).unwrap();
+    assert!(!found.is_whole && found.reason.as_ref().unwrap().contains("limit on events"), "{:?}", found.reason);
+    let rule = -2.0 * 0.06;
+    assert!(found.cycles > 10 && found.cycles < 5000, "{}", found.cycles);
+    assert!((found.sum.unwrap() - rule).abs() <= 1e-12, "{:?} {}", found.sum, found.cycles);
+}
+
 /// Impacts against a wall amplify a rounding of the start by 6.5e12 over 60 periods: the finite-time exponents say how far they are known.
 /// `ln σ_max/t` is 0.2270042318035 over t = 130 by a computation with 110 digits.
 #[test]

@@ -180,3 +180,61 @@ fn an_orbit_that_is_cut_in_contact_goes_on_from_its_scene() {
         assert!((1..32).contains(&checked), "{memory}: {checked}");
     }
 }
+
+/// Two contacts that latch speeds and are never open at one time: only one of the speeds is dead at any time, and only one multiplier is
+/// exactly zero. The product of the others is 1.3241e-9 by differences of runs.
+#[test]
+fn latched_speeds_that_overlap_are_not_all_forgotten() {
+    let contact = |direction: [i32; 2]| {
+        json!({
+            "direction": direction, "half_backlash_m": 0, "flanks": "drive", "stiffness": 12,
+            "law": {
+                "kind": "power", "exponent": "3/2", "hysteresis_coefficient": 0.6,
+                "speed_floor_m_per_s": 1e-6, "initial_speed_m_per_s": 0.5,
+            },
+        })
+    };
+    let simulation = open(json!({
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": [[1, 0], [0, 1.3]], "damping_n_s_per_m": [[0.05, 0], [0, 0.05]],
+            "stiffness_n_per_m": [[1, -1], [-1, 1]], "load_n": [1, 1.1],
+            "load_harmonics": [{ "vector_n": [1.4, -1.4], "frequency_rad_per_s": 1.2, "phase_rad": 0 }],
+            "contacts": [contact([1, 0]), contact([0, 1])],
+        },
+        "initial": { "q": [0.05, 0.05], "v": [0, 0] },
+        "run": { "cycles": 200 },
+    }));
+    let orbit = &found(&simulation, Search { period: Some(1), starts: 0 }).orbits[0];
+    assert_eq!(orbit.word(), "c0+ s1+ c1+ s0+");
+    let sizes: Vec<f64> = orbit.multipliers.iter().map(|m| m.norm()).collect();
+    let zeros = sizes.iter().filter(|size| **size == 0.0).count();
+    let product: f64 = sizes.iter().filter(|size| **size > 0.0).product();
+    assert!(zeros == 1 && (product / 1.3241e-9 - 1.0).abs() <= 1e-4, "{:?}", orbit.multipliers);
+}
+
+/// A contact is gained at phase 0, to the last digits: the orbit says so.
+#[test]
+fn an_event_at_phase_0_is_told() {
+    let at = |phase: f64| {
+        let simulation = open(json!({
+            "flank": 1,
+            "train": {
+                "kind": "matrices", "mass_kg": [[1]], "stiffness_n_per_m": [[0.3]], "damping_n_s_per_m": [[0.1]],
+                "load_harmonics": [
+                    { "vector_n": [1], "frequency_rad_per_s": 1, "phase_rad": 1.291_847_734_445_352_3 + phase }
+                ],
+                "contacts": [{
+                    "direction": [1], "half_backlash_m": 0, "flanks": "drive", "stiffness": 20,
+                    "error": [{ "amplitude_m": 0.06, "frequency_rad_per_s": 1, "phase_rad": 1.991_847_734_445_352_2 + phase }],
+                    "law": { "kind": "kelvin-voigt", "damping_n_s_per_m": 2, "release": "deflection" },
+                }],
+            },
+            "initial": { "q": [-0.062_635_041_423_558_72], "v": [3.811_604_638_867_492_2] },
+            "run": { "cycles": 300 },
+        }));
+        let found = found(&simulation, Search { period: Some(1), starts: 0 });
+        found.orbits[0].image.has_event_at_section
+    };
+    assert!(at(0.0) && !at(1e-6));
+}

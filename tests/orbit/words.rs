@@ -105,6 +105,5 @@ fn impacts_on_the_other_flank_stay_in_the_word() {
     }));
     let found = Search { period: Some(1), starts: 0 }.run(&simulation, Task::default()).unwrap();
     let word = found.orbits[0].word();
-    // By its letters, told by a run of the orbit itself.
     assert!(word.contains("z0+") && word.contains("i0-") && !word.contains("i0+"), "{word}");
 }
