@@ -208,10 +208,12 @@ impl Clock {
     #[must_use]
     pub fn between(&self, earlier: Instant, later: Instant) -> f64 {
         let phases = later.phase - earlier.phase;
-        if later.cycle == earlier.cycle {
-            return phases.value();
+        match later.cycle - earlier.cycle {
+            0 => phases.value(),
+            // A product by one is the period itself, and a run to the end of its cycle asks for nothing else.
+            1 => (self.period + phases).value(),
+            cycles => (self.period * cycles as f64 + phases).value(),
         }
-        (self.period * (later.cycle - earlier.cycle) as f64 + phases).value()
     }
 
     /// The angle `ω t` modulo a turn for an oscillator of frequency `omega`, rad.

@@ -67,6 +67,10 @@ pub(super) fn show(value: &Value) -> String {
 
 /// Pointer to `key` below `pointer`, escaped as RFC 6901 asks.
 pub(super) fn below(pointer: &str, key: &str) -> String {
+    // A scene that is built for each cell of a map comes here for every key.
+    if !key.contains(['~', '/']) {
+        return [pointer, "/", key].concat();
+    }
     format!("{pointer}/{}", key.replace('~', "~0").replace('/', "~1"))
 }
 
