@@ -121,6 +121,33 @@ impl Kept {
         }
         Ok(())
     }
+
+    /// Writes `others` by name, then the seal, which is the header with what was `found`, and removes the file of rows.
+    pub(super) fn seal(
+        &self,
+        folder: &Path,
+        others: &[(&str, String)],
+        header: &Map<String, Value>,
+        found: &Value,
+    ) -> Result<(), SweepError> {
+        let mut header = header.clone();
+        header.insert("found".to_owned(), found.clone());
+        let seal = format!("{:#}\n", Value::from(header));
+        let others = others.iter().map(|(name, text)| (*name, text));
+        for (name, text) in others.chain([(self.files[1], &seal)]) {
+            let mut part = Part::create(folder, name)?;
+            part.write(text)?;
+            part.publish()?;
+        }
+        // Nothing depends on the rows any more. The lock is held until the file is gone.
+        output::remove(&folder.join(self.files[0]))?;
+        Ok(())
+    }
+}
+
+/// Whether `line`, without an end, can be what a killed process left of the head of rows: anything else is the user's.
+pub(super) fn is_torn(line: &[u8], header: &Map<String, Value>) -> bool {
+    Value::from(header.clone()).to_string().as_bytes().starts_with(line)
 }
 
 /// A row that has been computed.
@@ -230,19 +257,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             write(&mut self, i, &mut |line| Ok(table.write(&format!("{line}\n"))?))?;
             table.publish()?;
         }
-        for (name, text) in others {
-            let mut part = Part::create(&folder, name)?;
-            part.write(text)?;
-            part.publish()?;
-        }
-        let mut header = self.header.clone();
-        header.insert("found".to_owned(), found.clone());
-        let mut seal = Part::create(&folder, self.files.files[1])?;
-        seal.write(&format!("{:#}\n", Value::from(header)))?;
-        seal.publish()?;
-        // Nothing depends on the journal any more. The lock is held until it is gone.
-        output::remove(&self.path)?;
-        Ok(())
+        self.files.seal(&folder, others, &self.header, found)
     }
 
     /// How many rows are kept.
@@ -309,8 +324,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             line.clear();
             reader.read_until(b'\n', &mut line).map_err(failed(&self.path))?;
             let Some(text) = line.strip_suffix(b"\n") else {
-                // A torn head must be the start of ours: anything else is the user's.
-                if number == 1 && !Value::from(self.header.clone()).to_string().as_bytes().starts_with(&line) {
+                if number == 1 && !is_torn(&line, &self.header) {
                     return Err(damaged(1, "no journal of a sweep".to_owned()));
                 }
                 break;

@@ -6,8 +6,12 @@ use std::{
 
 use serde_json::{Map, Value};
 
-use super::{Begin, Kept, SweepError, files::Part, journal::same};
-use crate::output::{self, failed};
+use super::{
+    Begin, Kept, SweepError,
+    files::Part,
+    journal::{is_torn, same},
+};
+use crate::output::failed;
 
 /// The rows of a table in their order, kept in a file as they finish: a header, then one line a row. Memory does not grow with them.
 ///
@@ -48,7 +52,7 @@ impl Lines {
                 reader.read_until(b'\n', &mut line).map_err(&fail)?;
                 let is_head = end == 0;
                 let Some(text) = line.strip_suffix(b"\n") else {
-                    if is_head && !Value::from(lines.header.clone()).to_string().as_bytes().starts_with(&line) {
+                    if is_head && !is_torn(&line, &lines.header) {
                         let (path, reason) = (lines.path.clone(), "not written by this command".to_owned());
                         return Err(SweepError::Damaged { path, line: 1, reason });
                     }
@@ -116,24 +120,12 @@ impl Lines {
     /// # Errors
     /// [`SweepError::Output`] if a file cannot be read or written; the rows stay then.
     pub fn finish(mut self, head: &str, others: &[(&str, String)], found: &Value) -> Result<(), SweepError> {
-        let (folder, files) = (self.folder.clone(), self.kept.files);
-        let mut table = Part::create(&folder, files[2])?;
+        let folder = self.folder.clone();
+        let mut table = Part::create(&folder, self.kept.files[2])?;
         table.write(&format!("{head}\n"))?;
         self.each(|row| Ok(table.write(&format!("{row}\n"))?))?;
         table.publish()?;
-        for (name, text) in others {
-            let mut part = Part::create(&folder, name)?;
-            part.write(text)?;
-            part.publish()?;
-        }
-        let mut header = self.header.clone();
-        header.insert("found".to_owned(), found.clone());
-        let mut seal = Part::create(&folder, files[1])?;
-        seal.write(&format!("{:#}\n", Value::from(header)))?;
-        seal.publish()?;
-        // Nothing depends on the rows any more. The lock is held until the file is gone.
-        output::remove(&self.path)?;
-        Ok(())
+        self.kept.seal(&folder, others, &self.header, found)
     }
 }
 
