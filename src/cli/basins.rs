@@ -92,12 +92,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let (ending, attractors) =
         counted(starts, lines.count(), "starts", work.quiet, |task| pool.install(|| basins.run(&mut lines, task)))?;
     if ending == Ending::Interrupted {
-        let kept = lines.count();
-        let out = out.display();
-        work.say(&format!(
-            "interrupted: {kept} of {starts} starts are kept in {out}; the same command with --resume goes on\n"
-        ))?;
-        return Ok(Done::Partly);
+        return work.interrupted(&format!("{} of {starts} starts", lines.count()), out);
     }
     let found = basins.finish(lines, attractors, |found| {
         Some(basins_figure(&name, basins.grid(), found).svg(flank::plot::Theme::Light))

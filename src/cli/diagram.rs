@@ -80,12 +80,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let ending =
         counted(count, rows.kept(), "values", work.quiet, |task| pool.install(|| diagram.run(&mut rows, task)))?;
     if ending == Ending::Interrupted {
-        let kept = rows.kept();
-        let out = out.display();
-        work.say(&format!(
-            "interrupted: {kept} of {count} values are kept in {out}; the same command with --resume goes on\n"
-        ))?;
-        return Ok(Done::Partly);
+        return work.interrupted(&format!("{} of {count} values", rows.kept()), out);
     }
     let own = diagram.own();
     let first = components(own).into_iter().next().unwrap_or_default();
@@ -93,11 +88,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         let figure = diagram_figure(&name, (&diagram.pointer(), &first, own.dimensionless), points, &branches);
         Some(figure.svg(flank::plot::Theme::Light))
     })?;
-    let total: usize = points.rows.iter().map(|row| row.3.points.len()).sum();
     let failed = match points.failed {
         0 => String::new(),
         failed => format!(", {failed} values failed (exponents.csv, column error)"),
     };
-    work.say(&format!("{total} section points{failed}: {}\n", out.join("diagram.csv").display()))?;
+    work.say(&format!("{} section points{failed}: {}\n", points.sections, out.join("diagram.csv").display()))?;
     Ok(if points.failed < count { Done::Completely } else { Done::Partly })
 }

@@ -78,6 +78,13 @@ impl Work {
     pub fn say(&self, text: &str) -> Result<(), CliError> {
         if self.quiet { Ok(()) } else { print(text) }
     }
+
+    /// Says what of it is kept in `out`.
+    pub fn interrupted(&self, kept: &str, out: &Path) -> Result<Done, CliError> {
+        let out = out.display();
+        self.say(&format!("interrupted: {kept} are kept in {out}; the same command with --resume goes on\n"))?;
+        Ok(Done::Partly)
+    }
 }
 
 /// The name of a scene without folder and ending.
@@ -108,12 +115,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let pool = threads(work.threads)?;
     let ending = counted(cells, lines.count(), "cells", work.quiet, |task| pool.install(|| map.run(&mut lines, task)))?;
     if ending == Ending::Interrupted {
-        let kept = lines.count();
-        let out = out.display();
-        work.say(&format!(
-            "interrupted: {kept} of {cells} cells are kept in {out}; the same command with --resume goes on\n"
-        ))?;
-        return Ok(Done::Partly);
+        return work.interrupted(&format!("{} of {cells} cells", lines.count()), out);
     }
     let name = stem(map.plane().scene().name());
     let tally = map.finish(lines, |tally| {

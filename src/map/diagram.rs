@@ -49,13 +49,76 @@ pub struct Seed {
 /// Rows of a diagram as they are kept.
 pub type Rows = Journal<Record, Seed>;
 
-/// What is known of a diagram, for a picture.
-#[derive(Clone, Debug, Default)]
+/// Points of a series that a picture shows at most.
+const MOST_POINTS: usize = 60_000;
+/// Part of the golden ratio behind the point.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// Points of a picture, fewer and fewer of them where they are many.
+#[derive(Clone, Debug)]
+pub(super) struct Thinned {
+    seen: u64,
+    share: f64,
+    /// Place in the order of leaving, and the point.
+    kept: Vec<[f64; 3]>,
+}
+
+impl Default for Thinned {
+    fn default() -> Self {
+        Self { seen: 0, share: 1.0, kept: Vec::new() }
+    }
+}
+
+impl Thinned {
+    fn push(&mut self, x: f64, y: f64) {
+        // Multiples of the golden ratio are spread evenly, and so is every second, third … of them (Weyl 1916): whatever the period of a
+        // motion, points of all its cycles stay.
+        let place = (self.seen as f64 * GOLDEN).fract();
+        self.seen += 1;
+        if place < self.share {
+            self.kept.push([place, x, y]);
+        }
+        if self.kept.len() > MOST_POINTS {
+            self.share *= 0.5;
+            self.kept.retain(|point| point[0] < self.share);
+        }
+    }
+
+    /// The points, in their order.
+    pub fn points(&self) -> (Vec<f64>, Vec<f64>) {
+        self.kept.iter().map(|[_, x, y]| (*x, *y)).unzip()
+    }
+}
+
+/// What is known of a diagram, for a picture. Memory does not grow with its points.
+#[derive(Clone, Debug)]
 pub struct Points {
-    /// Value, direction, start and record.
-    pub rows: Vec<(f64, Direction, usize, Record)>,
+    /// The least and the largest value that has points.
+    pub ends: [f64; 2],
+    /// Section points.
+    pub sections: u64,
     /// Rows that failed.
     pub failed: usize,
+    /// Upwards and downwards: first components, phases and speeds of what is struck, exponents.
+    pub(super) shown: [[Thinned; 4]; 2],
+}
+
+impl Points {
+    fn new() -> Self {
+        Self { ends: [f64::INFINITY, f64::NEG_INFINITY], sections: 0, failed: 0, shown: Default::default() }
+    }
+
+    fn add(&mut self, value: f64, direction: Direction, record: &Record) {
+        self.ends = [self.ends[0].min(value), self.ends[1].max(value)];
+        self.sections += record.points.len() as u64;
+        let [sections, phases, speeds, exponents] = &mut self.shown[usize::from(direction == Direction::Down)];
+        record.points.iter().for_each(|x| sections.push(value, x[0]));
+        for strike in &record.strikes {
+            phases.push(value, strike.phase);
+            speeds.push(value, strike.speed);
+        }
+        record.exponent.iter().for_each(|[exponent, _]| exponents.push(value, *exponent));
+    }
 }
 
 /// A diagram of the motions of a scene against one of its numbers.
@@ -244,13 +307,11 @@ impl Diagram {
             let start = [number(cell.values[1]), label(cell.direction), (cell.values[0] as usize).to_string()];
             (entry.map(|entry| entry.outcome), start)
         };
-        let mut points = Points::default();
+        let mut points = Points::new();
         for i in 0..self.rows() {
             let cell = self.plan.cell(i);
             match rows.entry(i)?.map(|entry| entry.outcome) {
-                Some(Outcome::Done { result, .. }) => {
-                    points.rows.push((cell.values[1], cell.direction, cell.values[0] as usize, result));
-                }
+                Some(Outcome::Done { result, .. }) => points.add(cell.values[1], cell.direction, &result),
                 _ => points.failed += 1,
             }
         }
@@ -356,3 +417,22 @@ impl Diagram {
 const PRIMES: [f64; 12] = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0];
 /// Starts that are tried for one.
 const ATTEMPTS: usize = 32;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_of_all_cycles_stay_where_they_are_thinned() {
+        let (mut points, count) = (Thinned::default(), 7 * MOST_POINTS);
+        // A motion of period 8: every second, fourth or eighth point would leave most of it out.
+        (0..count).for_each(|i| points.push(i as f64, (i % 8) as f64));
+        let (x, y) = points.points();
+        assert!((MOST_POINTS / 2 - 2..=MOST_POINTS).contains(&x.len()), "{}", x.len());
+        assert!(x.is_sorted());
+        for cycle in 0..8 {
+            let share = y.iter().filter(|y| **y == f64::from(cycle)).count() as f64 / y.len() as f64;
+            assert!((share - 0.125).abs() < 1e-3, "{cycle}: {share}");
+        }
+    }
+}

@@ -5,11 +5,10 @@ use super::{
     diagram::{BranchLine, Points},
     edges::Measured,
     tally::{Class, Shown, Tally},
-    walk::{Record, Strike},
 };
 use crate::{
     plot::{Axis, Figure, Guide, Panel, Raster, Series, Style},
-    sweep::{Direction, Grid},
+    sweep::Grid,
 };
 
 type Colour = [u8; 3];
@@ -113,18 +112,22 @@ impl Place {
     }
 }
 
-/// The picture of a map of `name` over `grid`; `measure` is what its third panel shows.
-#[must_use]
-pub fn figure(name: &str, grid: &Grid, tally: &Tally, measure: &str, unit: &str) -> Figure {
-    let place = Place::new(grid, tally.size());
-    let shown = tally.shown();
-    let panel = |title: &str, raster: Raster| Panel {
+fn panel(grid: &Grid, title: &str, raster: Raster) -> Panel {
+    Panel {
         title: title.to_owned(),
         x: Axis::new(&grid.axes()[0].pointer, "").between(raster.x[0], raster.x[1]),
         y: Axis::new(&grid.axes()[1].pointer, "").between(raster.y[0], raster.y[1]),
         raster: Some(raster),
         ..Panel::default()
-    };
+    }
+}
+
+/// The picture of a map of `name` over `grid`; `measure` is what its third panel shows.
+#[must_use]
+pub fn figure(name: &str, grid: &Grid, tally: &Tally, measure: &str, unit: &str) -> Figure {
+    let place = Place::new(grid, tally.size());
+    let shown = tally.shown();
+    let panel = |title: &str, raster: Raster| panel(grid, title, raster);
     // Classes that look alike are one.
     let mut looks: Vec<(usize, String, Colour, u64)> = Vec::new();
     for (class, _, count) in tally.classes() {
@@ -188,13 +191,7 @@ pub fn basins_figure(name: &str, grid: &Grid, found: &Found) -> Figure {
     let Found { attractors, boundary, figures } = found;
     let place = Place::new(grid, boundary.size());
     let (shown, count) = (boundary.shown(), attractors.len());
-    let panel = |title: &str, raster: Raster| Panel {
-        title: title.to_owned(),
-        x: Axis::new(&grid.axes()[0].pointer, "").between(raster.x[0], raster.x[1]),
-        y: Axis::new(&grid.axes()[1].pointer, "").between(raster.y[0], raster.y[1]),
-        raster: Some(raster),
-        ..Panel::default()
-    };
+    let panel = |title: &str, raster: Raster| panel(grid, title, raster);
     // Attractors without a colour of their own share the last one.
     let coloured = count.min(ATTRACTORS.len());
     let percent = |i: usize| 100.0 * figures.fractions[i].fraction;
@@ -251,9 +248,6 @@ pub fn basins_figure(name: &str, grid: &Grid, found: &Found) -> Figure {
     }
 }
 
-/// Points of a panel at most: of more, every second, third … is drawn.
-const MOST_POINTS: usize = 60_000;
-
 /// The picture of a diagram of `name` over `pointer`: section points with branches over them, phases and speeds of impacts, exponents.
 #[must_use]
 pub fn diagram_figure(
@@ -263,20 +257,13 @@ pub fn diagram_figure(
     branches: &[BranchLine],
 ) -> Figure {
     let unit = |unit: &'static str| if dimensionless { "" } else { unit };
-    let values = points.rows.iter().map(|row| row.0);
-    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-    let directions = [Direction::Up, Direction::Down];
-    let word = |direction: Direction| if direction == Direction::Down { "down" } else { "up" };
-    let series = |of: &dyn Fn(&Record) -> Vec<f64>| {
+    let [low, high] = points.ends;
+    let series = |panel: usize| {
         let mut all = Vec::new();
-        for (colour, direction) in directions.into_iter().enumerate() {
-            let rows = points.rows.iter().filter(|row| row.1 == direction);
-            let pairs: Vec<(f64, f64)> =
-                rows.flat_map(|(value, _, _, record)| of(record).into_iter().map(|y| (*value, y))).collect();
-            let step = pairs.len().div_ceil(MOST_POINTS).max(1);
-            let (x, y): (Vec<f64>, Vec<f64>) = pairs.into_iter().step_by(step).unzip();
+        for (colour, word) in ["up", "down"].into_iter().enumerate() {
+            let (x, y) = points.shown[colour][panel].points();
             if !x.is_empty() {
-                all.push(Series::line(word(direction), colour, x, y).styled(Style::Points));
+                all.push(Series::line(word, colour, x, y).styled(Style::Points));
             }
         }
         all
@@ -288,24 +275,19 @@ pub fn diagram_figure(
         series,
         ..Panel::default()
     };
-    let mut sections = series(&|record| record.points.iter().map(|x| x[0]).collect());
+    let mut sections = series(0);
     for line in branches {
         let (name, style) =
             if line.is_stable { ("stable orbits", Style::Line) } else { ("unstable orbits", Style::Dashed) };
         sections.push(Series::line(name, 6, line.x.clone(), line.y.clone()).styled(style));
     }
-    let strikes = |of: fn(&Strike) -> f64| series(&move |record: &Record| record.strikes.iter().map(of).collect());
     let panels = vec![
         panel("states at the starts of cycles", Axis::new(first, unit("m")), sections),
-        panel("contacts gained: phase", Axis::new("part of the period", "").between(0.0, 1.0), strikes(|s| s.phase)),
-        panel("contacts gained: speed of approach", Axis::new("speed", unit("m/s")), strikes(|s| s.speed)),
+        panel("contacts gained: phase", Axis::new("part of the period", "").between(0.0, 1.0), series(1)),
+        panel("contacts gained: speed of approach", Axis::new("speed", unit("m/s")), series(2)),
         Panel {
             guides: vec![Guide::Horizontal { y: 0.0, name: String::new() }],
-            ..panel(
-                "largest exponent",
-                Axis::new("exponent", unit("1/s")),
-                series(&|record| record.exponent.iter().map(|[exponent, _]| *exponent).collect()),
-            )
+            ..panel("largest exponent", Axis::new("exponent", unit("1/s")), series(3))
         },
     ];
     Figure {
