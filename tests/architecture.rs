@@ -210,7 +210,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("integrate", 1750),
     ("kernel", 6450),
     ("linalg", 150),
-    ("map", 3000),
+    ("map", 3100),
     ("orbit", 4000),
     ("output", 450),
     ("plot", 1950),

@@ -192,3 +192,48 @@ fn planets_that_start_alike_end_as_those_that_do_not() {
     // Three standard errors each.
     assert!((a - b).abs() <= 3.0 * (band + other_band), "{a} ± {band}, {b} ± {other_band}");
 }
+
+/// In the gap without load nothing brings a gear back: where it stands, it stays.
+#[test]
+fn what_rests_in_the_gap_is_periodic() {
+    // With damping a start with a velocity comes to rest before a flank; without it one that drifts strikes both.
+    for (in_gap, v, rests) in [(true, 0.0, true), (true, 0.02, true), (false, 0.0, true), (false, 0.02, false)] {
+        let pair = pair(0.05, in_gap, 0.0, 0.2, 0.6);
+        let rule = Rule::default();
+        let start = || pair.start_at(&[0.2], &[v]).unwrap();
+        let lane = rule.decide(&pair, start(), Task::default()).unwrap().unwrap();
+        let engine = rule.decide_generally(&pair, start(), Task::default()).unwrap().unwrap();
+        for cell in [lane, engine] {
+            let place = format!("{in_gap} {v}: {cell:?}");
+            if rests {
+                assert_eq!((cell.motion.kind, cell.motion.period), (Kind::Periodic, Some(1)), "{place}");
+                assert_eq!(cell.motion.word.as_deref(), Some(""), "{place}");
+                assert_eq!((cell.exponent, cell.impacts), (Some(0.0), Impacts::None), "{place}");
+                assert_eq!(cell.apart, [1.0], "{place}");
+            } else {
+                assert_eq!(cell.impacts, Impacts::DoubleSided, "{place}");
+            }
+        }
+    }
+}
+
+/// Rigid flanks have no lanes.
+#[test]
+fn what_rests_before_a_wall_is_periodic() {
+    for (stiffness, is_periodic) in [(0, true), (1, false)] {
+        // Without load and damping a mass stays where it stands; on a spring it turns for ever, at a frequency of its own.
+        let scene = json!({
+            "flank": 1,
+            "train": {
+                "kind": "wall", "mass_kg": 1, "stiffness_n_per_m": stiffness, "damping_n_s_per_m": 0,
+                "load_harmonics": [{ "amplitude_n": 0, "frequency_rad_per_s": 2.4 }],
+                "wall": { "side": "above", "position_m": 1 }, "law": { "kind": "rigid", "restitution": 0.8 },
+            },
+            "initial": { "q": [0.5] },
+            "run": { "cycles": 10 },
+        });
+        let wall = Simulation::from_scene(Scene::from_value(scene, "wall").unwrap()).unwrap();
+        let cell = decide(&wall);
+        assert_eq!(cell.motion.kind == Kind::Periodic, is_periodic, "{cell:?}");
+    }
+}

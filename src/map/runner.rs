@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::cell::{NEUTRAL, returns};
 use crate::{
     engine::{Engine, Jumped, Observer, Outcome, State},
     gear::contact::Law,
@@ -319,6 +320,19 @@ impl<'s> Runner<'s> {
             .min_by(|a, b| (a.0 * a.1 as f64).total_cmp(&(b.0 * b.1 as f64)));
         let Some((_, period)) = near else { return Ok(Ok(None)) };
         let (at, jump) = (self.lane.at(), self.lane.jump().clone());
+        if returns(self.simulation, &sections[last - 1], &here, last as u64) {
+            let cycle = self.image(here, 1, scales)?;
+            self.lane.place(at, here, jump.clone());
+            let one = 1.0 - MARGINAL..=1.0 + NEUTRAL;
+            if let Some((cycle, ends)) = cycle
+                && cycle.events.is_empty()
+                && one.contains(&cycle.sizes()[0])
+                && returns(self.simulation, &here, &ends[0], last as u64)
+            {
+                // Its multiplier is one, whatever rounding has made of it.
+                return Ok(Ok(Some(Closed { derivative: [[1.0, 0.0], [0.0, 1.0]], ..cycle })));
+            }
+        }
         let solved = self.solve(here, period, scales)?;
         self.lane.place(at, here, jump);
         let Some(orbit) = solved else { return Ok(Ok(None)) };
