@@ -222,6 +222,18 @@ fn cells_that_fail_are_rows_that_say_why() {
     assert_eq!(failed.len(), 8);
     assert!(failed.iter().all(|line| line.contains("inside its rigid flank")), "{failed:?}");
     assert_eq!(table.lines().count(), 21);
+    // A wall that is moved over the start: two of its five places, at two values of damping.
+    let map = place.path().join("map");
+    let axes = ["--vary", "/train/wall/position_m=-0.5:0.5:5", "--vary", "/train/damping_n_s_per_m=0.05:0.1:2"];
+    let start = fs::read_to_string(&scene).unwrap().replace(r#""rest""#, r#"{ "q": [-0.1] }"#);
+    fs::write(&scene, start).unwrap();
+    let (code, text, error) =
+        run(&[&["map", scene.to_str().unwrap()][..], &axes, &["--out", map.to_str().unwrap()]].concat());
+    assert!(code == 0 && text.contains("failed: 4 (40.00 %)"), "{text}{error}");
+    let table = read(&map, "map.csv");
+    let failed: Vec<&str> = table.lines().filter(|line| line.contains(",failed,")).collect();
+    assert!(failed.len() == 4 && failed.iter().all(|line| line.contains("inside the rigid flank")), "{failed:?}");
+    assert_eq!(table.lines().count(), 11);
 }
 
 /// Pressed against a wall whose hysteresis keeps the speed of the last gain: each start leaves another speed and another orbit, all of one
