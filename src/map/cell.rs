@@ -2,13 +2,11 @@
 
 use std::ops::ControlFlow;
 
-use nalgebra::Complex;
-
 use crate::{
-    engine::{Engine, Jumped, Observer, State},
+    engine::{Jumped, Observer, State},
     hybrid::Mode,
     integrate::DenseStep,
-    orbit::{Approach, Kind, Motion, Section, SectionMap, Watching, decide, newton::CLOSED, words},
+    orbit::{Approach, Motion, Section, SectionMap, Watching, decide},
     simulation::{Simulation, SimulationError},
     system::{ContactMode, contact_mode, guard_of},
     task::Task,
@@ -82,57 +80,6 @@ pub struct Cell {
     pub section: Section,
     /// Of a motion without an orbit: mean and standard deviation of each component at the starts of cycles.
     pub averages: Vec<[f64; 2]>,
-}
-
-/// Roundings of the gap or the state that a cycle without events may add.
-const ROUNDINGS: f64 = 64.0;
-/// Growth in a cycle of a multiplier that counts as one: two equal ones are known to the root of a rounding.
-pub(super) const NEUTRAL: f64 = 1e-6;
-
-/// Whether a cycle from `x` ends there, to the rounding that `cycles` before it may have added up to: a velocity that nothing damps keeps
-/// it. After 200 cycles a motion without events is some 10¹¹ cycles away from a flank then.
-pub(super) fn returns(simulation: &Simulation, x: &[f64], end: &[f64], cycles: u64) -> bool {
-    let (n, omega) = (simulation.structure.freedoms(), simulation.clock().omega());
-    let backlashes = simulation.structure.spec().contacts.iter().map(|c| c.half_backlash);
-    let positions = x[..n].iter().map(|q| q.abs()).chain(x[n..2 * n].iter().map(|v| v.abs() / omega));
-    let rounding = ROUNDINGS * f64::EPSILON * (cycles + 1) as f64;
-    let reach = rounding * backlashes.chain(positions).fold(0.0, f64::max);
-    let off = |i: usize| (end[i] - x[i]).abs();
-    (0..n).all(|i| off(i) <= reach && off(n + i) <= reach * omega)
-}
-
-/// The cell of a motion that `engine` stands on, where no contact does anything in a cycle, and neighbours neither come nearer nor part
-/// as a power of time does: a train at rest in its gaps.
-fn resting(map: &SectionMap<'_>, engine: &Engine<'_>, cycles: u64) -> Result<Option<Cell>, SimulationError> {
-    let section = map.section(engine.state());
-    let image = map.image(&section, 1)?;
-    let distance = (section.x.iter().zip(&image.end.x)).fold(0.0, |m: f64, (x, end)| m.max((end - x).abs()));
-    let sizes = image.jacobian.complex_eigenvalues().map(|m: Complex<f64>| m.norm());
-    let is_neutral = (sizes.max() - 1.0).abs() <= NEUTRAL && map.drift().directions.is_empty();
-    if !is_neutral || !image.word.is_empty() || !returns(map.simulation(), &section.x, &image.end.x, cycles) {
-        return Ok(None);
-    }
-    let mut flanks = Flanks::new(section.contacts.len());
-    map.watch(&section, 1, &mut flanks)?;
-    let apart = flanks.apart.iter().map(|apart| apart / flanks.time).collect();
-    Ok(Some(Cell {
-        motion: Motion {
-            kind: Kind::Periodic,
-            period: Some(1),
-            word: Some(words::text(&image.word)),
-            multiplier: Some(1.0),
-            exponent: None,
-            rotation: None,
-            cycles,
-            distance,
-            reason: None,
-        },
-        exponent: Some(0.0),
-        impacts: flanks.impacts(),
-        apart,
-        section,
-        averages: Vec::new(),
-    }))
 }
 
 /// Mean and standard deviation.
@@ -235,12 +182,6 @@ impl Rule {
         let mut engine = simulation.engine(start)?;
         let approach = Approach { most_cycles: self.transient_cycles, longest_period: LONGEST, ..Approach::default() };
         let Some(approached) = approach.run(&map, &mut engine, &mut (), task)? else { return Ok(None) };
-        if approached.orbit.is_none()
-            && approached.distance <= CLOSED
-            && let Some(cell) = resting(&map, &engine, approached.cycles)?
-        {
-            return Ok(Some(cell));
-        }
         let mut flanks = Flanks::new(simulation.structure.contacts().len());
         let watching = Watching { cycles: self.further_cycles / 2, doublings: 1, is_settled: true };
         let decided = decide(&map, &mut engine, &approached, watching, &mut flanks, task)?;

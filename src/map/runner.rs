@@ -2,7 +2,6 @@
 
 use std::ops::ControlFlow;
 
-use super::cell::{NEUTRAL, returns};
 use crate::{
     engine::{Engine, Jumped, Observer, Outcome, State},
     gear::contact::Law,
@@ -14,6 +13,7 @@ use crate::{
         approach::{BESIDE, CONTRACTS, DOUBLINGS, FOLLOWED, NEAR, PATIENCE},
         frame::rate_scale,
         newton::{CLOSED, MARGINAL, SAME},
+        rest::{NEUTRAL, returns},
         words,
     },
     simulation::{Simulation, SimulationError},

@@ -11,7 +11,7 @@ use crate::{
         SectionMap,
         averages::means,
         frame::{Frame, column},
-        words::Speller,
+        words::{Speller, is_gained},
     },
     simulation::{Simulation, SimulationError},
     system::{ContactMode, contact_mode},
@@ -119,7 +119,7 @@ impl<'s> Walk<'s> {
                 record.points.push(engine.state().x.clone());
                 // Letters are gathered as their instant is closed.
                 speller.tokens();
-                let gained = speller.letters.iter().filter(|letter| letter.token.starts_with(['c', 'i', 'z']));
+                let gained = speller.letters.iter().filter(|letter| is_gained(&letter.token));
                 record.strikes.extend(gained.map(|letter| {
                     let side = if letter.token.ends_with('+') { 1.0 } else { -1.0 };
                     let (phase, speed) = (letter.at.phase.value() / period, side * letter.rate);

@@ -10,6 +10,7 @@ use super::{
     approach::closing,
     averages::means,
     frame::Frame,
+    newton::CLOSED,
     section::Section,
     unknowns::{ACCELERATES, Unknowns, distance},
 };
@@ -340,6 +341,17 @@ pub fn decide<'s>(
     }
     if approached.orbit.is_some() {
         return Ok(Some((motion, None)));
+    }
+    if approached.distance <= CLOSED
+        && let Some(orbit) = map.rest(map.section(engine.state()), approached.cycles)?
+    {
+        let rest = Approached {
+            orbit: Some(orbit),
+            cycles: approached.cycles,
+            distance: approached.distance,
+            ..Approached::default()
+        };
+        return Ok(Some((Motion::of(&rest), rest.orbit)));
     }
     // Equal planets that start alike stay alike, until rounding parts them late: exponents on the way would be those of another motion.
     let may_be_symmetric = simulation.structure.freedoms() > 1;

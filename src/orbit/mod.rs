@@ -14,13 +14,14 @@ pub(crate) mod newton;
 mod partners;
 pub mod pictures;
 mod report;
+pub(crate) mod rest;
 mod search;
 mod section;
 mod shooting;
 pub(crate) mod unknowns;
 pub mod words;
 
-pub use crate::tangent::Tangent;
+pub use crate::tangent::{Corner, Tangent};
 pub use approach::{Approach, Approached};
 pub use crossing::{Crossing, GuardMap};
 pub use exponents::{Averaging, Exponents, Finite, INTERRUPTED, Lyapunov, WithoutSaltation};
