@@ -211,7 +211,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("kernel", 6450),
     ("linalg", 150),
     ("map", 3100),
-    ("orbit", 4000),
+    ("orbit", 4100),
     ("output", 450),
     ("plot", 1950),
     ("poly", 1000),
@@ -220,7 +220,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("study", 6750),
     ("sweep", 1250),
     ("system", 4000),
-    ("tangent", 900),
+    ("tangent", 1100),
     ("train", 1550),
     ("verify", 800),
 ];

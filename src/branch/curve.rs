@@ -10,7 +10,7 @@ use super::{
     special::{Kind, LOCATED, Sought, Special, Trail, rests},
 };
 use crate::{
-    orbit::SectionMap,
+    orbit::{SectionMap, words::sorted},
     simulation::SimulationError,
     task::{Progress, Task},
 };
@@ -163,20 +163,13 @@ pub fn curves(
     Ok(all)
 }
 
-/// The letters of a word in alphabetic order.
-fn letters(word: &str) -> Vec<&str> {
-    let mut letters: Vec<&str> = word.split(['[', ']', ' ']).filter(|letter| !letter.is_empty()).collect();
-    letters.sort_unstable();
-    letters
-}
-
 impl Solver<'_> {
     /// Whether a special point of a branch lies on a curve that is known.
     fn is_on(&self, curve: &Curve, special: &Special) -> bool {
         let (ranges, place) = (self.family.ranges(), [special.value, self.family.own_place()[1]]);
         // Where two events coincide both orders of them are words of the curve.
         let is_alike =
-            |point: &CurvePoint| point.period == special.period && letters(&point.word) == letters(&special.word);
+            |point: &CurvePoint| point.period == special.period && sorted([&point.word]) == sorted([&special.word]);
         let passes = |pair: &[CurvePoint]| {
             let [a, b] = pair else { return false };
             let share = (place[1] - a.second) / (b.second - a.second);

@@ -10,7 +10,7 @@ use super::{
     newton::Options,
     section::Section,
     unknowns::{Unknowns, distance},
-    words::Speller,
+    words::{Speller, sorted},
 };
 use crate::{
     engine::{Engine, Observer, Outcome},
@@ -160,7 +160,9 @@ impl Approach {
                 continue;
             }
             next = (cycles + 1).max((cycles as f64 * GROWTH) as u64).min(self.most_cycles);
-            if let Some(orbit) = self.candidate(map, sections.make_contiguous(), &drift, (&mut unstable, &mut reason)) {
+            if let Some(orbit) =
+                self.candidate(map, sections.make_contiguous(), &drift, (&mut unstable, &mut reason, task))
+            {
                 let before = sections.len();
                 let followed = self.follow(map, engine, &orbit, &drift, (&mut sections, observer, task))?;
                 let Some(approaches) = followed else { return Ok(None) };
@@ -190,7 +192,7 @@ impl Approach {
         map: &SectionMap<'_>,
         sections: &[Section],
         drift: &Drift,
-        (unstable, reason): (&mut Vec<Section>, &mut Option<String>),
+        (unstable, reason, task): (&mut Vec<Section>, &mut Option<String>, Task<'_>),
     ) -> Option<Orbit> {
         let scales = map.scales_of(sections);
         let last = sections.len() - 1;
@@ -203,7 +205,7 @@ impl Approach {
             .map(|k| (distance(map, &sections[last - k], &sections[last], &scales, drift), k))
             .filter(|(apart, _)| *apart <= NEAR)
             .min_by(|a, b| (a.0 * a.1 as f64).total_cmp(&(b.0 * b.1 as f64)))?;
-        let options = Options { patience: Some(PATIENCE), ..Options::default() };
+        let options = Options { patience: Some(PATIENCE), task, ..Options::default() };
         match map.solve_from(&sections[last], period as u64, drift, options) {
             Ok(orbit) if !orbit.is_stable => {
                 *reason = Some("the orbit near the end of the run is not stable".into());
@@ -233,7 +235,7 @@ impl Approach {
     ) -> Result<Option<bool>, SimulationError> {
         let (attraction, clock) = (Attraction::new(map, orbit, drift), map.simulation().clock());
         let structure = &map.simulation().structure;
-        let word = letters(&orbit.image.word);
+        let word = sorted(&orbit.image.word);
         let mut before = attraction.of(&engine.state().x);
         for _ in 0..FOLLOWED {
             let mut speller = Speller::new(structure, &engine.state().x);
@@ -247,19 +249,11 @@ impl Approach {
             let now = attraction.of(&engine.state().x);
             let is_there = now[1].sqrt() <= self.tolerance;
             let comes = now[0] <= before[0] - CONTRACTS * before[1];
-            if letters(&speller.ring()) != word || !(is_there || comes) {
+            if sorted(&speller.ring()) != word || !(is_there || comes) {
                 return Ok(Some(false));
             }
             before = now;
         }
         Ok(Some(true))
     }
-}
-
-/// The tokens of a word in alphabetic order: events of one instant may be told apart by rounding.
-fn letters(word: &[String]) -> Vec<&str> {
-    let mut letters: Vec<&str> =
-        word.iter().flat_map(|token| token.split(['[', ']', ' '])).filter(|t| !t.is_empty()).collect();
-    letters.sort_unstable();
-    letters
 }

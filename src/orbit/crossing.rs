@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use nalgebra::{DMatrix, DVector};
 
 use super::{
-    Tangent,
+    Corner, Tangent,
     words::{Speller, letters},
 };
 use crate::{
@@ -49,8 +49,8 @@ pub struct Crossing {
     pub by_number: (DMatrix<f64>, DVector<f64>),
     /// What happened, as tokens of a word; the last one holds the event.
     pub word: Vec<String>,
-    /// Dependent impacts fell on one instant: the derivative is that of the order they had.
-    pub is_piecewise: bool,
+    /// Where the map is only piecewise smooth, the first place: the derivative is that of the order that impacts had there.
+    pub corner: Option<Corner>,
 }
 
 impl<'a> GuardMap<'a> {
@@ -132,7 +132,7 @@ impl<'a> GuardMap<'a> {
             time_by,
             by_number: (by_number, time_by_number),
             word: speller.tokens(),
-            is_piecewise: tangent.is_piecewise,
+            corner: tangent.corner,
             end,
         })
     }

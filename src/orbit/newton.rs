@@ -4,12 +4,12 @@ use nalgebra::{Complex, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Drift, SectionMap,
+    Drift, INTERRUPTED, SectionMap,
     section::{Image, Section, number},
-    shooting::eigenvalues,
+    shooting::{Shots, eigenvalues},
     unknowns::Unknowns,
 };
-use crate::simulation::SimulationError;
+use crate::{simulation::SimulationError, task::Task};
 
 /// Newton steps at most.
 pub(super) const STEPS: usize = 40;
@@ -67,6 +67,8 @@ pub(super) struct Options<'a> {
     pub patience: Option<usize>,
     /// States of orbits that are known already, to be kept away from.
     pub known: &'a [Vec<f64>],
+    /// What may break the search off, between two steps.
+    pub task: Task<'a>,
 }
 
 impl Options<'_> {
@@ -176,6 +178,9 @@ impl SectionMap<'_> {
         let mut now = evaluate(&section).map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
         let (mut best, first) = (now.0, now.0);
         for step in 0..STEPS {
+            if options.task.is_cancelled() {
+                return Err(missed(best, INTERRUPTED));
+            }
             if patience.is_some_and(|steps| step == steps) && now.0 > 0.5 * first {
                 return Err(missed(best, "Newton's method does not converge from here"));
             }
@@ -289,7 +294,14 @@ impl SectionMap<'_> {
                 return self.solve(&section, shorter, drift);
             }
         }
-        let factor = unknowns.reduced(&image.jacobian);
-        Ok(Orbit::of(section, image, (&unknowns, &[factor]), residual, condition))
+        let factors = if period == 1 {
+            vec![unknowns.reduced(&image.jacobian)]
+        } else {
+            // Multipliers come from the derivative of each cycle: small ones would be lost in their product.
+            let starts = std::iter::once(&section).chain(&image.between).take(period as usize);
+            let failed = |error: SimulationError| Missed { residual, reason: error.to_string() };
+            Shots::new(self, starts.cloned().collect(), &[], drift).map_err(failed)?.factors()
+        };
+        Ok(Orbit::of(section, image, (&unknowns, &factors), residual, condition))
     }
 }

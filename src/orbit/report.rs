@@ -5,7 +5,7 @@ use serde_json::{Map, Value, json};
 
 use super::{
     Orbit,
-    words::{normal, text},
+    words::{is_gained, normal, parts, text},
 };
 use crate::{simulation::Simulation, system::ContactMode};
 
@@ -34,6 +34,9 @@ struct Row {
     condition: f64,
     contacts: Vec<&'static str>,
     piecewise: bool,
+    /// Where the derivative is that of one order of impacts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    corner: Option<Value>,
     /// An event lies on phase 0: its part of word and multipliers may be missing, or be there twice.
     event_at_phase_0: bool,
     symmetric: bool,
@@ -53,8 +56,7 @@ impl Orbit {
     /// Contacts gained and impacts in the period.
     #[must_use]
     pub fn impacts(&self) -> usize {
-        let tokens = self.image.word.iter().flat_map(|token| token.split(['[', ']', ' ']));
-        tokens.filter(|token| token.starts_with(['c', 'i', 'z'])).count()
+        self.image.word.iter().flat_map(|token| parts(token)).filter(|token| is_gained(token)).count()
     }
 
     /// A block of a scene that starts there.
@@ -82,7 +84,7 @@ impl Orbit {
     }
 
     pub(super) fn report(&self, simulation: &Simulation) -> Value {
-        let x = &self.section.x;
+        let (x, structure) = (&self.section.x, &simulation.structure);
         let row = Row {
             period_cycles: self.period,
             word: self.word(),
@@ -94,7 +96,12 @@ impl Orbit {
             residual: self.residual,
             condition: self.condition,
             contacts: self.section.contacts.iter().map(|contact| contact.name()).collect(),
-            piecewise: self.image.is_piecewise,
+            piecewise: self.image.corner.is_some(),
+            corner: self.image.corner.as_ref().map(|corner| {
+                let name = |j: &usize| structure.contacts()[*j].spec.name.clone();
+                let period = simulation.clock().period().map_or(f64::NAN, |period| period.value());
+                json!({ "phase": corner.phase / period, "contacts": corner.contacts.iter().map(name).collect::<Vec<_>>() })
+            }),
             event_at_phase_0: self.image.has_event_at_section,
             symmetric: self.is_symmetric,
             partner: self.partner,

@@ -134,7 +134,7 @@ impl Search {
     fn near(&self, map: &SectionMap<'_>, start: &Section, found: &mut Found, task: Task<'_>) {
         if let Some(period) = self.period {
             let guess = FirstGuess::Start(start, period);
-            self.attempt(map, guess, f64::INFINITY, found);
+            self.attempt(map, guess, f64::INFINITY, found, task);
             return;
         }
         let mut sections = vec![start.clone()];
@@ -149,12 +149,13 @@ impl Search {
         }
         let scales = map.scales_of(&sections);
         let close = (1..sections.len()).find(|k| distance(map, start, &sections[*k], &scales, &found.drift) <= SAME);
-        if close.is_some_and(|k| self.attempt(map, FirstGuess::Cycles(&sections[..k]), f64::INFINITY, found)) {
+        if close.is_some_and(|k| self.attempt(map, FirstGuess::Cycles(&sections[..k]), f64::INFINITY, found, task)) {
             return;
         }
         for (period, section) in sections.iter().enumerate().skip(1) {
             let is_far = distance(map, start, section, &scales, &found.drift) > RETURNED;
-            if task.is_cancelled() || !is_far && self.attempt(map, FirstGuess::Cycles(&sections[..period]), NEAR, found)
+            if task.is_cancelled()
+                || !is_far && self.attempt(map, FirstGuess::Cycles(&sections[..period]), NEAR, found, task)
             {
                 return;
             }
@@ -162,13 +163,20 @@ impl Search {
     }
 
     /// Newton's method from the start of a guess, then from all of it. Whether an orbit was found that is `near` the start.
-    fn attempt(&self, map: &SectionMap<'_>, guess: FirstGuess<'_>, near: f64, found: &mut Found) -> bool {
+    fn attempt(
+        &self,
+        map: &SectionMap<'_>,
+        guess: FirstGuess<'_>,
+        near: f64,
+        found: &mut Found,
+        task: Task<'_>,
+    ) -> bool {
         let patience = near.is_finite().then_some(PATIENCE);
         let (start, period) = guess.start();
-        let options = Options { patience, ..Options::default() };
+        let options = Options { patience, task, ..Options::default() };
         let solved = map.solve_from(start, period, &found.drift, options).or_else(|missed| {
             let sections = if period > 1 { guess.sections(map) } else { None };
-            let shot = sections.map(|sections| map.shoot_from(&sections, &found.drift, patience));
+            let shot = sections.map(|sections| map.shoot_from(&sections, &found.drift, options));
             shot.and_then(Result::ok).ok_or(missed)
         });
         let is_near = |orbit: &Orbit| {
@@ -241,7 +249,7 @@ impl Search {
         all.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (_, m, k) in ends.into_iter().take(4).chain(all.into_iter().take(RETURNS)) {
             if task.is_cancelled()
-                || self.attempt(map, FirstGuess::Cycles(&passed[m..m + k as usize]), f64::INFINITY, found)
+                || self.attempt(map, FirstGuess::Cycles(&passed[m..m + k as usize]), f64::INFINITY, found, task)
             {
                 return;
             }
@@ -285,12 +293,14 @@ impl Search {
                     .collect::<Vec<_>>()
             };
             let solve = |i: usize, k: u64| {
-                let options = Options { known: &known(k), ..Options::default() };
+                let options = Options { known: &known(k), task, ..Options::default() };
                 map.solve_from(&start(i), k, drift, options).or_else(|missed| {
                     // From states that the motion takes one after the other.
                     let first = i * 7919 % passed.len();
                     let trail = passed.get(first..first + k as usize).filter(|_| i.is_multiple_of(2) && k > 1);
-                    trail.ok_or(missed).and_then(|trail| map.shoot_from(trail, drift, Some(PATIENCE)))
+                    trail.ok_or(missed).and_then(|trail| {
+                        map.shoot_from(trail, drift, Options { patience: Some(PATIENCE), task, ..Options::default() })
+                    })
                 })
             };
             let from = |i: usize| periods.clone().map(|k| solve(i, k)).collect::<Vec<_>>();

@@ -11,7 +11,7 @@ use crate::{
 use nalgebra::DMatrix;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::{Tangent, words::Speller};
+use super::{Corner, Tangent, words::Speller};
 
 /// A state at the start of a cycle: all that the motion goes on from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,8 +56,8 @@ pub struct Image {
     /// `∫ div f dt + Σ ln |det|` of jumps; NaN where contacts rest or latch.
     #[serde(deserialize_with = "number")]
     pub volume: f64,
-    /// Dependent impacts fell on one instant: the derivative is that of the order they had.
-    pub is_piecewise: bool,
+    /// Where the map is only piecewise smooth, the first place: the derivative is that of the order that impacts had there.
+    pub corner: Option<Corner>,
     /// An event lies on the instant of a section: rounding may have counted it twice, or left its part of the derivative out.
     pub has_event_at_section: bool,
     /// The largest size of each component at the starts of cycles and at events.
@@ -310,7 +310,7 @@ impl<'a> SectionMap<'a> {
             dead: tangent.dead,
             latched: tangent.latched,
             volume: tangent.volume,
-            is_piecewise: tangent.is_piecewise,
+            corner: tangent.corner,
             has_event_at_section: speller.letters.iter().any(|letter| self.is_section(letter.at)),
             sizes: speller.sizes.clone(),
             pieces: counters.steps + counters.events,

@@ -4,8 +4,8 @@
 use nalgebra::{Complex, DMatrix, DVector};
 
 use super::{
-    Drift, Missed, Orbit, SectionMap,
-    newton::{CLOSED, HALVINGS, LONGEST, SAME, STEPS, UNLIKE},
+    Drift, INTERRUPTED, Missed, Orbit, SectionMap,
+    newton::{CLOSED, HALVINGS, LONGEST, Options, SAME, STEPS, UNLIKE},
     section::{Image, Section},
     unknowns::Unknowns,
     words::Speller,
@@ -18,7 +18,7 @@ const MOST: usize = 600;
 const PASSES: usize = 8;
 
 /// Where all cycles lead from their sections.
-struct Shots {
+pub(super) struct Shots {
     sections: Vec<Section>,
     images: Vec<Image>,
     /// All cycles as one.
@@ -42,7 +42,7 @@ fn joined(images: &[Image]) -> Option<Image> {
         whole.latched.iter_mut().zip(&image.latched).for_each(|(a, b)| *a |= b);
         whole.dead.extend(image.dead.iter().cloned());
         whole.volume += image.volume;
-        whole.is_piecewise |= image.is_piecewise;
+        whole.corner = whole.corner.or_else(|| image.corner.clone());
         whole.has_event_at_section |= image.has_event_at_section;
         whole.pieces += image.pieces;
     }
@@ -63,7 +63,7 @@ fn cyclic(factors: &[DMatrix<f64>]) -> DMatrix<f64> {
 }
 
 impl Shots {
-    fn new(
+    pub fn new(
         map: &SectionMap<'_>,
         mut sections: Vec<Section>,
         variations: &[Variation],
@@ -93,7 +93,7 @@ impl Shots {
     }
 
     /// The derivative of each cycle, in unknowns.
-    fn factors(&self) -> Vec<DMatrix<f64>> {
+    pub fn factors(&self) -> Vec<DMatrix<f64>> {
         self.images.iter().map(|image| self.unknowns.reduced(&image.jacobian)).collect()
     }
 
@@ -125,15 +125,15 @@ impl SectionMap<'_> {
     /// # Errors
     /// [`Missed`], if Newton's method does not converge, or if the period has more than 600 unknowns.
     pub fn shoot(&self, trail: &[Section], drift: &Drift) -> Result<Orbit, Missed> {
-        self.shoot_from(trail, drift, None)
+        self.shoot_from(trail, drift, Options::default())
     }
 
-    /// The same; the residual must fall by half in `patience` steps, or the search ends.
+    /// The same, with `options` but known orbits.
     pub(super) fn shoot_from(
         &self,
         trail: &[Section],
         drift: &Drift,
-        patience: Option<usize>,
+        Options { patience, task, .. }: Options<'_>,
     ) -> Result<Orbit, Missed> {
         let missed = |residual: f64, reason: &str| Missed { residual, reason: reason.to_owned() };
         let dim = trail.first().map_or(0, |section| section.x.len());
@@ -145,6 +145,9 @@ impl SectionMap<'_> {
         let mut now = shots(trail.to_vec()).map_err(|error| missed(f64::INFINITY, &error.to_string()))?;
         let first = now.residual;
         for count in 0..STEPS {
+            if task.is_cancelled() {
+                return Err(missed(now.residual, INTERRUPTED));
+            }
             if patience.is_some_and(|steps| count == steps) && now.residual > 0.5 * first {
                 return Err(missed(now.residual, "Newton's method does not converge from here"));
             }

@@ -50,6 +50,23 @@ pub fn text(tokens: &[String]) -> String {
     tokens.join(" ")
 }
 
+/// The tokens of a word without brackets.
+pub(crate) fn parts(word: &str) -> impl Iterator<Item = &str> {
+    word.split(['[', ']', ' ']).filter(|part| !part.is_empty())
+}
+
+/// The same in alphabetic order: events of one instant may be told apart by rounding.
+pub(crate) fn sorted<'a>(words: impl IntoIterator<Item = &'a String>) -> Vec<&'a str> {
+    let mut parts: Vec<&str> = words.into_iter().flat_map(|word| parts(word)).collect();
+    parts.sort_unstable();
+    parts
+}
+
+/// Whether a token is that of a contact gained or of an impact.
+pub(crate) fn is_gained(token: &str) -> bool {
+    token.starts_with(['c', 'i', 'z'])
+}
+
 /// The sequence of the words of cycles, and what it tells.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Sequence {
@@ -83,10 +100,8 @@ const NAMED: usize = 12;
 impl Sequence {
     /// Adds the word of a cycle. Contacts lost by force and gained again inside the zone of a flank are left out: they are one contact.
     pub fn add(&mut self, tokens: &[String]) {
-        let is_told = |token: &&&str| !token.starts_with(['a', 'x']);
         let told = |token: &String| {
-            let letters: Vec<&str> = token.split(['[', ']', ' ']).filter(|t| !t.is_empty()).collect();
-            let told: Vec<&str> = letters.iter().filter(is_told).copied().collect();
+            let told: Vec<&str> = parts(token).filter(|token| !token.starts_with(['a', 'x'])).collect();
             if told.len() > 1 { format!("[{}]", told.join(" ")) } else { told.concat() }
         };
         let word = tokens.iter().map(told).filter(|token| !token.is_empty()).collect::<Vec<_>>().join(" ");
@@ -121,7 +136,7 @@ impl Sequence {
         let cycles = self.order.len() as u64;
         let mut frequent = self.words.clone();
         frequent.sort_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
-        let contacts = |word: &str| word.split(['[', ']', ' ']).filter(|t| t.starts_with(['c', 'i', 'z'])).count();
+        let contacts = |word: &str| parts(word).filter(|token| is_gained(token)).count();
         let all: u64 = self.words.iter().map(|(word, count)| contacts(word) as u64 * count).sum();
         Statistics {
             cycles,

@@ -74,8 +74,9 @@ pub(crate) struct Gradient {
 /// What a jump has done to columns.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Saltation {
-    /// Several impacts at one instant that depend on each other: their order decides, and the columns are those of the order taken.
-    pub is_piecewise: bool,
+    /// The contacts of several impacts at one instant that depend on each other, if there are any: their order decides, and the columns are
+    /// those of the order taken.
+    pub dependent: Vec<usize>,
     /// `ln |det S|`; NaN where contacts come to rest or latch a speed, which have no volume.
     pub volume: f64,
     /// Ranks that impacts without rebound take, of contacts that do not stay at rest.
@@ -317,8 +318,8 @@ impl Structure {
                 columns,
             );
             saltation.ranks = strikers.iter().filter(|j| !rests(&to.mode, **j) && is_dead(**j)).count();
-            let are_apart = |i: &usize| strikers.iter().all(|j| i == j || self.coupling(*i, *j) == 0.0);
-            saltation.is_piecewise = !strikers.iter().all(are_apart);
+            let depends = |i: &usize| strikers.iter().any(|j| i != j && self.coupling(*i, *j) != 0.0);
+            saltation.dependent = strikers.iter().copied().filter(depends).collect();
             let logarithm = |j: &usize| match self.contacts[*j].spec.law {
                 Law::Rigid(l) if !settles && !rests(&to.mode, *j) => 2.0 * libm::log(l.restitution),
                 _ => f64::NAN,

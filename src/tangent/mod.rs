@@ -1,6 +1,7 @@
 //! The derivative of the motion: columns that travel with the state of a run, and what of its errors a run has amplified.
 
 mod collocation;
+mod exponential;
 mod inherited;
 mod series;
 
@@ -8,7 +9,10 @@ use std::{collections::BTreeMap, ops::ControlFlow};
 
 pub use inherited::Inherited;
 
+use serde::{Deserialize, Serialize};
+
 use collocation::Collocated;
+use exponential::Tables;
 use series::{Coefficients, Orders};
 
 use crate::{
@@ -18,18 +22,26 @@ use crate::{
     system::{By, Columns, ContactMode, Gradient, Sticking, Structure, Variation, contact_mode},
 };
 
-/// Terms of an exponential: over a span on which rates reach [`SPAN`] the rest is below rounding.
-const TERMS: usize = 60;
-/// Rates times span above which a span is halved: the largest terms of its series are then some hundred times the sum.
-const SPAN: f64 = 8.0;
 /// Halvings of a step.
 const DEEPEST: u32 = 12;
+
+/// Where a map is only piecewise smooth: impacts that depend on each other fell on one instant. The derivative is that of the order that they
+/// were taken in; for neighbours with another order it is another one.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Corner {
+    /// Time since the start of the forcing cycle, s.
+    pub phase: f64,
+    /// The contacts, by their places in the train.
+    pub contacts: Vec<usize>,
+}
 
 /// What is known of a mode.
 struct Known {
     /// `f_x`, where it is constant.
     gradient: Option<Gradient>,
     held: Option<Sticking>,
+    /// Of a mode with a constant `f_x`.
+    tables: Option<Tables>,
     /// A size of its rates without contacts that vary, rad/s.
     rate: f64,
 }
@@ -47,8 +59,8 @@ pub struct Tangent<'s> {
     mode: Option<Mode>,
     /// `∫ div f dt + Σ ln |det|` of jumps so far; NaN where contacts rest or latch, which have no volume.
     pub volume: f64,
-    /// Several dependent impacts fell on one instant: the map has corners there.
-    pub is_piecewise: bool,
+    /// The first corner that was met.
+    pub corner: Option<Corner>,
     /// A part of the motion could not be resolved: the columns must not be used.
     pub is_unresolved: bool,
     /// The latched speeds that were written anew.
@@ -90,7 +102,7 @@ impl<'s> Tangent<'s> {
             columns,
             structure,
             volume: 0.0,
-            is_piecewise: false,
+            corner: None,
             is_unresolved: false,
             rests: false,
             dies: false,
@@ -172,31 +184,10 @@ impl<'s> Tangent<'s> {
             let gradient = s.is_affine(mode).then(|| s.gradient(mode, s.clock().instant(0.0), &self.x));
             let held = s.held(mode);
             self.dead.push((held.as_ref().map_or(0, |held| 2 * held.independent()), self.open(mode)));
-            let known = Known { gradient, held, rate: s.rate_of(mode) };
+            let rate = s.rate_of(mode);
+            let tables = gradient.as_ref().and_then(|gradient| Tables::new(s, gradient, held.as_ref(), rate));
+            let known = Known { gradient, held, tables, rate };
             self.modes.insert(mode.clone(), known);
-        }
-    }
-
-    /// A span of a mode whose `f_x` is constant: `exp(f_x h) ξ` by its series.
-    fn exponential(&mut self, mode: &Mode, time: f64) {
-        let Self { structure: s, columns, work: [term, next], modes, volume, .. } = self;
-        let Some(Known { gradient: Some(gradient), held, rate }) = modes.get(mode) else { return };
-        *volume += if held.is_some() { f64::NAN } else { s.divergence(gradient) * time };
-        let parts = (rate * time / SPAN).ceil().max(1.0);
-        let h = time / parts;
-        for _ in 0..parts as u64 {
-            term.values.copy_from_slice(&columns.values);
-            let size = largest(s.freedoms(), columns);
-            for k in 1..=TERMS {
-                s.apply(gradient, held.as_ref(), term, next);
-                let share = h / k as f64;
-                next.values.iter_mut().for_each(|c| *c *= share);
-                columns.values.iter_mut().zip(&next.values).for_each(|(c, t)| *c += t);
-                std::mem::swap(term, next);
-                if k as f64 > rate * h && is_small(term, &size, f64::EPSILON / 16.0) {
-                    break;
-                }
-            }
         }
     }
 }
@@ -290,7 +281,9 @@ impl Observer for Tangent<'_> {
             let throughout = before.iter().zip(after).map(|(before, after)| *before && after);
             self.dead.push((saltation.ranks, throughout.collect()));
         }
-        self.is_piecewise |= saltation.is_piecewise;
+        if !saltation.dependent.is_empty() {
+            self.corner.get_or_insert_with(|| Corner { phase: at.phase.value(), contacts: saltation.dependent });
+        }
         self.volume += saltation.volume;
         saltation.latched.iter().for_each(|latch| self.latched[latch - 2 * s.freedoms()] = true);
     }

@@ -1,0 +1,225 @@
+//! Columns over a span of a mode whose `f_x = A` is constant: `exp(A h) ξ`.
+
+use super::{Tangent, is_small, largest};
+use crate::{
+    hybrid::{HybridSystem, Mode},
+    system::{Columns, Gradient, LANES, Sticking, Structure},
+    vectors::{Path, Work, fused},
+};
+
+/// Terms of a series at most: where rates times span are below [`LONG`] the rest is below rounding.
+const TERMS: usize = 60;
+/// Rates times span above which a span is halved, without tables: the largest terms of its series are then some hundred times the sum.
+const LONG: f64 = 8.0;
+/// The same of the span of tables: the largest term is then twice the first one.
+const SHORT: f64 = 2.0;
+/// Share of a unit below which a term of a table is left out: entries in other units are some thousand times smaller at most.
+const NEGLIGIBLE: f64 = f64::EPSILON / 1024.0;
+/// Components of a state up to which tables are made: a product of two costs the cube.
+const MOST: usize = 64;
+/// Multiplications in which a term of a series takes one entry of a column further: a row has some entries, and a loop.
+const PER_ENTRY: usize = 8;
+
+/// Matrices of a mode, from which its exponential over any span is made. They depend on the mode alone.
+pub(super) struct Tables {
+    /// Span of the series, s: a power of two, so that multiples and what is left of a time are exact.
+    span: f64,
+    /// `(A span)ᵏ/k!` from k = 0 on, `[dim][dim]` each.
+    terms: Vec<Vec<f64>>,
+    /// `exp(A 2ᵏ span)` from k = 0 on, as far as it was asked for.
+    doubled: Vec<Vec<f64>>,
+    /// The exponential over what is left.
+    rest: Vec<f64>,
+    /// The span that was asked for last, s, and the exponential over one that was asked for twice in a row: between switches of a stiffness
+    /// it repeats with each cycle.
+    last: f64,
+    repeated: Option<(f64, Vec<f64>)>,
+    sums: Vec<f64>,
+}
+
+/// `E ξ`.
+struct Product<'a> {
+    matrix: &'a [f64],
+    columns: &'a mut [f64],
+    count: usize,
+    sums: &'a mut Vec<f64>,
+}
+
+impl Work for Product<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<P: Path>(self, _: P) {
+        let Self { matrix, columns, count, sums } = self;
+        sums.clear();
+        for row in matrix.chunks_exact(columns.len() / count) {
+            let mut first = 0;
+            while first + LANES <= count {
+                let mut sum = [0.0; LANES];
+                for (factor, column) in row.iter().zip(columns.chunks_exact(count)) {
+                    let column = &column[first..first + LANES];
+                    sum = std::array::from_fn(|l| fused::<P>(*factor, column[l], sum[l]));
+                }
+                sums.extend_from_slice(&sum);
+                first += LANES;
+            }
+            for l in first..count {
+                let column = columns[l..].iter().step_by(count);
+                sums.push(row.iter().zip(column).fold(0.0, |sum, (factor, c)| fused::<P>(*factor, *c, sum)));
+            }
+        }
+        columns.copy_from_slice(sums);
+    }
+}
+
+/// `Σ_k B_k shareᵏ`.
+struct Sum<'a> {
+    terms: &'a [Vec<f64>],
+    share: f64,
+    sum: &'a mut Vec<f64>,
+}
+
+impl Work for Sum<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<P: Path>(self, _: P) {
+        let Self { terms, share, sum } = self;
+        sum.clear();
+        let [lower @ .., last] = terms else { return };
+        sum.extend_from_slice(last);
+        for term in lower.iter().rev() {
+            sum.iter_mut().zip(term).for_each(|(s, t)| *s = fused::<P>(*s, share, *t));
+        }
+    }
+}
+
+impl Tables {
+    /// Those of `A = gradient`, whose rates are at most `rate`; `None` for a state with too many components.
+    pub fn new(s: &Structure, gradient: &Gradient, held: Option<&Sticking>, rate: f64) -> Option<Self> {
+        let (n, dim) = (s.freedoms(), HybridSystem::dim(s));
+        if dim > MOST {
+            return None;
+        }
+        let longest = if rate > 0.0 { SHORT / rate } else { 1.0 };
+        // The power of two that a double's exponent is.
+        let span = f64::from_bits(longest.to_bits() & f64::INFINITY.to_bits());
+        // A velocity counts as large as its displacement times the rate.
+        let unit = |i: usize| if (n..2 * n).contains(&i) { 1.0 / span } else { 1.0 };
+        let mut terms = vec![Columns::unit(dim)];
+        while terms.len() <= TERMS {
+            let mut next = Columns { count: dim, values: vec![0.0; dim * dim] };
+            s.apply(gradient, held, &terms[terms.len() - 1], &mut next);
+            let share = span / terms.len() as f64;
+            next.values.iter_mut().for_each(|entry| *entry *= share);
+            let size = |i: usize, j: usize| next.values[i * dim + j].abs() * unit(j) / unit(i);
+            let is_last = (0..dim).all(|i| (0..dim).all(|j| size(i, j) <= NEGLIGIBLE));
+            if is_last && terms.len() as f64 > SHORT {
+                break;
+            }
+            terms.push(next);
+        }
+        let terms = terms.into_iter().map(|term| term.values).collect();
+        Some(Self {
+            span,
+            terms,
+            doubled: Vec::new(),
+            rest: Vec::new(),
+            last: f64::NAN,
+            repeated: None,
+            sums: Vec::new(),
+        })
+    }
+
+    /// Takes `columns` over `time`, if that has been asked for before.
+    fn again(&mut self, s: &Structure, time: f64, columns: &mut Columns) -> bool {
+        if self.repeated.as_ref().is_none_or(|(known, _)| *known != time) && self.last == time {
+            let mut whole = Columns::unit(HybridSystem::dim(s));
+            let rest = self.multiples(s, time, &mut whole);
+            self.rest(s, rest, &mut whole).then(|| self.repeated = Some((time, whole.values)));
+        }
+        self.last = time;
+        let Some((_, matrix)) = self.repeated.as_ref().filter(|(known, _)| *known == time) else { return false };
+        let Columns { count, values } = columns;
+        s.instructions().run(Product { matrix, columns: values, count: *count, sums: &mut self.sums });
+        true
+    }
+
+    /// Takes `columns` over the multiples of the span that `time` has; what is left of it, s.
+    fn multiples(&mut self, s: &Structure, time: f64, columns: &mut Columns) -> f64 {
+        let instructions = s.instructions();
+        let parts = (time / self.span).floor();
+        let (mut left, mut power) = (parts as u64, 0);
+        while left > 0 {
+            if self.doubled.len() == power {
+                let mut next = Vec::new();
+                match self.doubled.last() {
+                    None => instructions.run(Sum { terms: &self.terms, share: 1.0, sum: &mut next }),
+                    Some(matrix) => {
+                        next.clone_from(matrix);
+                        let count = HybridSystem::dim(s);
+                        instructions.run(Product { matrix, columns: &mut next, count, sums: &mut self.sums });
+                    }
+                }
+                self.doubled.push(next);
+            }
+            if left & 1 == 1 {
+                let Columns { count, values } = columns;
+                let matrix = &self.doubled[power];
+                instructions.run(Product { matrix, columns: values, count: *count, sums: &mut self.sums });
+            }
+            (left, power) = (left >> 1, power + 1);
+        }
+        time - parts * self.span
+    }
+
+    /// Takes `columns` over `time`, which is shorter than the span, where tables do it in fewer multiplications than a series.
+    fn rest(&mut self, s: &Structure, time: f64, columns: &mut Columns) -> bool {
+        let (dim, terms, count) = (HybridSystem::dim(s), self.terms.len(), columns.count);
+        if dim * (terms + count) > PER_ENTRY * terms * count {
+            return false;
+        }
+        let Self { terms, rest, sums, .. } = self;
+        let instructions = s.instructions();
+        instructions.run(Sum { terms, share: time / self.span, sum: rest });
+        instructions.run(Product { matrix: rest, columns: &mut columns.values, count, sums });
+        true
+    }
+}
+
+impl Tangent<'_> {
+    /// Takes the columns over `time` in `mode`, if its `f_x` is constant.
+    pub(super) fn exponential(&mut self, mode: &Mode, time: f64) {
+        let Self { structure: s, columns, work: [term, next], modes, volume, .. } = self;
+        let Some(known) = modes.get_mut(mode) else { return };
+        let Some(gradient) = &known.gradient else { return };
+        let (held, rate) = (known.held.as_ref(), known.rate);
+        *volume += if held.is_some() { f64::NAN } else { s.divergence(gradient) * time };
+        let mut time = time;
+        if let Some(tables) = &mut known.tables {
+            if tables.again(s, time, columns) {
+                return;
+            }
+            time = tables.multiples(s, time, columns);
+            if tables.rest(s, time, columns) {
+                return;
+            }
+        }
+        let parts = (rate * time / LONG).ceil().max(1.0);
+        let h = time / parts;
+        for _ in 0..parts as u64 {
+            term.values.copy_from_slice(&columns.values);
+            let size = largest(s.freedoms(), columns);
+            for k in 1..=TERMS {
+                s.apply(gradient, held, term, next);
+                let share = h / k as f64;
+                next.values.iter_mut().for_each(|c| *c *= share);
+                columns.values.iter_mut().zip(&next.values).for_each(|(c, t)| *c += t);
+                std::mem::swap(term, next);
+                if k as f64 > rate * h && is_small(term, &size, f64::EPSILON / 16.0) {
+                    break;
+                }
+            }
+        }
+    }
+}
