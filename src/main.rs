@@ -4,10 +4,8 @@ mod cli;
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 fn main() -> ExitCode {
-    match cli::execute(cli::Arguments::parse()) {
+    match cli::execute(cli::Arguments::read()) {
         Ok(done) => done.code(),
         Err(error) => error.report(),
     }

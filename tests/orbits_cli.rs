@@ -71,6 +71,23 @@ fn a_scene_without_a_period_is_refused_and_nothing_is_written() {
     }
 }
 
+/// A file is no folder; a negative number is told its range; neither begins any work.
+#[test]
+fn what_cannot_be_asked_is_named() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("file");
+    fs::write(&file, "mine").unwrap();
+    let said = |words: &[&str], out: &Path| {
+        String::from_utf8_lossy(&flank(words, out).code(2).get_output().stderr).into_owned()
+    };
+    assert!(said(&["orbit", PAIR], &file).contains("is a file, not a folder"));
+    assert_eq!(fs::read_to_string(&file).unwrap(), "mine");
+    let out = folder.path().join("out");
+    let negative = said(&["lyapunov", PAIR, "--cycles", "-3"], &out);
+    assert!(negative.contains("invalid value '-3' for '--cycles <N>'"), "{negative}");
+    assert!(!out.exists());
+}
+
 #[test]
 fn an_orbit_that_is_not_there_ends_with_the_reason_and_a_file() {
     let folder = TempDir::new().unwrap();

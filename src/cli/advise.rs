@@ -26,7 +26,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Change that still counts as none: forcing periods of time apart, share of the peak force
-    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = tolerance, allow_negative_numbers = true)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = tolerance)]
     tolerance: f64,
     /// Write into a folder that is not empty
     #[arg(long)]

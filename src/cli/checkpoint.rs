@@ -2,7 +2,10 @@
 
 use std::{fs, io, path::Path};
 
-use flank::output::{Fault, Folder, OutputError, Request};
+use flank::{
+    output::{Fault, Folder, OutputError, Request},
+    sweep::same,
+};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use serde_json::{Map, Value, json};
 
@@ -26,8 +29,9 @@ pub enum Begun<T> {
 
 impl<T: DeserializeOwned> Content<T> {
     /// What an earlier command left at `path`, if it was asked the same.
-    fn read(path: &Path, asked: &Map<String, Value>) -> Result<Option<Self>, CliError> {
-        let text = match fs::read_to_string(path) {
+    fn read(folder: &Path, file: &str, asked: &Map<String, Value>) -> Result<Option<Self>, CliError> {
+        let path = folder.join(file);
+        let text = match fs::read_to_string(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
             text => text.map_err(|error| CliError::file(path.display(), error))?,
         };
@@ -36,16 +40,8 @@ impl<T: DeserializeOwned> Content<T> {
             let fault = Fault::new(&place, error.to_string(), "what an earlier command wrote");
             CliError::Arguments(vec![fault.remedy("write --force to begin anew")])
         })?;
-        let mut names: Vec<&String> = asked.keys().chain(content.asked.keys()).collect();
-        names.sort_unstable();
-        names.dedup();
-        let said = |value: Option<&Value>| value.map_or_else(|| "nothing".to_owned(), Value::to_string);
-        let faults = names.into_iter().filter(|name| asked.get(*name) != content.asked.get(*name)).map(|name| {
-            let fault = Fault::new(&format!("{place}: {name}"), said(content.asked.get(name)), said(asked.get(name)));
-            fault.remedy("name another folder, or write --force to begin anew")
-        });
-        let faults: Vec<Fault> = faults.collect();
-        if faults.is_empty() { Ok(Some(content)) } else { Err(CliError::Arguments(faults)) }
+        same(folder, &content.asked, asked)?;
+        Ok(Some(content))
     }
 }
 
@@ -65,8 +61,7 @@ impl Checkpoint {
         (resume, quiet): (bool, bool),
     ) -> Result<Begun<T>, CliError> {
         let asked = asked.as_object().cloned().unwrap_or_default();
-        let path = request.folder.join(file);
-        let earlier = if resume { Content::<T>::read(&path, &asked)? } else { None };
+        let earlier = if resume { Content::<T>::read(request.folder, file, &asked)? } else { None };
         if let Some(done) = earlier.as_ref().and_then(|content| content.finished) {
             if !quiet {
                 print(&format!("{} holds the whole of it\n", request.folder.display()))?;

@@ -31,7 +31,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     cycles: Option<u64>,
     /// The window ends before errors grow so many times
-    #[arg(long, value_name = "X", default_value_t = 1e3, value_parser = growth, allow_negative_numbers = true)]
+    #[arg(long, value_name = "X", default_value_t = 1e3, value_parser = growth)]
     growth: f64,
     /// Most steps of one run
     #[arg(long, value_name = "N", default_value_t = 2_000_000)]

@@ -54,6 +54,7 @@ impl Diagnostic for CliError {
             Self::Output(OutputError::Occupied(_)) => {
                 "name another folder, or write --force to replace the files of an earlier run"
             }
+            Self::Output(OutputError::NoFolder(_)) => "name another folder with --out",
             Self::Output(OutputError::Input(_)) => "name another folder, or move the scene out of this one",
             Self::Output(_) => "move it, or name another folder: --force replaces only what the manifest names",
             Self::Sweep(SweepError::Unfinished(_)) => "write --resume to go on with it, or --force to begin anew",

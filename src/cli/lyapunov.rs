@@ -120,7 +120,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 
 fn text(name: &str, e: &Exponents) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
-    writeln!(out, "{name}: exponents over {} cycles, {}", e.cycles, e.unit)?;
+    let cycles = if e.cycles == 1 { "cycle" } else { "cycles" };
+    writeln!(out, "{name}: exponents over {} {cycles}, {}", e.cycles, e.unit)?;
     let list = |values: &[Option<f64>]| {
         let value = |value: &Option<f64>| value.map_or("-infinity".to_owned(), number);
         values.iter().map(value).collect::<Vec<_>>().join(", ")

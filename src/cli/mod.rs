@@ -24,7 +24,7 @@ use std::{
     process::ExitCode,
 };
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use flank::{
     Simulation,
     output::{Fault, Request},
@@ -86,6 +86,18 @@ enum Look {
         /// Scene file; the reference scene if left out
         scene: Option<PathBuf>,
     },
+}
+
+impl Arguments {
+    /// Reads the command line. A negative number is a value, so that the range of an argument is named, and no option.
+    pub fn read() -> Self {
+        let signed = |arg: clap::Arg| {
+            let takes_values = arg.get_action().takes_values();
+            arg.allow_negative_numbers(takes_values)
+        };
+        let command = Self::command().mut_subcommands(|command| command.mut_args(signed));
+        Self::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit())
+    }
 }
 
 /// How a command ended.

@@ -83,7 +83,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let found = found?;
     checkpoint.folder.complete(ORBIT, &found.report(&simulation))?;
     if let Some(orbit) = found.orbits.first() {
-        pictures::orbit(&simulation, orbit)?.write(&mut checkpoint.folder)?;
+        pictures::orbit(&simulation, orbit, found.orbits.len())?.write(&mut checkpoint.folder)?;
     }
     let done = if found.reason.is_some() { Done::Partly } else { Done::Completely };
     if !task.is_cancelled() {

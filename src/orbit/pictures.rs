@@ -18,6 +18,10 @@ const SAMPLES: u64 = 240;
 const BETWEEN: u64 = 24;
 /// Contacts drawn.
 const MOST: usize = 6;
+/// Largest multiplier beside which the unit circle can be seen; larger ones are named.
+const SEEN: f64 = 12.0;
+/// Share of the range of deflections within which two curves are one.
+const ALIKE: f64 = 1e-6;
 
 /// Name of the picture of an orbit in file names.
 pub const ORBIT: &str = "orbit";
@@ -46,11 +50,12 @@ impl Observer for Jumps {
     }
 }
 
-/// The deflection of each contact over the period and against its rate, and the multipliers in the unit circle.
+/// The deflection of each contact over the period and against its rate, and the multipliers in the unit circle; `orbit` is the first one
+/// of `count`.
 ///
 /// # Errors
 /// [`SimulationError`] if the orbit cannot be run.
-pub fn orbit(simulation: &Simulation, orbit: &Orbit) -> Result<Figure, SimulationError> {
+pub fn orbit(simulation: &Simulation, orbit: &Orbit, count: usize) -> Result<Figure, SimulationError> {
     let structure = &simulation.structure;
     let contacts = &structure.spec().contacts[..structure.contacts().len().min(MOST)];
     let period = simulation.period()?;
@@ -105,7 +110,25 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit) -> Result<Figure, Simulatio
         let axis = Axis::new("deflection", m);
         if margin > 0.0 { axis.between(low - margin, high + margin) } else { axis }
     };
-    let line = |j: usize, x: Vec<f64>, y: Vec<f64>| Series::line(contacts[j].name.clone(), j, x, y);
+    // Curves that lie upon each other are one with several names.
+    let is_alike = |a: usize, b: usize| {
+        let off = shown[a].0.iter().zip(&shown[b].0).map(|(a, b)| (a - b).abs());
+        off.fold(0.0, f64::max) <= ALIKE * (high - low)
+    };
+    let mut drawn: Vec<(usize, String)> = Vec::new();
+    for (j, c) in contacts.iter().enumerate() {
+        match drawn.iter_mut().find(|(known, _)| is_alike(*known, j)) {
+            Some((_, names)) => *names = format!("{names}, {}", c.name),
+            None => drawn.push((j, c.name.clone())),
+        }
+    }
+    let lines = |of: &dyn Fn(usize) -> (Vec<f64>, Vec<f64>)| -> Vec<Series> {
+        let line = |(j, name): &(usize, String)| {
+            let (x, y) = of(*j);
+            Series::line(name.clone(), *j, x, y)
+        };
+        drawn.iter().map(line).collect()
+    };
     // The flanks of all contacts, each once.
     let mut flanks: Vec<(f64, &str)> = Vec::new();
     for c in contacts {
@@ -122,7 +145,7 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit) -> Result<Figure, Simulatio
         title: "Over the period".to_owned(),
         x: Axis::new("time", "cycles").between(0.0, orbit.period as f64),
         y: deflection(),
-        series: (0..contacts.len()).map(|j| line(j, cycles.clone(), shown[j].0.clone())).collect(),
+        series: lines(&|j| (cycles.clone(), shown[j].0.clone())),
         guides: across.collect(),
         ..Panel::default()
     };
@@ -130,7 +153,7 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit) -> Result<Figure, Simulatio
         title: "Phase portrait".to_owned(),
         x: deflection(),
         y: Axis::new("rate of deflection", speed),
-        series: (0..contacts.len()).map(|j| line(j, shown[j].0.clone(), shown[j].1.clone())).collect(),
+        series: lines(&|j| shown[j].clone()),
         guides: upright.collect(),
         names_above: true,
         ..Panel::default()
@@ -144,7 +167,8 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit) -> Result<Figure, Simulatio
     );
     // Those that say nothing of stability are written as exact ones.
     let is_neutral = |m: &&Complex<f64>| **m == Complex::new(1.0, 0.0);
-    let (neutral, others): (Vec<_>, Vec<_>) = orbit.multipliers.iter().partition(is_neutral);
+    let (far, near): (Vec<_>, Vec<_>) = orbit.multipliers.iter().partition(|m| m.norm() > SEEN);
+    let (neutral, others): (Vec<_>, Vec<_>) = near.into_iter().partition(is_neutral);
     let points = |name: &str, of: &[&Complex<f64>], style: Style| Series {
         name: name.to_owned(),
         x: of.iter().map(|m| m.re).collect(),
@@ -152,25 +176,31 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit) -> Result<Figure, Simulatio
         style,
         colour: 1,
     };
-    let mut drawn = vec![circle.styled(Style::Hairline), points("multipliers", &others, Style::Points)];
+    let mut placed = vec![circle.styled(Style::Hairline), points("multipliers", &others, Style::Points)];
     if !neutral.is_empty() {
-        drawn.push(points("of a drift or an unused latched speed", &neutral, Style::Marks));
+        placed.push(points("of a drift or an unused latched speed", &neutral, Style::Marks));
     }
+    let far: Vec<String> = far.iter().map(|m| format!("{:.3e}", m.norm())).collect();
     let plane = Panel {
-        title: "Multipliers".to_owned(),
+        title: if far.is_empty() {
+            "Multipliers".to_owned()
+        } else {
+            format!("Multipliers; not drawn, of size: {}", far.join(", "))
+        },
         x: Axis::new("real part", ""),
         y: Axis::new("imaginary part", ""),
         equal_scales: true,
-        series: drawn,
+        series: placed,
         ..Panel::default()
     };
     let stable = if orbit.is_stable { "stable" } else { "unstable" };
     let left_out = structure.contacts().len() - contacts.len();
     let rest = if left_out > 0 { format!(" {left_out} further contacts are not drawn.") } else { String::new() };
+    let which = if count > 1 { format!("Orbit 1 of {count}. ") } else { String::new() };
     Ok(Figure {
         id: ORBIT.to_owned(),
         title: format!("Periodic orbit of {}, {stable}", simulation.title()),
-        caption: format!("Period {} cycles, {stable}. Word: {}.{rest}", orbit.period, shortened(&orbit.word())),
+        caption: format!("{which}Period {} cycles, {stable}. Word: {}.{rest}", orbit.period, shortened(&orbit.word())),
         columns: 3,
         panels: vec![over, portrait, plane],
     })
@@ -194,12 +224,19 @@ pub fn exponents(simulation: &Simulation, exponents: &Exponents) -> Figure {
     let mut series = Vec::new();
     for l in 0..count {
         let mean: Vec<f64> = course.iter().map(|(_, mean, _)| mean[l]).collect();
-        for sign in [-1.0, 1.0] {
-            let edge = course.iter().map(|(_, mean, band)| mean[l] + sign * band[l]);
-            series.push(Series::line("one standard error", 7, cycles.clone(), edge.collect()).styled(Style::Hairline));
+        let edges = [-1.0, 1.0].map(|sign| course.iter().map(|(_, mean, band)| mean[l] + sign * band[l]).collect());
+        let mut band = |x: Vec<f64>, y: Vec<f64>| {
+            series.push(Series::line("one standard error", 7, x, y).styled(Style::Hairline));
+        };
+        if let [cycle] = cycles[..] {
+            // A single point has no line along it.
+            band(vec![cycle; 2], edges.concat());
+        } else {
+            edges.into_iter().for_each(|edge| band(cycles.clone(), edge));
         }
         let name = if count <= 8 { format!("exponent {}", l + 1) } else { "exponents".to_owned() };
-        series.push(Series::line(name, if count <= 8 { l } else { 0 }, cycles.clone(), mean));
+        let style = if cycles.len() == 1 { Style::Marks } else { Style::Line };
+        series.push(Series::line(name, if count <= 8 { l } else { 0 }, cycles.clone(), mean).styled(style));
     }
     Figure {
         id: EXPONENTS.to_owned(),

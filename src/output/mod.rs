@@ -29,6 +29,9 @@ pub enum OutputError {
     /// It holds something.
     #[error("{0} is not empty")]
     Occupied(PathBuf),
+    /// It is a file.
+    #[error("{0} is a file, not a folder")]
+    NoFolder(PathBuf),
     /// A file, folder or link that no manifest names has the name of an output.
     #[error("{0} is in the way: {MANIFEST} does not name it as a file of an earlier command")]
     Foreign(PathBuf),
@@ -75,9 +78,12 @@ impl Request<'_> {
     /// The folder as it is, nothing changed.
     ///
     /// # Errors
-    /// [`OutputError`] if the folder is not empty and `force` is not set, if a file is in the way, or if the manifest
+    /// [`OutputError`] if the folder is a file, or is not empty and `force` is not set, if a file is in the way, or if the manifest
     /// cannot be followed.
     pub fn check(&self) -> Result<Folder, OutputError> {
+        if self.folder.is_file() {
+            return Err(OutputError::NoFolder(self.folder.to_owned()));
+        }
         if !self.force && fs::read_dir(self.folder).is_ok_and(|mut entries| entries.next().is_some()) {
             return Err(OutputError::Occupied(self.folder.to_owned()));
         }

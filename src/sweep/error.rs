@@ -21,7 +21,7 @@ pub enum SweepError {
     #[error("another process is writing rows into {0}")]
     InUse(PathBuf),
     /// What lies in the folder belongs to another sweep.
-    #[error("{path} holds other rows{}", differences.iter().map(|d| format!("\n  {d}")).collect::<String>())]
+    #[error("{path} holds other work{}", differences.iter().map(|d| format!("\n  {d}")).collect::<String>())]
     Mismatch {
         /// The folder.
         path: PathBuf,

@@ -355,8 +355,11 @@ impl<R, S> Drop for Journal<R, S> {
     }
 }
 
-/// Whether two headers are the same; an error names every entry that differs.
-pub(super) fn same(folder: &Path, was: &Map<String, Value>, is: &Map<String, Value>) -> Result<(), SweepError> {
+/// Whether what was asked of work kept in `folder` is what is asked now.
+///
+/// # Errors
+/// [`SweepError::Mismatch`], with every entry that differs.
+pub fn same(folder: &Path, was: &Map<String, Value>, is: &Map<String, Value>) -> Result<(), SweepError> {
     let keys = was.keys().chain(is.keys().filter(|key| !was.contains_key(*key)));
     let text = |value: Option<&Value>| value.map_or("nothing".to_owned(), Value::to_string);
     let differences: Vec<String> = keys

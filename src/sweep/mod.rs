@@ -39,7 +39,7 @@ mod run;
 pub use error::{GridError, SweepError};
 pub use files::Tally;
 pub use grid::{Axis, Grid};
-pub use journal::{Begin, Journal, Kept};
+pub use journal::{Begin, Journal, Kept, same};
 pub(crate) use journal::{Entry, Outcome};
 pub use lines::Lines;
 pub use plan::{Cell, Direction, Plan, Seeding};

@@ -15,6 +15,7 @@ mod schedule;
 mod spec;
 mod statics;
 mod sticking;
+mod strike;
 mod symmetry;
 mod tangent;
 mod twofold;

@@ -234,7 +234,13 @@ impl Structure {
     }
 
     /// Changes of `δ − σ b` of contact `j`, σ its `side`, or of `δ̇` where `velocities` says so.
-    fn along(&self, (j, side): (usize, f64), velocities: bool, by: Option<By<'_>>, columns: &Columns) -> Vec<f64> {
+    pub(super) fn along(
+        &self,
+        (j, side): (usize, f64),
+        velocities: bool,
+        by: Option<By<'_>>,
+        columns: &Columns,
+    ) -> Vec<f64> {
         let mut along = vec![0.0; columns.count];
         self.add_along(j, if velocities { self.n } else { 0 }, 1.0, columns, &mut along);
         by.iter().for_each(|by| self.add_moves((j, side), velocities, *by, &mut along));
@@ -318,8 +324,12 @@ impl Structure {
                 columns,
             );
             saltation.ranks = strikers.iter().filter(|j| !rests(&to.mode, **j) && is_dead(**j)).count();
-            let depends = |i: &usize| strikers.iter().any(|j| i != j && self.coupling(*i, *j) != 0.0);
-            saltation.dependent = strikers.iter().copied().filter(depends).collect();
+            let touched =
+                fired.iter().map(guard_of).filter(|(j, watch)| *watch != Watch::Force && !strikers.contains(j));
+            let acting: PerContact<usize> = strikers.iter().copied().chain(touched.map(|(j, _)| j)).collect();
+            let after = |i: usize, j: usize| strikers.contains(&j) && self.depends((i, j), &from.mode, at, x_minus);
+            let depends = |i: &usize| acting.iter().any(|j| i != j && (after(*i, *j) || after(*j, *i)));
+            saltation.dependent = acting.iter().copied().filter(depends).collect();
             let logarithm = |j: &usize| match self.contacts[*j].spec.law {
                 Law::Rigid(l) if !settles && !rests(&to.mode, *j) => 2.0 * libm::log(l.restitution),
                 _ => f64::NAN,
@@ -373,81 +383,5 @@ impl Structure {
         let (mut forces, mut a) = (zeros(self.contacts.len()), vec![0.0; self.n]);
         self.dynamics(mode, at, x, &mut forces, &mut a);
         dot(&self.contacts[j].direction, &a) - self.error(j, at).2
-    }
-
-    /// Impacts of the rigid contacts `strikers`, those at rest held: `v⁺ = v⁻ − W (G W)⁻¹ (I + E) (G v⁻ − ė)` with `W = M⁻¹Gᵀ`.
-    fn strike_columns(
-        &self,
-        (from, to): (&Jump, &Jump),
-        (strikers, side): (&[usize], &dyn Fn(usize) -> f64),
-        (settles, resets_only): (bool, bool),
-        (x_minus, x_plus): (&[f64], &[f64]),
-        (at, by): (Instant, Option<By<'_>>),
-        columns: &mut Columns,
-    ) {
-        let (n, m) = (self.n, columns.count);
-        let rests = |mode: &Mode, j: usize| self.contacts[j].spec.law.is_rigid() && contact_mode(mode, j).is_closed();
-        // A contact at rest that the impact lets go, and gives no impulse, has no part in it.
-        let is_struck = |j: usize| to.struck.iter().any(|id| guard_of(id).0 == j);
-        let takes_part = |j: &usize| rests(&from.mode, *j) && (rests(&to.mode, *j) || is_struck(*j));
-        let resting = (0..self.contacts.len()).filter(takes_part);
-        let active = Sticking::of(self, strikers.iter().copied().chain(resting));
-        // One plus the restitution; a contact at rest, or one that comes to rest, has none.
-        let returns = |train: &Self, j: usize| match train.contacts[j].spec.law {
-            Law::Rigid(l) if !settles && strikers.contains(&j) && !rests(&to.mode, j) => 1.0 + l.restitution,
-            _ => 1.0,
-        };
-        let reset = |y: &dyn Fn(usize) -> f64, take: &mut dyn FnMut(usize, f64)| {
-            self.rebound(&active, |j| returns(self, j), y, take);
-        };
-        let acceleration = |mode: &Mode, x: &[f64]| {
-            let (mut forces, mut a) = (zeros(self.contacts.len()), vec![0.0; n]);
-            self.dynamics(mode, at, x, &mut forces, &mut a);
-            a
-        };
-        let (before, after) = (acceleration(&from.mode, x_minus), acceleration(&to.mode, x_plus));
-        // `a⁺ − R_v a⁻ − R_t`.
-        let mut change: Vec<f64> = after.iter().zip(&before).map(|(after, before)| after - before).collect();
-        reset(&|j| dot(&self.contacts[j].direction, &before) - self.error(j, at).2, &mut |i, by| change[i] += by);
-        // How much earlier the event comes: `gᵀδq/δ̇`, the mean of those that strike together.
-        let speeds = strikers.iter().map(|j| (*j, self.deflection(*j, at, x_minus).1));
-        let is_fast = |(j, rate): &(usize, f64)| !resets_only && rate.abs() > self.speed_rounding(*j, at, x_minus);
-        let fast: PerContact<(usize, f64)> = speeds.filter(is_fast).collect();
-        let mut earlier = vec![0.0; m];
-        for (j, rate) in &fast {
-            let along = self.along((*j, side(*j)), false, by, columns);
-            earlier.iter_mut().zip(&along).for_each(|(e, a)| *e += a / (rate * fast.len() as f64));
-        }
-        for (l, earlier) in earlier.iter().enumerate() {
-            let mut taken = zeros(n);
-            let velocity = |j: usize| {
-                let direction = self.contacts[j].direction.iter();
-                direction.map(|(i, g)| g * columns.values[(n + *i as usize) * m + l]).sum()
-            };
-            reset(&velocity, &mut |i, by| taken[i] += by);
-            for i in 0..n {
-                columns.values[i * m + l] += (x_plus[n + i] - x_minus[n + i]) * earlier;
-                columns.values[(n + i) * m + l] += change[i] * earlier - taken[i];
-            }
-        }
-        by.iter().for_each(|by| self.strike_by(&active.contacts().iter().copied().collect(), returns, *by, columns));
-        // Where contacts have come to rest both gap and rate stay zero.
-        self.restrain(&to.mode, by.map(|by| By { x: x_plus, ..by }), columns);
-    }
-
-    /// `W (G W)⁻¹ (I + E) y` of the contacts in `active`, component by component to `take`: what impacts take from velocities. `returns`
-    /// gives one plus the restitution, `y` the rate, of a contact.
-    pub(crate) fn rebound(
-        &self,
-        active: &Sticking,
-        returns: impl Fn(usize) -> f64,
-        y: impl Fn(usize) -> f64,
-        mut take: impl FnMut(usize, f64),
-    ) {
-        let mut by: PerContact<f64> = active.contacts().iter().map(|j| returns(*j) * y(*j)).collect();
-        active.solve(&mut by);
-        for (by, j) in by.iter().zip(active.contacts()) {
-            self.contacts[*j].push.iter().for_each(|(i, p)| take(*i as usize, p * by));
-        }
     }
 }

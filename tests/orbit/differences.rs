@@ -6,7 +6,7 @@ use flank::{
 };
 use serde_json::{Value, json};
 
-use crate::{open, scales, six_points};
+use crate::{numbers, open, scales, six_points};
 
 /// Differences of doubles, extrapolated to the sixth order: their rounding is some 1e-16 over the best step, about 1e-5 to 1e-6.
 const ALLOWED: f64 = 1e-9;
@@ -215,6 +215,90 @@ fn powers_with_whole_exponents_start_at_any_penetration() {
             }));
             let (worst, word) = disagreement(&simulation, 0, 1);
             assert!(worst <= ALLOWED, "{exponent} {penetration}: {worst:e}, {word}");
+        }
+    }
+}
+
+/// Two equal masses that strike their walls at one instant. Impacts commute where neither changes the speed or the acceleration of the
+/// other contact: the map is smooth, whatever spring couples the masses. Coupled by their inertia or by a damper, their order decides:
+/// a corner.
+#[test]
+fn impacts_at_one_instant_commute_or_are_a_corner() {
+    for (inertia, damper, is_corner) in [(0.0, 0.0, false), (0.3, 0.0, true), (0.0, 0.05, true)] {
+        let contact = |direction: [i32; 2], restitution: f64| json!({ "direction": direction, "half_backlash_m": 0.4, "flanks": "drive", "law": { "kind": "rigid", "restitution": restitution } });
+        let scene = json!({
+            "flank": 1,
+            "train": {
+                "kind": "matrices", "mass_kg": [[1, inertia], [inertia, 1]],
+                "damping_n_s_per_m": [[0.1, -damper], [-damper, 0.1]], "stiffness_n_per_m": [[1.3, -0.3], [-0.3, 1.3]],
+                "load_harmonics": [{ "vector_n": [1, 1], "frequency_rad_per_s": 1.2, "phase_rad": 0 }],
+                "contacts": [contact([1, 0], 0.5), contact([0, 1], 0.8)],
+            },
+            "initial": { "q": [0.1, 0.1], "v": [0.4, 0.4] },
+            "run": { "cycles": 5 },
+        });
+        let simulation = open(scene.clone());
+        let map = SectionMap::new(&simulation).unwrap();
+        let start = map.start().unwrap();
+        let image = map.image(&start, 1).unwrap();
+        assert_eq!(image.word[0], "[i0+ i1+]", "{:?}", image.word);
+        assert_eq!(image.corner.as_ref().map(|corner| &corner.contacts[..]), is_corner.then_some(&[0, 1][..]));
+        if let Some(corner) = image.corner {
+            assert!((0.0..simulation.period().unwrap()).contains(&corner.phase));
+        } else {
+            // The second derivative has a jump here: differences are as good as their smallest step.
+            const STEP: f64 = 5e-7;
+            let (worst, _) = disagreement(&simulation, 0, 1);
+            assert!(worst <= STEP, "{worst:e}");
+            for pointer in [
+                "contacts/1/law/restitution",
+                "contacts/0/half_backlash_m",
+                "mass_kg/0/0",
+                "load_harmonics/0/phase_rad",
+            ] {
+                let (worst, _) = numbers::disagreement(&scene, &format!("/train/{pointer}"), 1).unwrap();
+                assert!(worst <= STEP, "{pointer}: {worst:e}");
+            }
+        }
+    }
+}
+
+/// Long spans of fast rates: tables of many doublings, against the closed form of a damped oscillator, `q̈ + 2ζω q̇ + ω² q = 0`.
+#[test]
+fn a_span_of_thousands_of_radians_is_exact() {
+    let (omega, zeta) = (3000.0f64, 1e-4);
+    let simulation = open(json!({
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": [[1]], "damping_n_s_per_m": [[2.0 * zeta * omega]], "stiffness_n_per_m": [[omega * omega]],
+            "load_harmonics": [{ "vector_n": [1], "frequency_rad_per_s": 1, "phase_rad": 0 }],
+            "contacts": [{ "direction": [1], "half_backlash_m": 1, "flanks": "drive", "stiffness": 1, "law": { "kind": "kelvin-voigt" } }],
+        },
+        "initial": { "q": [0], "v": [0] },
+        "run": { "cycles": 5 },
+    }));
+    let map = SectionMap::new(&simulation).unwrap();
+    let image = map.image(&map.start().unwrap(), 1).unwrap();
+    let (t, decay, turning) = (simulation.period().unwrap(), zeta * omega, omega * (1.0 - zeta * zeta).sqrt());
+    let (sine, cosine) = (turning * t).sin_cos();
+    let size = (-decay * t).exp();
+    let exact = [
+        [cosine + decay / turning * sine, sine / turning],
+        [-omega * omega / turning * sine, cosine - decay / turning * sine],
+    ];
+    // The angle, some 2e4, is known to its rounding, and each of 2¹³ spans adds one.
+    let allowed = size * (turning * t) * f64::EPSILON;
+    for (i, row) in exact.iter().enumerate() {
+        for (j, entry) in row.iter().enumerate() {
+            let scale = if i == j {
+                1.0
+            } else if i == 0 {
+                omega
+            } else {
+                1.0 / omega
+            };
+            let off = (image.jacobian[(i, j)] - size * entry).abs() * scale;
+            assert!(off <= allowed, "{i} {j}: {off:e} of {allowed:e}");
         }
     }
 }

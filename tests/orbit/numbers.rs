@@ -49,7 +49,7 @@ fn numbers_of_a_pair_have_their_derivatives() {
 
 /// `∂P/∂α` by central differences of six points, as good as the best of several steps makes them; the largest difference to the derivative,
 /// relative to its largest entry in the scales of the motion.
-fn disagreement(scene: &Value, pointer: &str, cycles: u64) -> Option<(f64, String)> {
+pub fn disagreement(scene: &Value, pointer: &str, cycles: u64) -> Option<(f64, String)> {
     let open =
         |scene: &Value| Scene::from_value(scene.clone(), "test").map(|scene| Simulation::from_scene(scene).unwrap());
     let simulation = open(scene).unwrap();

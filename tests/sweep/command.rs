@@ -220,7 +220,7 @@ fn an_interrupt_keeps_rows_and_says_how_to_go_on() {
     assert!(String::from_utf8_lossy(&anew.stderr).contains("write --resume to go on with it"));
     let other = sweep(&folder, &["--vary", "/train/mean_load=0.1", "--resume"]).output().unwrap();
     assert_eq!(code(&other), 2);
-    assert!(String::from_utf8_lossy(&other.stderr).contains("holds other rows"));
+    assert!(String::from_utf8_lossy(&other.stderr).contains("holds other work"));
     assert_eq!(fs::read_to_string(folder.path().join("sweep/sweep.journal")).unwrap(), journal, "nothing was changed");
 
     // Begun on a processor with other vector instructions: its rows have other bits.

@@ -1,0 +1,152 @@
+//! The derivative of impacts at one instant.
+
+use super::{
+    assemble::{PerContact, Structure, dot, zeros},
+    contact_mode::{contact_mode, guard_of, set_contact},
+    sticking::Sticking,
+    tangent::Columns,
+    variation::By,
+};
+use crate::{
+    gear::contact::Law,
+    hybrid::{Instant, Jump, Mode},
+};
+
+/// Impacts at one instant that depend on each other: modes and states before and after them.
+struct Impact<'a> {
+    active: &'a Sticking,
+    modes: [&'a Mode; 2],
+    states: [&'a [f64]; 2],
+    at: Instant,
+}
+
+impl Structure {
+    /// Impacts of the rigid contacts `strikers` at one instant, one group after the other: contacts of different groups, and those at rest
+    /// beside them, do not change each other's speeds.
+    pub(super) fn strike_columns(
+        &self,
+        (from, to): (&Jump, &Jump),
+        (strikers, side): (&[usize], &dyn Fn(usize) -> f64),
+        (settles, resets_only): (bool, bool),
+        (x_minus, x_plus): (&[f64], &[f64]),
+        (at, by): (Instant, Option<By<'_>>),
+        columns: &mut Columns,
+    ) {
+        let rests = |mode: &Mode, j: usize| self.contacts[j].spec.law.is_rigid() && contact_mode(mode, j).is_closed();
+        // A contact at rest that the impact lets go, and gives no impulse, has no part in it.
+        let is_struck = |j: usize| to.struck.iter().any(|id| guard_of(id).0 == j);
+        let takes_part = |j: &usize| rests(&from.mode, *j) && (rests(&to.mode, *j) || is_struck(*j));
+        let resting = (0..self.contacts.len()).filter(takes_part);
+        let groups = self.groups(strikers.iter().copied().chain(resting).collect());
+        let mut groups = groups.iter().filter(|group| group.iter().any(|j| strikers.contains(j))).peekable();
+        // One plus the restitution; a contact at rest, or one that comes to rest, has none.
+        let returns = |train: &Self, j: usize| match train.contacts[j].spec.law {
+            Law::Rigid(l) if !settles && strikers.contains(&j) && !rests(&to.mode, j) => 1.0 + l.restitution,
+            _ => 1.0,
+        };
+        // What soft contacts do at this instant is done.
+        let mut mode = to.mode.clone();
+        let rigid = (0..self.contacts.len()).filter(|j| self.contacts[*j].spec.law.is_rigid());
+        rigid.for_each(|j| set_contact(&mut mode, j, contact_mode(&from.mode, j)));
+        let mut x = x_minus.to_vec();
+        while let Some(group) = groups.next() {
+            let active = Sticking::of(self, group.iter().copied());
+            let (before, x_before) = (mode.clone(), x.clone());
+            if groups.peek().is_some() {
+                group.iter().for_each(|j| set_contact(&mut mode, *j, contact_mode(&to.mode, *j)));
+                let rate = |j: usize| self.deflection(j, at, &x_before).1;
+                self.rebound(&active, |j| returns(self, j), rate, |i, by| x[self.n + i] -= by);
+            } else {
+                (mode, x) = (to.mode.clone(), x_plus.to_vec());
+            }
+            // How much earlier the impact comes: `gᵀδq/δ̇`, the mean of those that strike together.
+            let speeds =
+                group.iter().filter(|j| strikers.contains(j)).map(|j| (*j, self.deflection(*j, at, &x_before).1));
+            let is_fast =
+                |(j, rate): &(usize, f64)| !resets_only && rate.abs() > self.speed_rounding(*j, at, &x_before);
+            let fast: PerContact<(usize, f64)> = speeds.filter(is_fast).collect();
+            let mut earlier = vec![0.0; columns.count];
+            for (j, rate) in &fast {
+                let along = self.along((*j, side(*j)), false, by, columns);
+                earlier.iter_mut().zip(&along).for_each(|(e, a)| *e += a / (rate * fast.len() as f64));
+            }
+            let impact = Impact { active: &active, modes: [&before, &mode], states: [&x_before, &x], at };
+            self.strike_group(&impact, |j| returns(self, j), &earlier, columns);
+            by.iter().for_each(|by| self.strike_by(group, returns, *by, columns));
+        }
+        // Where contacts have come to rest both gap and rate stay zero.
+        self.restrain(&to.mode, by.map(|by| By { x: x_plus, ..by }), columns);
+    }
+
+    /// Contacts, each with those that an impulse on it reaches, of contact by contact.
+    fn groups(&self, contacts: PerContact<usize>) -> Vec<PerContact<usize>> {
+        let mut groups: Vec<PerContact<usize>> = Vec::new();
+        for j in contacts {
+            let is_near = |group: &mut PerContact<usize>| group.iter().any(|i| self.coupling(*i, j) != 0.0);
+            let mut own: PerContact<usize> = groups.extract_if(.., is_near).flatten().collect();
+            own.push(j);
+            groups.push(own);
+        }
+        groups
+    }
+
+    /// Whether what contact `i` does at `at` depends on an impact of contact `j` just before: by its speed, or, through a damper, by its
+    /// acceleration.
+    pub(super) fn depends(&self, (i, j): (usize, usize), mode: &Mode, at: Instant, x: &[f64]) -> bool {
+        let mut struck = x.to_vec();
+        let rate = self.deflection(j, at, x).1;
+        self.contacts[j].push.iter().for_each(|(row, p)| struck[self.n + *row as usize] -= p * rate);
+        let acceleration = |x: &[f64]| self.relative_acceleration(i, mode, at, x);
+        self.coupling(i, j) != 0.0 || acceleration(&struck) != acceleration(x)
+    }
+
+    /// One group of impacts: `v⁺ = v⁻ − W (G W)⁻¹ (I + E) (G v⁻ − ė)` with `W = M⁻¹Gᵀ`, which comes `earlier`, s.
+    fn strike_group(
+        &self,
+        impact: &Impact<'_>,
+        returns: impl Fn(usize) -> f64 + Copy,
+        earlier: &[f64],
+        columns: &mut Columns,
+    ) {
+        let &Impact { active, modes, states, at } = impact;
+        let (n, m) = (self.n, columns.count);
+        let acceleration = |i: usize| {
+            let (mut forces, mut a) = (zeros(self.contacts.len()), vec![0.0; n]);
+            self.dynamics(modes[i], at, states[i], &mut forces, &mut a);
+            a
+        };
+        let (before, after) = (acceleration(0), acceleration(1));
+        // `a⁺ − R_v a⁻ − R_t`.
+        let mut change: Vec<f64> = after.iter().zip(&before).map(|(after, before)| after - before).collect();
+        let rate = |j: usize| dot(&self.contacts[j].direction, &before) - self.error(j, at).2;
+        self.rebound(active, returns, rate, |i, by| change[i] += by);
+        for (l, earlier) in earlier.iter().enumerate() {
+            let mut taken = zeros(n);
+            let velocity = |j: usize| {
+                let direction = self.contacts[j].direction.iter();
+                direction.map(|(i, g)| g * columns.values[(n + *i as usize) * m + l]).sum()
+            };
+            self.rebound(active, returns, velocity, |i, by| taken[i] += by);
+            for i in 0..n {
+                columns.values[i * m + l] += (states[1][n + i] - states[0][n + i]) * earlier;
+                columns.values[(n + i) * m + l] += change[i] * earlier - taken[i];
+            }
+        }
+    }
+
+    /// `W (G W)⁻¹ (I + E) y` of the contacts in `active`, component by component to `take`: what impacts take from velocities. `returns`
+    /// gives one plus the restitution, `y` the rate, of a contact.
+    pub(crate) fn rebound(
+        &self,
+        active: &Sticking,
+        returns: impl Fn(usize) -> f64,
+        y: impl Fn(usize) -> f64,
+        mut take: impl FnMut(usize, f64),
+    ) {
+        let mut by: PerContact<f64> = active.contacts().iter().map(|j| returns(*j) * y(*j)).collect();
+        active.solve(&mut by);
+        for (by, j) in by.iter().zip(active.contacts()) {
+            self.contacts[*j].push.iter().for_each(|(i, p)| take(*i as usize, p * by));
+        }
+    }
+}
