@@ -1,7 +1,13 @@
 //! `flank orbit` and `flank lyapunov` as commands: files, exit codes, messages.
 #![allow(clippy::unwrap_used)] // helpers of tests are not recognised as tests
 
-use std::{fs, path::Path};
+use std::{
+    fs,
+    path::Path,
+    process::Stdio,
+    thread::sleep,
+    time::{Duration, Instant},
+};
 
 use assert_cmd::{Command, assert::Assert};
 
@@ -156,6 +162,38 @@ fn orbits_and_exponents_resume() {
         assert!(said(flank(&changed, &out)).contains(other[0].trim_start_matches('-')));
         flank(&with(&["--resume", "--force"]), &out).code(2);
     }
+}
+
+/// An interrupt keeps the blocks of starts that are done; with --resume the bytes are those of a search that was not broken off.
+#[test]
+fn an_interrupted_search_goes_on() {
+    let folder = TempDir::new().unwrap();
+    let (broken, whole) = (folder.path().join("broken"), folder.path().join("whole"));
+    let words = ["orbit", "examples/scenes/W1a-ch.json", "--period", "3", "--starts", "1024", "--threads", "1"];
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_flank"))
+        .current_dir(root)
+        .args(words)
+        .arg("--out")
+        .arg(&broken)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let began = Instant::now();
+    let is_kept = || fs::read_to_string(broken.join("orbit.state")).is_ok_and(|state| state.contains(r#""starts":64"#));
+    while !is_kept() && child.try_wait().unwrap().is_none() && began.elapsed() < Duration::from_secs(60) {
+        sleep(Duration::from_millis(2));
+    }
+    let id = child.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    let done = child.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(1));
+    let said = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(said.contains("the same command with --resume goes on"), "{said}");
+    assert_eq!(json(&broken.join("orbit.json"))["reason"], "interrupted");
+    flank(&[&words[..], &["--resume"]].concat(), &broken).code(0);
+    flank(&words, &whole).code(0);
+    assert_eq!(fs::read(broken.join("orbit.json")).unwrap(), fs::read(whole.join("orbit.json")).unwrap());
 }
 
 /// Three files; a point of a branch starts a scene; what cannot be followed ends with code 2.

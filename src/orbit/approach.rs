@@ -249,7 +249,7 @@ impl Approach {
             let now = attraction.of(&engine.state().x);
             let is_there = now[1].sqrt() <= self.tolerance;
             let comes = now[0] <= before[0] - CONTRACTS * before[1];
-            if sorted(&speller.ring()) != word || !(is_there || comes) {
+            if sorted(&speller.repeating()) != word || !(is_there || comes) {
                 return Ok(Some(false));
             }
             before = now;

@@ -305,7 +305,7 @@ impl<'a> SectionMap<'a> {
             between,
             jacobian: DMatrix::from_row_slice(dim, dim, &tangent.columns.values),
             by_number: DMatrix::from_row_slice(dim, variations.len(), &tangent.by_number().values),
-            word: speller.ring(),
+            word: speller.repeating(),
             zeros: zeros(&tangent.dead, &tangent.latched),
             dead: tangent.dead,
             latched: tangent.latched,

@@ -234,7 +234,7 @@ impl<'s> Speller<'s> {
 
     /// The tokens up to now of a motion that repeats from here: where a contact first comes to rest, the impacts of the sequence that ends so
     /// stand at the end of the word, and are a part of that token.
-    pub fn ring(&mut self) -> Vec<String> {
+    pub fn repeating(&mut self) -> Vec<String> {
         self.close();
         let mut letters = self.letters.clone();
         for contact in 0..self.structure.contacts().len() {
