@@ -38,6 +38,9 @@
 //! | [`analysis`] | measures taken during a run: contacts, energy, event rows, trajectories |
 //! | [`accuracy`] | the engine and fixed-step penalty codes on one problem: errors against a truth that states its own, charts |
 //! | [`verify`] | a run checked arc by arc, by two other ways to the next event |
+//! | [`orbit`] | the derivative of the motion, periodic orbits, multipliers, exponents, words |
+//! | [`branch`] | orbits followed along a number, special points located, curves of them |
+//! | [`map`] | maps over two numbers, basins, diagrams |
 //! | [`ensemble`] | many motions of one train in parallel, each with the bits that it has alone |
 //! | [`sweep`] | the same work at every point of a grid, kept row by row |
 //! | [`study`] | steady motions, their change with the numbers of a scene, identification of such numbers |
