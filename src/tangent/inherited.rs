@@ -131,10 +131,15 @@ impl Observer for Inherited<'_> {
         let moved = moved.fold(0.0, |m: f64, moved| if moved.is_nan() { f64::INFINITY } else { m.max(moved) });
         self.time = Some(self.time.map_or(moved, |time| time.max(moved)));
         self.tangent.jump(jumped);
-        let n = self.structure.freedoms();
-        for i in 0..n {
-            self.shift[i] += jumped.x_plus[n + i] - jumped.x_minus[n + i];
-        }
+        // What happens later by dt leaves the state off by `(f⁺ − R f⁻) dt`.
+        let &Jumped { at, from, to, fired, x_minus, x_plus, settles } = jumped;
+        let s = self.structure;
+        let mut before = Columns { count: 1, values: vec![0.0; x_minus.len()] };
+        s.eval(&from.mode, at, 0.0, x_minus, &mut before.values);
+        s.saltate((from, to), (fired, settles, true), at, (x_minus, x_plus), &[], &mut before);
+        let mut after = vec![0.0; x_plus.len()];
+        s.eval(&to.mode, at, 0.0, x_plus, &mut after);
+        self.shift.iter_mut().zip(after).zip(before.values).for_each(|((shift, a), b)| *shift += a - b);
     }
 
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
