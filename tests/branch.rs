@@ -206,6 +206,23 @@ fn a_rest_ends() {
     }
 }
 
+/// A ball without rebound on a vibrating table of acceleration Γ g. It is let go where the table falls as fast, `sin θ = 1/Γ`, and flies
+/// for at most a cycle; its rest vanishes where it lands at the very place, `Γ cos θ · 2π = (2π)²/2`: at `Γ² = 1 + π²`.
+#[test]
+fn a_rest_vanishes_where_the_ball_lands_as_it_is_let_go() {
+    let mut ball: Value = serde_json::from_str(include_str!("../examples/scenes/bouncing-ball.json")).unwrap();
+    (ball["train"]["law"]["restitution"], ball["train"]["wall_motion"][0]["amplitude_m"]) = (json!(0), json!(2.5));
+    let branches = follow(&ball, &["/train/wall_motion/0/amplitude_m"], [2.0, 3.6], 0);
+    let specials: Vec<&Special> = branches[0].specials.iter().collect();
+    let [stick] = specials[..] else { panic!("{specials:?}") };
+    let exact = 1f64.hypot(std::f64::consts::PI);
+    assert_eq!((stick.kind, stick.word.as_str()), (Kind::Stick, "[l0+ z0+]"));
+    assert!((stick.value - exact).abs() <= 1e-12 * exact, "{} {exact}", stick.value);
+    // Beyond it the ball strikes without a rest.
+    let last = &branches[0].points[branches[0].points.len() - 1];
+    assert_eq!((last.value, last.word.as_str()), (3.6, "i0+"));
+}
+
 /// Two freedoms, each with a contact: impacts and contacts change places, and a torus is born. The orbit at each point is solved for anew.
 /// Two values are those of a program of its own with 40 digits: Taylor series, Newton's method on the period, differences of runs.
 #[test]
