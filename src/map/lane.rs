@@ -12,7 +12,7 @@ use crate::{
     kernel::Noted,
     orbit::{
         Kind, Motion, Section,
-        approach::{FIRST, GROWTH, closing},
+        approach::{FIRST, GROWTH, closing, return_distances},
         frame::column,
         kind::{CLOSES, CLOSING, Figures, LONG, still_closing},
     },
@@ -143,7 +143,9 @@ impl Rule {
                 .iter()
                 .map(|x| Section { x: x.to_vec(), contacts: vec![ContactMode::Separated] })
                 .collect();
-            if !figures.parts() && closing(&runner.map, &all, LONG as usize, &runner.map.drift()) <= CLOSING {
+            if !figures.parts()
+                && closing(return_distances(&runner.map, &all, LONG as usize, &runner.map.drift())) <= CLOSING
+            {
                 (Kind::Transient, Some(still_closing(cycles)))
             } else {
                 (Kind::Undecided, Some(figures.reason(cycles, tried)))

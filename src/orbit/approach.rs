@@ -95,12 +95,17 @@ impl Attraction {
     }
 }
 
-/// The share to which the distances of returns, after at most `longest` cycles, have fallen in each of the last quarters of some sections:
-/// the larger one of the two; 1 where they are too few.
-pub(crate) fn closing(map: &SectionMap<'_>, sections: &[Section], longest: usize, drift: &Drift) -> f64 {
+/// The median distance of returns, after at most `longest` cycles, in each of the last three quarters of some sections, in scales; `None`
+/// where they are too few.
+pub(crate) fn return_distances(
+    map: &SectionMap<'_>,
+    sections: &[Section],
+    longest: usize,
+    drift: &Drift,
+) -> Option<[f64; 3]> {
     let quarter = sections.len() / 4;
     if quarter <= longest {
-        return 1.0;
+        return None;
     }
     let scales = map.scales_of(sections);
     let returned = |m: usize| {
@@ -114,8 +119,12 @@ pub(crate) fn closing(map: &SectionMap<'_>, sections: &[Section], longest: usize
         all.sort_by(f64::total_cmp);
         all[all.len() / 2].max(f64::EPSILON)
     };
-    let [a, b, c] = [1, 2, 3].map(|k| median(k * quarter));
-    (b / a).max(c / b)
+    Some([1, 2, 3].map(|k| median(k * quarter)))
+}
+
+/// The share to which returns have fallen from quarter to quarter, the larger one; 1 where there are too few.
+pub(crate) fn closing(returns: Option<[f64; 3]>) -> f64 {
+    returns.map_or(1.0, |[a, b, c]| (b / a).max(c / b))
 }
 
 impl Approach {
@@ -182,7 +191,7 @@ impl Approach {
         let (last, before) = (sections.len() - 1, sections.len().checked_sub(2));
         let distance =
             before.map_or(f64::INFINITY, |before| distance(map, &sections[last], &sections[before], &scales, &drift));
-        let closing = closing(map, sections, self.longest_period as usize, &drift);
+        let closing = closing(return_distances(map, sections, self.longest_period as usize, &drift));
         Ok(Some(Approached { orbit: None, cycles, distance, closing, reason }))
     }
 

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     Approach, Approached, Drift, Orbit, SectionMap,
-    approach::closing,
+    approach::{BESIDE, NEAR, closing, return_distances},
     averages::means,
     frame::Frame,
     newton::CLOSED,
@@ -116,6 +116,8 @@ const STANDS: f64 = 1e-9;
 const PUSHED: f64 = 1e-6;
 /// Distance after which a section has come back.
 pub(crate) const CLOSES: f64 = 1e-6;
+/// The same beside which a motion may stay.
+const SHORT: usize = 16;
 /// Periods up to which an orbit is looked for once neighbours are known to come together.
 pub(crate) const LONG: u32 = 64;
 
@@ -292,6 +294,12 @@ impl<'m, 's> Watched<'m, 's> {
         })
     }
 
+    /// Whether it is still beside an orbit, and neighbours part from that: a push out of a symmetry may take thousands of cycles to grow.
+    fn leaves(&self) -> bool {
+        let returns = return_distances(self.map, &self.sections, SHORT, self.drift);
+        returns.is_some_and(|[a, b, c]| c <= BESIDE || c <= NEAR && b > GROWS * a && c > GROWS * b)
+    }
+
     /// After how many cycles the last section came back, of at most a quarter of them.
     fn closes(&self) -> Option<usize> {
         let (last, before) = self.sections.split_last()?;
@@ -414,12 +422,16 @@ pub fn decide<'s>(
         }
         let is_last = doubled == watching.doublings;
         if figures.is_chaotic(period, is_last) && (is_last || !watching.is_settled || !figures.is_low()) {
+            if watched.leaves() {
+                let reason = format!("it still leaves an unstable orbit after {} cycles", motion.cycles);
+                return ends(Motion { exponent: None, ..motion }, Kind::Transient, Some(reason));
+            }
             return ends(motion, Kind::Chaotic, None);
         }
     }
     let (cycles, figures) = (motion.cycles, watched.figures(period));
     // Where neighbours part, sections come nearer to each other by chance alone.
-    if !figures.parts() && closing(map, &watched.sections, LONG as usize, &drift) <= CLOSING {
+    if !figures.parts() && closing(return_distances(map, &watched.sections, LONG as usize, &drift)) <= CLOSING {
         return ends(motion, Kind::Transient, Some(still_closing(cycles)));
     }
     if watched.grows() {
