@@ -141,6 +141,12 @@ fn text(name: &str, e: &Exponents) -> Result<String, std::fmt::Error> {
     if let Some(finite) = &e.finite {
         writeln!(out, "over the first {} cycles from the start: {}", finite.cycles, list(&finite.exponents))?;
     }
+    if e.piecewise {
+        writeln!(
+            out,
+            "impacts that depend on each other fell on one instant: exponents are those of neighbours that keep them together"
+        )?;
+    }
     if let Some(reason) = &e.reason {
         writeln!(out, "{reason}")?;
     }

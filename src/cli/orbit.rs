@@ -122,6 +122,12 @@ fn text(simulation: &Simulation, found: &Found) -> Result<String, std::fmt::Erro
             "an event lies on phase 0: it may be missing from word and multipliers, or be there twice; shift the phase of the forcing"
         )?;
     }
+    if found.orbits.iter().any(|orbit| orbit.image.corner.is_some()) {
+        writeln!(
+            out,
+            "impacts that depend on each other fall on one instant (corner): multipliers hold for neighbours that keep them together, and do not tell whether the orbit is stable"
+        )?;
+    }
     match &found.reason {
         Some(reason) if count == 0 => writeln!(out, "no orbit: {reason} (best residual {})", number(found.best))?,
         Some(reason) => writeln!(out, "{reason}")?,

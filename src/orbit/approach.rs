@@ -221,7 +221,13 @@ impl Approach {
                 unstable.push(orbit.section);
             }
             Ok(orbit) if orbit.is_marginal => {
-                *reason = Some("the orbit near the end of the run has a multiplier on the unit circle".into());
+                let why = match orbit.image.corner {
+                    Some(_) => {
+                        "has impacts at one instant that depend on each other: its derivative does not tell whether it is stable"
+                    }
+                    None => "has a multiplier on the unit circle",
+                };
+                *reason = Some(format!("the orbit near the end of the run {why}"));
                 unstable.push(orbit.section);
             }
             Ok(orbit) if orbit.residual > self.tolerance => {

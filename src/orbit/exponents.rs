@@ -66,6 +66,9 @@ pub struct Exponents {
     pub unit: &'static str,
     /// Directions of drift left out, each with exponent 0.
     pub drift: usize,
+    /// Impacts that depend on each other fell on one instant: the derivative is that of neighbours that keep them together, and others may
+    /// part faster.
+    pub piecewise: bool,
     /// What the words of the averaged cycles tell, of at most the first hundred thousand.
     pub words: Statistics,
     /// Why it stopped before the band was small enough, or before its end, if so.
@@ -117,6 +120,7 @@ pub struct Averaging {
     bare: Option<(Held, Averages)>,
     /// `∫ div f dt + Σ ln |det|`; `None` where it is not known.
     volume: Option<f64>,
+    piecewise: bool,
     sequence: Sequence,
     course: Vec<(u64, Vec<f64>, Vec<f64>)>,
     next_look: u64,
@@ -229,6 +233,7 @@ impl Lyapunov {
                     averages: Averages::default(),
                     bare: bare.map(|held| (held, Averages::default())),
                     volume: Some(0.0),
+                    piecewise: false,
                     sequence: Sequence::default(),
                     course: Vec::new(),
                     next_look: least,
@@ -279,6 +284,7 @@ impl Lyapunov {
                 now.volume = now.volume.map(|volume| volume + frame.tangent.volume).filter(|volume| volume.is_finite());
             }
             frame.tangent.volume = 0.0;
+            now.piecewise |= frame.tangent.corner.is_some();
             if task.is_cancelled() {
                 (reason, is_whole) = (Some(INTERRUPTED.to_owned()), false);
                 break;
@@ -353,6 +359,7 @@ impl Lyapunov {
             dropped,
             unit: if simulation.dimensionless { "1/time" } else { "1/s" },
             drift: drift.is_free.iter().map(|free| 1 + usize::from(*free)).sum(),
+            piecewise: now.piecewise,
             words: now.sequence.statistics(),
             reason,
             is_whole,

@@ -47,7 +47,7 @@ pub struct Orbit {
     /// All others are inside the unit circle.
     pub is_stable: bool,
     /// One of them is so near to the circle that rounding may decide on which side: a train without damping, or a point at which the
-    /// motion changes.
+    /// motion changes. Or impacts that depend on each other fall on one instant: neighbours that part them have other multipliers, or jump.
     pub is_marginal: bool,
     /// Distance between start and end, in scales.
     pub residual: f64,
@@ -106,7 +106,7 @@ impl Orbit {
         let (mut multipliers, period) = (eigenvalues(factors), image.between.len() as u64);
         let neutral = section.x.len() - unknowns.count();
         let is_stable = multipliers.iter().all(|m| m.norm() < 1.0);
-        let is_marginal = multipliers.iter().any(|m| (m.norm() - 1.0).abs() <= MARGINAL);
+        let is_marginal = image.corner.is_some() || multipliers.iter().any(|m| (m.norm() - 1.0).abs() <= MARGINAL);
         // Zeros are known from the events, and are not computed.
         multipliers.sort_by(|a, b| a.norm().total_cmp(&b.norm()));
         multipliers.iter_mut().take(image.zeros).for_each(|m| *m = Complex::new(0.0, 0.0));

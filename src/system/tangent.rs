@@ -83,7 +83,14 @@ pub struct Saltation {
     pub ranks: usize,
     /// The latched speeds that were written, by their place in the state.
     pub latched: Vec<usize>,
+    /// How much earlier it comes, of each column, s; empty where no force and no speed jumps.
+    pub earlier: Vec<f64>,
+    /// The contacts that make forces or speeds jump.
+    pub movers: Vec<usize>,
 }
+
+/// Share of the largest acceleration above which a change is none of rounding.
+const SUDDEN: f64 = 1e-9;
 
 impl Structure {
     /// Whether `f_x` is constant along `mode`.
@@ -262,21 +269,15 @@ impl Structure {
         let n = self.n;
         let by = (!variations.is_empty()).then_some(By { variations, at, x: x_minus });
         let mut saltation = Saltation::default();
+        if !resets_only {
+            self.move_event((from, to), fired, at, x_minus, by, columns, &mut saltation);
+        }
+        // Speeds are latched as they are before any force jumps.
         for id in fired.iter() {
-            let (j, watch) = guard_of(id);
+            let (j, _) = guard_of(id);
             let (was, is) = (contact_mode(&from.mode, j), contact_mode(&to.mode, j));
             let c = &self.contacts[j];
             match c.spec.law {
-                // The damper's force jumps with the contact: `δv⁺ = δv ∓ c w gᵀδq`, the speed having dropped out.
-                Law::KelvinVoigt(l, _) if watch != Watch::Force && !resets_only => {
-                    let (factor, side) = match (was, is) {
-                        (ContactMode::Separated, _) if is.is_closed() => (-l.damping, is.side()),
-                        (_, ContactMode::Separated) if was.is_closed() => (l.damping, was.side()),
-                        _ => continue,
-                    };
-                    let along = self.along((j, side), false, by, columns);
-                    c.push.iter().for_each(|(i, p)| columns.add(n + *i as usize, factor * p, &along));
-                }
                 Law::Power(l) if was == ContactMode::Separated => {
                     let Some(latch) = c.latch else { continue };
                     saltation.latched.push(latch);
@@ -300,6 +301,24 @@ impl Structure {
                     }
                     row.iter_mut().zip(&early).for_each(|(r, e)| *r = is.side() * (*r - relative * e / rate));
                     columns.row_mut(latch).copy_from_slice(&row);
+                }
+                _ => {}
+            }
+        }
+        for id in fired.iter() {
+            let (j, watch) = guard_of(id);
+            let (was, is) = (contact_mode(&from.mode, j), contact_mode(&to.mode, j));
+            let c = &self.contacts[j];
+            match c.spec.law {
+                // The damper's force jumps with the contact: `δv⁺ = δv ∓ c w gᵀδq`, the speed having dropped out.
+                Law::KelvinVoigt(l, _) if watch != Watch::Force && !resets_only => {
+                    let (factor, side) = match (was, is) {
+                        (ContactMode::Separated, _) if is.is_closed() => (-l.damping, is.side()),
+                        (_, ContactMode::Separated) if was.is_closed() => (l.damping, was.side()),
+                        _ => continue,
+                    };
+                    let along = self.along((j, side), false, by, columns);
+                    c.push.iter().for_each(|(i, p)| columns.add(n + *i as usize, factor * p, &along));
                 }
                 _ => {}
             }
@@ -335,8 +354,69 @@ impl Structure {
                 _ => f64::NAN,
             };
             saltation.volume += strikers.iter().map(logarithm).sum::<f64>();
+        } else {
+            self.restrain(&to.mode, by.map(|by| By { x: x_plus, ..by }), columns);
         }
         saltation
+    }
+
+    /// How much earlier a jump comes, `gᵀδq/δ̇`, the mean of the contacts that make forces or speeds jump there.
+    fn move_event(
+        &self,
+        (from, to): (&Jump, &Jump),
+        fired: &GuardSet,
+        at: Instant,
+        x: &[f64],
+        by: Option<By<'_>>,
+        columns: &Columns,
+        saltation: &mut Saltation,
+    ) {
+        for (j, watch) in fired.iter().chain(to.struck.iter()).map(guard_of) {
+            let (was, is) = (contact_mode(&from.mode, j), contact_mode(&to.mode, j));
+            let is_sudden = match self.contacts[j].spec.law {
+                Law::KelvinVoigt(l, _) => l.damping > 0.0 && was != is,
+                Law::Rigid(_) => !was.is_closed(),
+                _ => false,
+            };
+            let rate = self.deflection(j, at, x).1;
+            if watch == Watch::Force
+                || !is_sudden
+                || saltation.movers.contains(&j)
+                || rate.abs() <= self.speed_rounding(j, at, x)
+            {
+                continue;
+            }
+            let along = self.along((j, watch.side()), false, by, columns);
+            saltation.earlier.resize(columns.count, 0.0);
+            saltation.earlier.iter_mut().zip(along).for_each(|(earlier, along)| *earlier += along / rate);
+            saltation.movers.push(j);
+        }
+        let share = 1.0 / saltation.movers.len().max(1) as f64;
+        saltation.earlier.iter_mut().for_each(|earlier| *earlier *= share);
+    }
+
+    /// Takes `columns` across a jump that follows from another one at the same instant, which comes `earlier`: forces that it takes away or
+    /// brings back are finite, and do so as much earlier. Whether there are such.
+    pub(crate) fn saltate_after(
+        &self,
+        (from, to): (&Mode, &Mode),
+        (at, x): (Instant, &[f64]),
+        earlier: &[f64],
+        columns: &mut Columns,
+    ) -> bool {
+        let acceleration = |mode: &Mode| {
+            let (mut forces, mut a) = (zeros(self.contacts.len()), vec![0.0; self.n]);
+            self.dynamics(mode, at, x, &mut forces, &mut a);
+            a
+        };
+        let (before, after) = (acceleration(from), acceleration(to));
+        let largest = before.iter().chain(&after).fold(0.0, |m: f64, a| m.max(a.abs()));
+        let mut is_finite = false;
+        for (i, (before, after)) in before.iter().zip(&after).enumerate() {
+            columns.add(self.n + i, after - before, earlier);
+            is_finite |= (after - before).abs() > SUDDEN * largest;
+        }
+        is_finite
     }
 
     /// `tr f_x`, 1/s.

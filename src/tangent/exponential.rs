@@ -1,4 +1,6 @@
 //! Columns over a span of a mode whose `f_x = A` is constant: `exp(A h) ξ`.
+//!
+//! Tables hold `exp(A h) − 1`: beside fast rates the slow ones would be lost in the digits of the 1.
 
 use super::{Tangent, is_small, largest};
 use crate::{
@@ -24,11 +26,11 @@ const PER_ENTRY: usize = 8;
 pub(super) struct Tables {
     /// Span of the series, s: a power of two, so that multiples and what is left of a time are exact.
     span: f64,
-    /// `(A span)ᵏ/k!` from k = 0 on, `[dim][dim]` each.
+    /// `(A span)ᵏ/k!` from k = 1 on, `[dim][dim]` each.
     terms: Vec<Vec<f64>>,
-    /// `exp(A 2ᵏ span)` from k = 0 on, as far as it was asked for.
+    /// `exp(A 2ᵏ span) − 1` from k = 0 on, as far as it was asked for.
     doubled: Vec<Vec<f64>>,
-    /// The exponential over what is left.
+    /// The same over what is left.
     rest: Vec<f64>,
     /// The span that was asked for last, s, and the exponential over one that was asked for twice in a row: between switches of a stiffness
     /// it repeats with each cycle.
@@ -37,11 +39,32 @@ pub(super) struct Tables {
     sums: Vec<f64>,
 }
 
-/// `E ξ`.
+/// `F ξ` of `count` columns, into `sums`.
+#[inline(always)]
+fn product<P: Path>(matrix: &[f64], columns: &[f64], count: usize, sums: &mut Vec<f64>) {
+    sums.clear();
+    for row in matrix.chunks_exact(columns.len() / count) {
+        let mut first = 0;
+        while first + LANES <= count {
+            let mut sum = [0.0; LANES];
+            for (factor, column) in row.iter().zip(columns.chunks_exact(count)) {
+                let column = &column[first..first + LANES];
+                sum = std::array::from_fn(|l| fused::<P>(*factor, column[l], sum[l]));
+            }
+            sums.extend_from_slice(&sum);
+            first += LANES;
+        }
+        for l in first..count {
+            let column = columns[l..].iter().step_by(count);
+            sums.push(row.iter().zip(column).fold(0.0, |sum, (factor, c)| fused::<P>(*factor, *c, sum)));
+        }
+    }
+}
+
+/// `ξ + F ξ`.
 struct Product<'a> {
     matrix: &'a [f64],
-    columns: &'a mut [f64],
-    count: usize,
+    columns: &'a mut Columns,
     sums: &'a mut Vec<f64>,
 }
 
@@ -50,29 +73,31 @@ impl Work for Product<'_> {
 
     #[inline(always)]
     fn on<P: Path>(self, _: P) {
-        let Self { matrix, columns, count, sums } = self;
-        sums.clear();
-        for row in matrix.chunks_exact(columns.len() / count) {
-            let mut first = 0;
-            while first + LANES <= count {
-                let mut sum = [0.0; LANES];
-                for (factor, column) in row.iter().zip(columns.chunks_exact(count)) {
-                    let column = &column[first..first + LANES];
-                    sum = std::array::from_fn(|l| fused::<P>(*factor, column[l], sum[l]));
-                }
-                sums.extend_from_slice(&sum);
-                first += LANES;
-            }
-            for l in first..count {
-                let column = columns[l..].iter().step_by(count);
-                sums.push(row.iter().zip(column).fold(0.0, |sum, (factor, c)| fused::<P>(*factor, *c, sum)));
-            }
-        }
-        columns.copy_from_slice(sums);
+        let Columns { count, values } = self.columns;
+        product::<P>(self.matrix, values, *count, self.sums);
+        values.iter_mut().zip(self.sums).for_each(|(c, s)| *c += *s);
     }
 }
 
-/// `Σ_k B_k shareᵏ`.
+/// `(1 + F)(1 + W) − 1`, F after the whole W.
+struct Then<'a> {
+    matrix: &'a [f64],
+    whole: &'a mut [f64],
+    count: usize,
+    sums: &'a mut Vec<f64>,
+}
+
+impl Work for Then<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn on<P: Path>(self, _: P) {
+        product::<P>(self.matrix, self.whole, self.count, self.sums);
+        self.whole.iter_mut().zip(self.matrix).zip(self.sums).for_each(|((w, f), s)| *w += f + *s);
+    }
+}
+
+/// `Σ_k B_k shareᵏ`, from k = 1 on.
 struct Sum<'a> {
     terms: &'a [Vec<f64>],
     share: f64,
@@ -91,6 +116,7 @@ impl Work for Sum<'_> {
         for term in lower.iter().rev() {
             sum.iter_mut().zip(term).for_each(|(s, t)| *s = fused::<P>(*s, share, *t));
         }
+        sum.iter_mut().for_each(|s| *s *= share);
     }
 }
 
@@ -119,7 +145,7 @@ impl Tables {
             }
             terms.push(next);
         }
-        let terms = terms.into_iter().map(|term| term.values).collect();
+        let terms = terms.into_iter().skip(1).map(|term| term.values).collect();
         Some(Self {
             span,
             terms,
@@ -131,46 +157,42 @@ impl Tables {
         })
     }
 
-    /// Takes `columns` over `time`, if that has been asked for before.
+    /// Multiples of the span that `time` has, as powers of two, and what is left of it, s. Their tables are there then.
+    fn multiples(&mut self, s: &Structure, time: f64) -> (Vec<usize>, f64) {
+        let (instructions, count) = (s.instructions(), HybridSystem::dim(s));
+        let parts = (time / self.span).floor();
+        let bits = (0..u64::BITS as usize).filter(|bit| parts as u64 >> bit & 1 == 1).collect::<Vec<_>>();
+        while self.doubled.len() <= bits.last().copied().unwrap_or(0) {
+            let mut next = Vec::new();
+            match self.doubled.last() {
+                None => instructions.run(Sum { terms: &self.terms, share: 1.0, sum: &mut next }),
+                Some(matrix) => {
+                    // `exp(2Ah) − 1 = 2F + F²`.
+                    next.clone_from(matrix);
+                    instructions.run(Then { matrix, whole: &mut next, count, sums: &mut self.sums });
+                }
+            }
+            self.doubled.push(next);
+        }
+        (bits, time - parts * self.span)
+    }
+
+    /// Takes `columns` over `time`, if that was asked for twice in a row.
     fn again(&mut self, s: &Structure, time: f64, columns: &mut Columns) -> bool {
+        let (instructions, dim) = (s.instructions(), HybridSystem::dim(s));
         if self.repeated.as_ref().is_none_or(|(known, _)| *known != time) && self.last == time {
-            let mut whole = Columns::unit(HybridSystem::dim(s));
-            let rest = self.multiples(s, time, &mut whole);
-            self.rest(s, rest, &mut whole).then(|| self.repeated = Some((time, whole.values)));
+            let (bits, rest) = self.multiples(s, time);
+            let mut whole = vec![0.0; dim * dim];
+            instructions.run(Sum { terms: &self.terms, share: rest / self.span, sum: &mut self.rest });
+            for matrix in bits.iter().map(|bit| &self.doubled[*bit]).chain([&self.rest]) {
+                instructions.run(Then { matrix, whole: &mut whole, count: dim, sums: &mut self.sums });
+            }
+            self.repeated = Some((time, whole));
         }
         self.last = time;
         let Some((_, matrix)) = self.repeated.as_ref().filter(|(known, _)| *known == time) else { return false };
-        let Columns { count, values } = columns;
-        s.instructions().run(Product { matrix, columns: values, count: *count, sums: &mut self.sums });
+        instructions.run(Product { matrix, columns, sums: &mut self.sums });
         true
-    }
-
-    /// Takes `columns` over the multiples of the span that `time` has; what is left of it, s.
-    fn multiples(&mut self, s: &Structure, time: f64, columns: &mut Columns) -> f64 {
-        let instructions = s.instructions();
-        let parts = (time / self.span).floor();
-        let (mut left, mut power) = (parts as u64, 0);
-        while left > 0 {
-            if self.doubled.len() == power {
-                let mut next = Vec::new();
-                match self.doubled.last() {
-                    None => instructions.run(Sum { terms: &self.terms, share: 1.0, sum: &mut next }),
-                    Some(matrix) => {
-                        next.clone_from(matrix);
-                        let count = HybridSystem::dim(s);
-                        instructions.run(Product { matrix, columns: &mut next, count, sums: &mut self.sums });
-                    }
-                }
-                self.doubled.push(next);
-            }
-            if left & 1 == 1 {
-                let Columns { count, values } = columns;
-                let matrix = &self.doubled[power];
-                instructions.run(Product { matrix, columns: values, count: *count, sums: &mut self.sums });
-            }
-            (left, power) = (left >> 1, power + 1);
-        }
-        time - parts * self.span
     }
 
     /// Takes `columns` over `time`, which is shorter than the span, where tables do it in fewer multiplications than a series.
@@ -182,7 +204,7 @@ impl Tables {
         let Self { terms, rest, sums, .. } = self;
         let instructions = s.instructions();
         instructions.run(Sum { terms, share: time / self.span, sum: rest });
-        instructions.run(Product { matrix: rest, columns: &mut columns.values, count, sums });
+        instructions.run(Product { matrix: rest, columns, sums });
         true
     }
 }
@@ -200,7 +222,10 @@ impl Tangent<'_> {
             if tables.again(s, time, columns) {
                 return;
             }
-            time = tables.multiples(s, time, columns);
+            let bits;
+            (bits, time) = tables.multiples(s, time);
+            let Tables { doubled, sums, .. } = tables;
+            bits.iter().for_each(|bit| s.instructions().run(Product { matrix: &doubled[*bit], columns, sums }));
             if tables.rest(s, time, columns) {
                 return;
             }

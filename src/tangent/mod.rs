@@ -65,6 +65,8 @@ pub struct Tangent<'s> {
     pub is_unresolved: bool,
     /// The latched speeds that were written anew.
     pub latched: Vec<bool>,
+    /// How much earlier the instant that is open comes, of the columns and of those of numbers, and whose jumps say so.
+    moved: Option<([Vec<f64>; 2], Vec<usize>)>,
     /// Contacts rest.
     pub(crate) rests: bool,
     /// The last jump took a rank.
@@ -104,6 +106,7 @@ impl<'s> Tangent<'s> {
             volume: 0.0,
             corner: None,
             is_unresolved: false,
+            moved: None,
             rests: false,
             dies: false,
             dead: Vec::new(),
@@ -233,6 +236,7 @@ impl Observer for Tangent<'_> {
     }
 
     fn leap(&mut self, mode: &Mode, time: f64) -> ControlFlow<()> {
+        self.moved = None;
         self.known(mode);
         self.exponential(mode, time);
         ControlFlow::Continue(())
@@ -243,6 +247,7 @@ impl Observer for Tangent<'_> {
         if until <= 0.0 {
             return ControlFlow::Continue(());
         }
+        self.moved = None;
         if self.structure.is_affine(mode) {
             self.exponential(mode, step.time(until));
         } else if let Some(coefficients) = Coefficients::new(self.structure, mode, step) {
@@ -269,10 +274,28 @@ impl Observer for Tangent<'_> {
         let s = self.structure;
         let jump = (fired, settles, self.resets_only);
         let saltation = s.saltate((from, to), jump, at, (x_minus, x_plus), &[], &mut self.columns);
+        let mut by_number = Vec::new();
         if !self.variations.is_empty() {
             self.switch(&from.mode, at, x_minus);
-            s.saltate((from, to), jump, at, (x_minus, x_plus), self.variations, &mut self.by_number.columns);
+            let columns = &mut self.by_number.columns;
+            by_number = s.saltate((from, to), jump, at, (x_minus, x_plus), self.variations, columns).earlier;
             self.mode = Some(to.mode.clone());
+        }
+        if !saltation.movers.is_empty() {
+            self.moved = Some(([saltation.earlier, by_number], saltation.movers));
+        } else if let Some(([earlier, by_number], movers)) = self.moved.as_ref().filter(|_| !self.resets_only) {
+            let (modes, place) = ((&from.mode, &to.mode), (at, x_plus));
+            let is_finite = s.saltate_after(modes, place, earlier, &mut self.columns);
+            s.restrain(&to.mode, None, &mut self.columns);
+            if !self.variations.is_empty() {
+                let columns = &mut self.by_number.columns;
+                s.saltate_after(modes, place, by_number, columns);
+                s.restrain(&to.mode, Some(By { variations: self.variations, at, x: x_plus }), columns);
+            }
+            if is_finite && movers.len() > 1 {
+                let contacts = movers.clone();
+                self.corner.get_or_insert_with(|| Corner { phase: at.phase.value(), contacts });
+            }
         }
         self.rests = s.held(&to.mode).is_some();
         self.dies = saltation.ranks > 0;
