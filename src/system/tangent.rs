@@ -323,6 +323,7 @@ impl Structure {
                 _ => {}
             }
         }
+        saltation.dependent = self.parted(&saltation);
         let is_struck = |j: usize| to.struck.iter().any(|id| guard_of(id).0 == j);
         let rests = |mode: &Mode, j: usize| self.contacts[j].spec.law.is_rigid() && contact_mode(mode, j).is_closed();
         let lands = |j: usize| rests(&to.mode, j) && !rests(&from.mode, j);
@@ -348,7 +349,7 @@ impl Structure {
             let acting: PerContact<usize> = strikers.iter().copied().chain(touched.map(|(j, _)| j)).collect();
             let after = |i: usize, j: usize| strikers.contains(&j) && self.depends((i, j), &from.mode, at, x_minus);
             let depends = |i: &usize| acting.iter().any(|j| i != j && (after(*i, *j) || after(*j, *i)));
-            saltation.dependent = acting.iter().copied().filter(depends).collect();
+            saltation.dependent.extend(acting.iter().copied().filter(depends));
             let logarithm = |j: &usize| match self.contacts[*j].spec.law {
                 Law::Rigid(l) if !settles && !rests(&to.mode, *j) => 2.0 * libm::log(l.restitution),
                 _ => f64::NAN,
@@ -358,6 +359,29 @@ impl Structure {
             self.restrain(&to.mode, by.map(|by| By { x: x_plus, ..by }), columns);
         }
         saltation
+    }
+
+    /// Contacts whose latched speed depends on whether a damper's force jumps just before or just after: none where both flanks are met
+    /// together by all neighbours.
+    fn parted(&self, saltation: &Saltation) -> Vec<usize> {
+        let is_latched = |j: usize| self.contacts[j].latch.is_some_and(|latch| saltation.latched.contains(&latch));
+        let is_one = |i: usize, j: usize| {
+            let [a, b] = [i, j].map(|j| &self.contacts[j].spec);
+            (&a.direction, a.half_backlash, &a.error) == (&b.direction, b.half_backlash, &b.error)
+        };
+        let depends = |i: usize, j: usize| i != j && self.coupling(i, j) != 0.0 && !is_one(i, j);
+        let mut parted = Vec::new();
+        for i in (0..self.contacts.len()).filter(|i| is_latched(*i)) {
+            let soft = saltation.movers.iter().filter(|j| !self.contacts[**j].spec.law.is_rigid());
+            let others: Vec<usize> = soft.copied().filter(|j| depends(i, *j)).collect();
+            if !others.is_empty() {
+                parted.push(i);
+                parted.extend(others);
+            }
+        }
+        parted.sort_unstable();
+        parted.dedup();
+        parted
     }
 
     /// How much earlier a jump comes, `gᵀδq/δ̇`, the mean of the contacts that make forces or speeds jump there.

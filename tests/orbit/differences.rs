@@ -263,6 +263,103 @@ fn impacts_at_one_instant_commute_or_are_a_corner() {
     }
 }
 
+/// What an impact or a damper does to other contacts at the same instant: it takes their force away, pulls a body off its rest, pushes against
+/// a body that rests, or comes as a speed is latched. Each scene starts a little before it.
+#[test]
+fn forces_that_jump_take_others_along() {
+    let soft = |gap: f64, release: &str| {
+        json!({
+            "direction": [1], "half_backlash_m": gap, "flanks": "drive", "stiffness": 5,
+            "law": { "kind": "kelvin-voigt", "damping_n_s_per_m": 6, "release": release },
+        })
+    };
+    let wall = |direction: Value, gap: f64, restitution: f64| json!({ "direction": direction, "half_backlash_m": gap, "flanks": "drive", "law": { "kind": "rigid", "restitution": restitution } });
+    let mesh = |direction: Value, gap: f64, damping: f64| {
+        json!({
+            "direction": direction, "half_backlash_m": gap, "flanks": "drive", "stiffness": 30,
+            "law": { "kind": "kelvin-voigt", "damping_n_s_per_m": damping, "release": "deflection" },
+        })
+    };
+    let hertz = json!({
+        "direction": [1], "half_backlash_m": 0.1, "flanks": "drive", "stiffness": 30,
+        "law": { "kind": "power", "exponent": "3/2", "hysteresis_coefficient": 0.4, "speed_floor_m_per_s": 1e-6, "initial_speed_m_per_s": 0.1 },
+    });
+    let one = |contacts: Value| {
+        json!({
+            "kind": "matrices", "mass_kg": [[1]], "stiffness_n_per_m": [[1]], "damping_n_s_per_m": [[0.2]],
+            "load_harmonics": [{ "vector_n": [8], "frequency_rad_per_s": 1, "phase_rad": 0 }], "contacts": contacts,
+        })
+    };
+    let two = |load: f64, contacts: Value| {
+        json!({
+            "kind": "matrices", "mass_kg": [[1, 0], [0, 1.5]], "stiffness_n_per_m": [[0.5, 0], [0, 1]],
+            "damping_n_s_per_m": [[0.1, 0], [0, 0.2]], "load_n": [load, 0],
+            "load_harmonics": [{ "vector_n": [0, 3], "frequency_rad_per_s": 1.3, "phase_rad": 0 }], "contacts": contacts,
+        })
+    };
+    for (train, q, expected) in [
+        (one(json!([soft(0.1, "force"), wall(json!([1]), 0.4, 0.6)])), json!([-0.5]), "[i1+ r0+]"),
+        (
+            two(2.0, json!([wall(json!([1, 0]), 0.1, 0.3), mesh(json!([1, -1]), 0.6, 8.0)])),
+            json!([0.1, 0.1]),
+            "[c1+ l0+]",
+        ),
+        (two(80.0, json!([wall(json!([1, 0]), 0.1, 0.5), mesh(json!([-1, 1]), 0.2, 10.0)])), json!([0.1, -0.5]), "c1+"),
+        (one(json!([soft(0.1, "deflection"), hertz])), json!([-0.5]), "[c0+ c1+]"),
+    ] {
+        let simulation = open(json!({
+            "flank": 1, "train": train, "initial": { "q": q, "v": vec![0.0; q.as_array().unwrap().len()] }, "run": { "cycles": 5 },
+        }));
+        let map = SectionMap::new(&simulation).unwrap();
+        let section = map.start().unwrap();
+        let image = map.image(&section, 1).unwrap();
+        assert!(image.word.iter().any(|token| token == expected), "{:?}", image.word);
+        assert!(image.corner.is_none());
+        // A body that rests is moved by nothing: its columns are zero, and it is not moved for differences.
+        let rests: Vec<bool> = (0..section.x.len()).map(|i| section.x.len() == 4 && i % 2 == 0).collect();
+        let scales = scales(&simulation, &image);
+        let largest = image.jacobian.amax();
+        for i in (0..section.x.len()).filter(|i| !rests[*i]) {
+            let best = [1e-4, 2e-5, 3e-6, 4e-7]
+                .iter()
+                .filter_map(|step| difference(&map, &section, 1, i, step * scales[i]))
+                .map(|column| (0..column.len()).map(|r| (column[r] - image.jacobian[(r, i)]).abs()).fold(0.0, f64::max))
+                .fold(f64::INFINITY, f64::min);
+            assert!(best <= 100.0 * ALLOWED * largest, "{expected} {i}: {best:e} of {largest:e}");
+        }
+    }
+}
+
+/// A strongly damped contact: its slow rate `2k/(c + √(c² − 4k))` beside the fast one, some c.
+#[test]
+fn slow_rates_keep_their_digits_beside_fast_ones() {
+    for (k, c, omega) in [(1e4f64, 1e5f64, 1.0), (1e6, 1e8, 0.01), (1e3, 1e10, 0.3)] {
+        let simulation = open(json!({
+            "flank": 1,
+            "train": {
+                "kind": "matrices", "mass_kg": [[1]], "damping_n_s_per_m": [[c]], "stiffness_n_per_m": [[k]],
+                "load_harmonics": [{ "vector_n": [1], "frequency_rad_per_s": omega, "phase_rad": 0 }],
+                "contacts": [{ "direction": [1], "half_backlash_m": 1e3, "flanks": "drive", "stiffness": 1, "law": { "kind": "kelvin-voigt" } }],
+            },
+            "initial": { "q": [0], "v": [0] },
+            "run": { "cycles": 5 },
+        }));
+        let map = SectionMap::new(&simulation).unwrap();
+        let image = map.image(&map.start().unwrap(), 1).unwrap();
+        let root = (c * c - 4.0 * k).sqrt();
+        let (slow, fast): (f64, f64) = (-2.0 * k / (c + root), -0.5 * (c + root));
+        // `∂q/∂q = (s_f e^{s_s T} − s_s e^{s_f T})/(s_f − s_s)`; the fast exponential is zero.
+        let exact = fast / (fast - slow) * (slow * simulation.period().unwrap()).exp();
+        // Each of 64 doublings at most rounds some terms of the slow rate.
+        assert!(
+            (image.jacobian[(0, 0)] / exact - 1.0).abs()
+                <= 256.0 * f64::EPSILON * (1.0 - slow * simulation.period().unwrap()),
+            "{k} {c}: {}",
+            image.jacobian[(0, 0)] / exact - 1.0
+        );
+    }
+}
+
 /// Long spans of fast rates: tables of many doublings, against the closed form of a damped oscillator, `q̈ + 2ζω q̇ + ω² q = 0`.
 #[test]
 fn a_span_of_thousands_of_radians_is_exact() {
