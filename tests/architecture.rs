@@ -219,8 +219,8 @@ const ROOMS: &[(&str, usize)] = &[
     ("simulation", 1400),
     ("study", 6750),
     ("sweep", 1250),
-    ("system", 4100),
-    ("tangent", 1100),
+    ("system", 4200),
+    ("tangent", 1150),
     ("train", 1550),
     ("verify", 800),
 ];

@@ -58,7 +58,7 @@ fn text(found: &Found) -> String {
     }
     let _ = writeln!(out, "uncertainty exponent: {}", number(&figures.uncertainty_exponent));
     let _ = writeln!(out, "dimension of the boundary: {}", number(&figures.boundary_dimension));
-    let _ = writeln!(out, "basin entropy: {}", number(&Some(figures.basin_entropy)));
+    let _ = writeln!(out, "basin entropy: {}", number(&figures.basin_entropy));
     let _ = writeln!(out, "boundary entropy: {}", number(&figures.boundary_entropy));
     out
 }

@@ -12,7 +12,7 @@ use super::{
 use crate::{
     engine::State,
     ensemble::in_order,
-    orbit::{Drift, Kind, Section, SectionMap, unknowns::distance},
+    orbit::{Drift, Kind, Section, SectionMap, rest::NEUTRAL, unknowns::distance},
     output::{Fault, csv_line, in_a_line, number},
     scene::Scene,
     simulation::{Simulation, SimulationError},
@@ -50,9 +50,11 @@ pub struct Attractor {
     /// Of a motion without an orbit: mean and standard deviation of each component at the starts of cycles.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub averages: Vec<[f64; 2]>,
-    /// A contact that the orbit never loses keeps the approach speed of its last gain, and the start decides it: an orbit for each such
-    /// speed.
+    /// There is an orbit for each start: a contact that the orbit never loses keeps the approach speed of its last gain; or what rests in its
+    /// gaps rests anywhere.
     pub is_family: bool,
+    #[serde(skip)]
+    rests: bool,
     #[serde(skip)]
     scales: Vec<f64>,
     /// What each contact does at the first of the states.
@@ -70,10 +72,11 @@ impl Attractor {
         let scales = map.scales_of(&sections);
         let contacts = sections[0].contacts.clone();
         let keeps = |period| Ok::<_, SimulationError>(map.image(&sections[0], period)?.latched.contains(&false));
-        let is_family = motion.period.map_or(Ok(false), keeps)?;
+        let rests = motion.word.as_deref() == Some("") && motion.multiplier.is_some_and(|m| (m - 1.0).abs() <= NEUTRAL);
+        let is_family = rests || motion.period.map_or(Ok(false), keeps)?;
         let states = sections.into_iter().map(|section| section.x).collect();
         let (kind, period_cycles, word, impacts) = (motion.kind, motion.period, motion.word, impacts.word());
-        Ok(Self { kind, period_cycles, word, impacts, exponent, states, averages, is_family, scales, contacts })
+        Ok(Self { kind, period_cycles, word, impacts, exponent, states, averages, is_family, rests, scales, contacts })
     }
 
     /// Whether a state at the start of a cycle is within `reach` of its orbit.
@@ -117,9 +120,14 @@ impl Attractor {
         }
         if let Some(period) = self.period_cycles {
             return self.holds(map, drift, &other.states[0], SAME)
+                || self.rests && other.rests && self.contacts == other.contacts
                 || self.is_family && self.word == other.word && other.leads_to(self, period, map, drift);
         }
-        let is_alike = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).abs() <= ALIKE * a[1].max(b[1]);
+        // What never changes, as a speed latched once, is of the start and not of the motion.
+        let is_alike = |(a, b): (&[f64; 2], &[f64; 2])| {
+            let spread = a[1].max(b[1]);
+            spread == 0.0 || (a[0] - b[0]).abs() <= ALIKE * spread
+        };
         self.impacts == other.impacts && self.averages.iter().zip(&other.averages).all(is_alike)
     }
 }
@@ -212,7 +220,7 @@ impl Basins {
             let fault = Fault::new(&grid.axes()[1].pointer, "a number varied by two axes", "one axis for each number");
             return Err(GridError(vec![fault]).into());
         }
-        simulation.period()?;
+        SectionMap::new(&simulation)?.repeats()?;
         let zeros = vec![0.0; freedoms.len()];
         let (q, v) = if is_written { (simulation.q0.clone(), simulation.v0.clone()) } else { (zeros.clone(), zeros) };
         let values = [0, 1].map(|i| grid.axes()[i].all());

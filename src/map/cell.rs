@@ -161,6 +161,7 @@ impl Rule {
         start: State,
         task: Task<'_>,
     ) -> Result<Option<Cell>, SimulationError> {
+        SectionMap::new(simulation)?.repeats()?;
         match self.decide_in_lane(simulation, &start, task)? {
             Some(cell) => Ok(Some(cell)),
             None => self.decide_generally(simulation, start, task),

@@ -45,10 +45,10 @@ pub struct Figures {
     pub uncertainty_exponent: Option<Measured>,
     /// `2 − a`: the dimension of the boundary.
     pub boundary_dimension: Option<Measured>,
-    /// `f(h)`, with h in steps of the second axis.
+    /// `f(h)`, with h in steps of the second axis, of the starts that have neighbours on both sides at each of these distances.
     pub uncertain: Vec<(usize, f64)>,
-    /// Basin entropy: the mean over boxes of 5 × 5 starts of `−Σ p ln p`, p the shares of ends in a box (Daza et al. 2016).
-    pub basin_entropy: Measured,
+    /// Basin entropy: the mean over boxes of 5 × 5 starts, none of which fails, of `−Σ p ln p`, p the shares of ends in a box (Daza et al. 2016).
+    pub basin_entropy: Option<Measured>,
     /// Boundary entropy: the mean over the boxes with more than one end. Above ln 2 the boundary is fractal.
     pub boundary_entropy: Option<Measured>,
     /// Whether it is above ln 2 by three standard errors: this suffices for a fractal boundary.
@@ -72,11 +72,11 @@ pub struct Boundary {
     attractors: usize,
     strips: Vec<Strip>,
     /// Ends of the last rows: of a row of boxes at most.
-    rows: Vec<Vec<u16>>,
+    rows: Vec<Vec<u32>>,
     row: usize,
     steps: [usize; 2],
     /// End and cycles of the starts that a picture shows, the second axis fastest.
-    shown: Vec<(u16, Option<u64>)>,
+    shown: Vec<(u32, Option<u64>)>,
 }
 
 impl Boundary {
@@ -105,28 +105,35 @@ impl Boundary {
         let cycles = fields.next().and_then(|word| word.parse().ok());
         let Some(line) = self.rows.last_mut() else { return };
         let at = line.len();
-        line.push(end as u16);
+        line.push(end as u32);
         if self.row.is_multiple_of(self.steps[0]) && at.is_multiple_of(self.steps[1]) {
-            self.shown.push((end as u16, cycles));
+            self.shown.push((end as u32, cycles));
         }
+        let failed = self.attractors + 1;
         let strip = &mut self.strips[self.row * STRIPS / self.counts[0]];
         strip.counts[end] += 1;
         if at + 1 < self.counts[1] {
             return;
         }
+        let widest = (1usize << strip.uncertain.len()) / 2;
         for (j, [uncertain, all]) in strip.uncertain.iter_mut().enumerate() {
             let h = 1 << j;
-            for (i, end) in line.iter().enumerate() {
-                let differs = |j: Option<usize>| j.and_then(|j| line.get(j)).is_some_and(|other| other != end);
-                *all += 1;
-                *uncertain += u64::from(differs(i.checked_sub(h)) || differs(Some(i + h)));
+            // Starts with a neighbour on both sides at every distance: none of the three has failed.
+            for three in (widest..line.len() - widest).map(|i| [line[i - h], line[i], line[i + h]]) {
+                if three.iter().all(|end| *end as usize != failed) {
+                    *all += 1;
+                    *uncertain += u64::from(three[0] != three[1] || three[2] != three[1]);
+                }
             }
         }
         self.row += 1;
         if self.rows.len() == BOX {
             for first in (0..self.counts[1] + 1 - BOX.min(self.counts[1] + 1)).step_by(BOX) {
-                let mut ends: Vec<u16> = self.rows.iter().flat_map(|row| &row[first..first + BOX]).copied().collect();
+                let mut ends: Vec<u32> = self.rows.iter().flat_map(|row| &row[first..first + BOX]).copied().collect();
                 ends.sort_unstable();
+                if ends.last().is_some_and(|end| *end as usize == failed) {
+                    continue;
+                }
                 let shares = ends.chunk_by(|a, b| a == b).map(|same| same.len() as f64 / (BOX * BOX) as f64);
                 let entropy = shares.map(|p| -p * libm::log(p)).sum::<f64>();
                 for (sum, boxes) in &mut strip.boxes[..1 + usize::from(entropy > 0.0)] {
@@ -147,7 +154,7 @@ impl Boundary {
 
     /// End (an attractor's number, then open, then failed) and cycles of these, the second axis fastest.
     #[must_use]
-    pub fn shown(&self) -> &[(u16, Option<u64>)] {
+    pub fn shown(&self) -> &[(u32, Option<u64>)] {
         &self.shown
     }
 
@@ -201,7 +208,12 @@ impl Boundary {
         let mean = |of: usize| {
             move |strip: &Strip| (strip.boxes[of].1 > 0).then(|| strip.boxes[of].0 / strip.boxes[of].1 as f64)
         };
-        let boundary_entropy = self.measured(mean(1));
+        // Of one strip alone the error is not known.
+        let entropy = |of: usize| {
+            let strips = self.strips.iter().filter(|strip| strip.boxes[of].1 > 0).count();
+            self.measured(mean(of)).filter(|_| strips > 1)
+        };
+        let boundary_entropy = entropy(1);
         let all = self.without(None);
         let uncertain = all.uncertain.iter().enumerate().filter(|(_, [_, all])| *all > 0);
         Figures {
@@ -210,7 +222,7 @@ impl Boundary {
             uncertainty_exponent: exponent,
             boundary_dimension: exponent.map(|a| Measured { value: 2.0 - a.value, ..a }),
             uncertain: uncertain.map(|(j, [some, all])| (1 << j, *some as f64 / *all as f64)).collect(),
-            basin_entropy: self.measured(mean(0)).unwrap_or(Measured { value: 0.0, standard_error: 0.0 }),
+            basin_entropy: entropy(0),
             boundary_entropy,
             is_fractal_by_entropy: boundary_entropy
                 .is_some_and(|s| s.value - 3.0 * s.standard_error > std::f64::consts::LN_2),

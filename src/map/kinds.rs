@@ -159,7 +159,8 @@ impl KindMap {
         let count = self.contacts.len() * self.columns.len();
         match self.cell(cell, task) {
             Ok(None) | Err(StudyError::Interrupted) => return None,
-            Ok(Some((Cell { motion, exponent, impacts, .. }, values))) => {
+            Ok(Some((Cell { motion, exponent, impacts, apart, .. }, values))) => {
+                let is_watched = apart.iter().all(|share| share.is_finite());
                 line.extend([
                     motion.kind.word().to_owned(),
                     motion.period.map_or_else(String::new, |period| period.to_string()),
@@ -168,9 +169,11 @@ impl KindMap {
                 ]);
                 line.extend((0..count).map(|i| {
                     let [contact, column] = [i / self.columns.len(), i % self.columns.len()];
-                    optional(values[column].get(contact).copied().flatten())
+                    optional(values[column].get(contact).copied().flatten().filter(|value| value.is_finite()))
                 }));
-                line.extend([impacts.word().to_owned(), motion.cycles.to_string(), String::new()]);
+                // A motion that was not watched has no share of time, and it is not known what it strikes.
+                let impacts = if is_watched { impacts.word() } else { "" };
+                line.extend([impacts.to_owned(), motion.cycles.to_string(), String::new()]);
             }
             Err(error) => {
                 line.push("failed".to_owned());

@@ -75,50 +75,64 @@ fn grouped(number: u64) -> String {
     text
 }
 
-/// Where the cells of `grid` that are shown lie: the first number upwards to the right, the second one upwards.
+/// How the cells that are shown lie along one number: upwards, cells of equal size.
+struct Side {
+    axis: Axis,
+    ends: [f64; 2],
+    cells: usize,
+    is_flipped: bool,
+}
+
+impl Side {
+    /// Equal ratios have a logarithmic axis. Values that were written out lie anywhere, and are numbered.
+    fn new(axis: &crate::sweep::Axis, cells: usize) -> Self {
+        let [first, last] = [axis.value(0), axis.value(axis.count() - 1)];
+        let label = &axis.pointer;
+        if axis.is_list() || axis.is_geometric() && first < 0.0 {
+            let label = format!("value of {label}, by its number");
+            let ends = [0.5, axis.count() as f64 + 0.5];
+            return Self { axis: Axis::new(label, ""), ends, cells, is_flipped: false };
+        }
+        // A cell reaches half a step to both sides of its value.
+        let half = 0.5 / (cells.max(2) - 1) as f64;
+        let [a, b] = if axis.is_geometric() {
+            let ratio = libm::pow(last / first, half);
+            [first / ratio, last * ratio]
+        } else {
+            [first - half * (last - first), last + half * (last - first)]
+        };
+        let drawn = Axis { logarithmic: axis.is_geometric(), ..Axis::new(label, "") };
+        Self { axis: drawn, ends: [a.min(b), a.max(b)], cells, is_flipped: first > last }
+    }
+}
+
+/// Where the cells of a grid that are shown lie: the first number to the right, the second one upwards.
 struct Place {
-    x: [f64; 2],
-    y: [f64; 2],
-    columns: usize,
-    rows: usize,
-    flipped: [bool; 2],
+    sides: [Side; 2],
 }
 
 impl Place {
-    fn new(grid: &Grid, [columns, rows]: [usize; 2]) -> Self {
-        let ends = |i: usize, shown: usize| {
-            let axis = &grid.axes()[i];
-            let [first, last] = [axis.value(0), axis.value(axis.count() - 1)];
-            // A cell reaches half a step to both sides of its value.
-            let half = 0.5 * (last - first) / (shown.max(2) - 1) as f64;
-            let [a, b] = [first - half, last + half];
-            ([a.min(b), a.max(b)], first > last)
-        };
-        let ((x, fx), (y, fy)) = (ends(0, columns), ends(1, rows));
-        Self { x, y, columns, rows, flipped: [fx, fy] }
+    fn new(grid: &Grid, cells: [usize; 2]) -> Self {
+        Self { sides: [0, 1].map(|i| Side::new(&grid.axes()[i], cells[i])) }
+    }
+
+    fn panel(&self, title: &str, raster: Raster) -> Panel {
+        let [x, y] = [0, 1].map(|i| self.sides[i].axis.clone().between(self.sides[i].ends[0], self.sides[i].ends[1]));
+        Panel { title: title.to_owned(), x, y, raster: Some(raster), ..Panel::default() }
     }
 
     /// The image of `class` of each cell, the second number fastest.
     fn raster(&self, class: impl Fn(usize) -> u8, classes: Vec<(String, Colour)>) -> Raster {
-        let mut points = Vec::with_capacity(self.columns * self.rows);
-        for row in 0..self.rows {
-            for column in 0..self.columns {
-                let i = if self.flipped[0] { self.columns - 1 - column } else { column };
-                let j = if self.flipped[1] { row } else { self.rows - 1 - row };
-                points.push(class(i * self.rows + j));
+        let [x, y] = &self.sides;
+        let mut points = Vec::with_capacity(x.cells * y.cells);
+        for row in 0..y.cells {
+            for column in 0..x.cells {
+                let i = if x.is_flipped { x.cells - 1 - column } else { column };
+                let j = if y.is_flipped { row } else { y.cells - 1 - row };
+                points.push(class(i * y.cells + j));
             }
         }
-        Raster { x: self.x, y: self.y, columns: self.columns, points, classes }
-    }
-}
-
-fn panel(grid: &Grid, title: &str, raster: Raster) -> Panel {
-    Panel {
-        title: title.to_owned(),
-        x: Axis::new(&grid.axes()[0].pointer, "").between(raster.x[0], raster.x[1]),
-        y: Axis::new(&grid.axes()[1].pointer, "").between(raster.y[0], raster.y[1]),
-        raster: Some(raster),
-        ..Panel::default()
+        Raster { x: x.ends, y: y.ends, columns: x.cells, points, classes }
     }
 }
 
@@ -127,7 +141,7 @@ fn panel(grid: &Grid, title: &str, raster: Raster) -> Panel {
 pub fn figure(name: &str, grid: &Grid, tally: &Tally, measure: &str, unit: &str) -> Figure {
     let place = Place::new(grid, tally.size());
     let shown = tally.shown();
-    let panel = |title: &str, raster: Raster| panel(grid, title, raster);
+    let panel = |title: &str, raster: Raster| place.panel(title, raster);
     // Classes that look alike are one.
     let mut looks: Vec<(usize, String, Colour, u64)> = Vec::new();
     for (class, _, count) in tally.classes() {
@@ -191,7 +205,7 @@ pub fn basins_figure(name: &str, grid: &Grid, found: &Found) -> Figure {
     let Found { attractors, boundary, figures } = found;
     let place = Place::new(grid, boundary.size());
     let (shown, count) = (boundary.shown(), attractors.len());
-    let panel = |title: &str, raster: Raster| panel(grid, title, raster);
+    let panel = |title: &str, raster: Raster| place.panel(title, raster);
     // Attractors without a colour of their own share the last one.
     let coloured = count.min(ATTRACTORS.len());
     let percent = |i: usize| 100.0 * figures.fractions[i].fraction;
@@ -221,7 +235,7 @@ pub fn basins_figure(name: &str, grid: &Grid, found: &Found) -> Figure {
         }
     }
     let ends = place.raster(
-        |i| match usize::from(shown[i].0) {
+        |i| match shown[i].0 as usize {
             end if end < coloured => end as u8,
             end if end < count => coloured as u8,
             end => last[end - count],
@@ -231,14 +245,14 @@ pub fn basins_figure(name: &str, grid: &Grid, found: &Found) -> Figure {
     let cycles: Vec<Shown> =
         shown.iter().map(|(_, cycles)| Shown { class: 0, exponent: None, measure: cycles.map(|c| c as f64) }).collect();
     let number = |measured: &Measured| format!("{:.3} ± {:.3}", measured.value, measured.standard_error);
-    let dimension = figures.boundary_dimension.as_ref().map_or_else(|| "too few boundary points".to_owned(), number);
+    let known = |measured: &Option<Measured>| measured.as_ref().map_or_else(|| "too few starts".to_owned(), number);
+    let (dimension, entropy) = (known(&figures.boundary_dimension), known(&figures.basin_entropy));
     Figure {
         id: "basins".to_owned(),
         title: format!("Where the starts of {name} end"),
         caption: format!(
-            "{} starts. Dimension of the boundary: {dimension}. Basin entropy: {}.",
-            grouped(figures.starts as u64),
-            number(&figures.basin_entropy)
+            "{} starts. Dimension of the boundary: {dimension}. Basin entropy: {entropy}.",
+            grouped(figures.starts as u64)
         ),
         columns: 1,
         panels: vec![

@@ -3,6 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use crate::{
+    orbit::SectionMap,
     output::Fault,
     scene::{Scene, SceneError},
     simulation::{Parameter, Simulation, SimulationError},
@@ -77,7 +78,7 @@ impl Plane {
     ///
     /// # Errors
     /// [`PlaneError`] for other than two axes, for whole numbers, for values that the key of a number does not allow, and for a scene that
-    /// does not hold at any corner or has no forcing period there. Other cells that it does not hold in fail by themselves.
+    /// does not hold at any corner, or whose forcing does not repeat with its cycle there. Other cells that it does not hold in fail by themselves.
     pub fn new(scene: Scene, axes: &[impl AsRef<str>]) -> Result<Self, PlaneError> {
         let grid = two_axes(axes)?;
         let mut faults = Vec::new();
@@ -124,7 +125,7 @@ impl Plane {
     /// Whether the scene can be run in a cell.
     fn runs(&self, cell: usize) -> Result<(), SimulationError> {
         let simulation = self.simulation(cell)?;
-        simulation.period()?;
+        SectionMap::new(&simulation)?.repeats()?;
         simulation.start()?;
         Ok(())
     }

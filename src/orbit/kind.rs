@@ -110,6 +110,9 @@ const CLEARLY: f64 = 10.0;
 const ROUNDED: f64 = 1e-9;
 /// Logarithm of a growth of rounding up to which an orbit is known at all.
 const DETERMINED: f64 = 32.0;
+/// Logarithm of a growth below which neighbours have not parted: those on a torus part in proportion to time, some hundred times in as many
+/// cycles, which looks like an exponent.
+const PARTED: f64 = 10.0;
 /// Distance of two sections, in scales, below which a run stands on an orbit.
 const STANDS: f64 = 1e-9;
 /// Push away from an unstable orbit, in sizes of the state.
@@ -210,6 +213,8 @@ pub(crate) struct Figures {
     pub band: f64,
     /// Growth of a difference in a cycle, logarithm.
     pub growth: f64,
+    /// The same over all cycles watched.
+    pub whole: f64,
 }
 
 impl Figures {
@@ -218,7 +223,7 @@ impl Figures {
         let (exponents, bands) = means(rows, period);
         let growth = exponents[0].max(0.0) * period;
         let digits = observables.map(digits).fold(f64::INFINITY, f64::min);
-        Self { digits, exponent: exponents[0], band: bands[0], growth }
+        Self { digits, exponent: exponents[0], band: bands[0], growth, whole: growth * rows.len() as f64 }
     }
 
     /// Why they leave the kind open; `tried` says what kept an orbit from counting.
@@ -251,7 +256,7 @@ impl Figures {
     pub fn is_chaotic(self, period: f64, is_last: bool) -> bool {
         let Self { digits, exponent, band, .. } = self;
         let is_clear = is_last && exponent > CLEARLY * band && digits < REGULAR + 2.0;
-        self.parts() && !self.is_zero(period) && (digits <= IRREGULAR || is_clear)
+        self.parts() && self.whole > PARTED && !self.is_zero(period) && (digits <= IRREGULAR || is_clear)
     }
 }
 

@@ -81,6 +81,18 @@ impl Axis {
         }
     }
 
+    /// Whether its values have equal ratios.
+    #[must_use]
+    pub fn is_geometric(&self) -> bool {
+        matches!(self.values, Values::Range { spacing: Spacing::Geometric, .. })
+    }
+
+    /// Whether its values were written out one by one.
+    #[must_use]
+    pub fn is_list(&self) -> bool {
+        matches!(self.values, Values::List { .. })
+    }
+
     /// All its values.
     #[must_use]
     pub fn all(&self) -> Vec<f64> {

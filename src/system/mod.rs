@@ -18,6 +18,7 @@ mod sticking;
 mod strike;
 mod symmetry;
 mod tangent;
+mod together;
 mod twofold;
 mod unilateral;
 mod variation;
