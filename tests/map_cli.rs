@@ -262,3 +262,48 @@ fn orbits_that_keep_a_latched_speed_are_one_family() {
     assert_eq!(found["attractors"][0]["is_family"], true);
     assert_eq!(found["attractors"][0]["fraction"], 1.0);
 }
+
+/// Without load a gear rests anywhere in its gap: one family, and no boundary.
+#[test]
+fn rest_in_a_gap_is_one_attractor() {
+    let place = tempfile::tempdir().unwrap();
+    let mut scene: Value = serde_json::from_str(&fs::read_to_string(PAIR).unwrap()).unwrap();
+    scene["train"]["mean_load"] = 0.into();
+    scene["train"]["transmission_error"][0]["amplitude"] = 0.3.into();
+    scene["train"]["transmission_error"][0]["frequency"] = 0.7.into();
+    let path = place.path().join("scene.json");
+    fs::write(&path, scene.to_string()).unwrap();
+    let out = place.path().join("basins");
+    let axes = ["--vary", "/initial/q/0=-0.8:0.8:12", "--vary", "/initial/v/0=-0.1:0.1:12"];
+    let words = [&["basins", path.to_str().unwrap()][..], &axes, &["--out", out.to_str().unwrap()]].concat();
+    let (code, text, error) = run(&words);
+    assert_eq!(code, 0, "{text}{error}");
+    let found: Value = serde_json::from_str(&read(&out, "attractors.json")).unwrap();
+    let attractors = found["attractors"].as_array().unwrap();
+    assert_eq!((attractors.len(), &attractors[0]["is_family"]), (1, &true.into()), "{text}");
+    assert_eq!(found["measures"]["basin_entropy"]["value"], 0.0);
+}
+
+/// Two frequencies of which neither is a multiple of the other one have no cycle together, unless the train is given it.
+#[test]
+fn a_forcing_that_does_not_repeat_with_its_cycle_is_refused() {
+    let place = tempfile::tempdir().unwrap();
+    let mut scene: Value = serde_json::from_str(&fs::read_to_string(PAIR).unwrap()).unwrap();
+    scene["train"]["transmission_error"] =
+        serde_json::json!([{ "amplitude": 0.1, "frequency": 0.6 }, { "amplitude": 0.1, "frequency": 0.9 }]);
+    // The run counts common periods; the forcing keeps its own cycle.
+    scene["run"]["period"] = (std::f64::consts::TAU / 0.3).into();
+    let path = place.path().join("scene.json");
+    fs::write(&path, scene.to_string()).unwrap();
+    let out = place.path().join("out");
+    for (command, axes) in [
+        ("map", ["/train/damping_ratio=0.04:0.06:2", "/train/mean_load=0.1:0.2:2"]),
+        ("basins", ["/initial/q/0=-1:1:2", "/initial/v/0=-1:1:2"]),
+    ] {
+        let words =
+            [command, path.to_str().unwrap(), "--vary", axes[0], "--vary", axes[1], "--out", out.to_str().unwrap()];
+        let (code, _, error) = run(&words);
+        assert!(code == 2 && error.contains("base_frequency"), "{error}");
+        assert!(!out.exists());
+    }
+}

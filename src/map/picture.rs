@@ -399,3 +399,24 @@ fn rounded(value: f64) -> f64 {
     let scale = libm::pow(10.0, libm::log10(value).floor());
     (value / scale).ceil() * scale
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Side;
+    use crate::sweep;
+
+    #[test]
+    fn cells_have_one_size_on_the_axis_of_their_values() {
+        let side = |text: &str| Side::new(&sweep::Axis::parse(text).unwrap(), 3);
+        let linear = side("/a=4:0:3");
+        assert_eq!((linear.ends, linear.is_flipped, linear.axis.logarithmic), ([-1.0, 5.0], true, false));
+        // Half a ratio of ten to both sides.
+        let geometric = side("/a=0.01:1:3:log");
+        assert!(geometric.axis.logarithmic && (geometric.ends[0] * geometric.ends[1] / 0.01 - 1.0).abs() < 1e-12);
+        assert!((geometric.ends[1] - 10f64.sqrt()).abs() < 1e-12);
+        for text in ["/a=0.4,0.5,2", "/a=-4:-1:3:log"] {
+            let numbered = side(text);
+            assert_eq!((numbered.ends, numbered.axis.label.as_str()), ([0.5, 3.5], "value of /a, by its number"));
+        }
+    }
+}
