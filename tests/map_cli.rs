@@ -90,6 +90,14 @@ fn the_bytes_do_not_depend_on_threads_or_interruptions() {
         let other = if words[0] == "diagram" { ["--branches", "none"] } else { ["--further", "300"] };
         let (code, _, error) = with(&broken, &["--resume", other[0], other[1]]);
         assert!(code == 2 && (error.contains("holds other work") || words[0] == "diagram"), "{error}");
+        if !kept.is_empty() {
+            // A row that is none is told, and nothing is changed.
+            let good = read(&broken, rows);
+            fs::write(broken.join(rows), good.replacen(kept[4], "0.1,0.2,3", 1)).unwrap();
+            let (code, _, error) = with(&broken, &["--resume"]);
+            assert!(code == 2 && error.contains("line 6 of") && error.contains("damaged"), "{error}");
+            fs::write(broken.join(rows), good).unwrap();
+        }
         let (code, _, error) = with(&broken, &["--resume"]);
         assert_eq!(code, 0, "{error}");
         for name in &names {

@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 use super::{
     cell::{Cell, Rule},
     edges::{Boundary, Figures},
-    plane::{PlaneError, two_axes},
+    plane::{PlaneError, Varied, two_axes, varied},
     walk::Walk,
 };
 use crate::{
@@ -143,13 +143,6 @@ enum Ended {
     Failed(String),
 }
 
-/// A coordinate or a velocity that is varied.
-#[derive(Clone, Copy, Debug)]
-struct Varied {
-    is_velocity: bool,
-    freedom: usize,
-}
-
 /// The basins of attraction of a scene in a plane of its starts.
 #[derive(Debug)]
 pub struct Basins {
@@ -172,24 +165,6 @@ pub struct Found {
     pub boundary: Boundary,
     /// Measures.
     pub figures: Figures,
-}
-
-/// Reads `/initial/q/I` or `/initial/v/I`, with a number or a name of a freedom.
-fn varied(pointer: &str, freedoms: &[String]) -> Result<Varied, Fault> {
-    let fault = |found: &str| {
-        let allowed = format!("/initial/q/I or /initial/v/I, with I from 0 to {}", freedoms.len() - 1);
-        Fault::new(pointer, found, allowed).remedy("flank map varies other numbers")
-    };
-    let rest = pointer.strip_prefix("/initial/").ok_or_else(|| fault("no coordinate or velocity of the start"))?;
-    let (which, name) = rest.split_once('/').ok_or_else(|| fault("no coordinate or velocity of the start"))?;
-    let is_velocity = match which {
-        "q" => false,
-        "v" => true,
-        _ => return Err(fault("no coordinate or velocity of the start")),
-    };
-    let by_name = freedoms.iter().position(|freedom| freedom == name);
-    let freedom = by_name.or_else(|| name.parse().ok().filter(|i: &usize| *i < freedoms.len()));
-    Ok(Varied { is_velocity, freedom: freedom.ok_or_else(|| fault("a freedom that the train does not have"))? })
 }
 
 impl Basins {
@@ -332,7 +307,8 @@ impl Basins {
     /// # Errors
     /// As [`Lines::open`].
     pub fn open(&self, folder: &std::path::Path, begin: Begin) -> Result<Option<Lines>, SweepError> {
-        Lines::open(folder, Self::FILES, begin, self.header())
+        let lines = Lines::open(folder, Self::FILES, begin, self.header())?;
+        lines.map(|lines| lines.checked(self.starts(), |i| csv_line(self.values(i).map(number)))).transpose()
     }
 
     /// The first line of the table.

@@ -121,7 +121,9 @@ impl KindMap {
     /// # Errors
     /// As [`Lines::open`].
     pub fn open(&self, folder: &std::path::Path, begin: crate::sweep::Begin) -> Result<Option<Lines>, SweepError> {
-        Lines::open(folder, Self::FILES, begin, self.header())
+        let lines = Lines::open(folder, Self::FILES, begin, self.header())?;
+        let place = |cell: usize| csv_line(self.plane.values(cell).map(number));
+        lines.map(|lines| lines.checked(self.plane.cells(), place)).transpose()
     }
 
     /// The first line of the table.

@@ -59,6 +59,31 @@ fn outside(scene: &Scene, number: &Parameter, value: f64) -> Option<Fault> {
     error.faults.into_iter().find(|fault| fault.pointer == number.pointer())
 }
 
+/// A coordinate or a velocity that is varied.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Varied {
+    pub is_velocity: bool,
+    pub freedom: usize,
+}
+
+/// Reads `/initial/q/I` or `/initial/v/I`, with a number or a name of a freedom.
+pub(super) fn varied(pointer: &str, freedoms: &[String]) -> Result<Varied, Fault> {
+    let fault = |found: &str| {
+        let allowed = format!("/initial/q/I or /initial/v/I, with I from 0 to {}", freedoms.len() - 1);
+        Fault::new(pointer, found, allowed).remedy("flank map varies other numbers")
+    };
+    let rest = pointer.strip_prefix("/initial/").ok_or_else(|| fault("no coordinate or velocity of the start"))?;
+    let (which, name) = rest.split_once('/').ok_or_else(|| fault("no coordinate or velocity of the start"))?;
+    let is_velocity = match which {
+        "q" => false,
+        "v" => true,
+        _ => return Err(fault("no coordinate or velocity of the start")),
+    };
+    let by_name = freedoms.iter().position(|freedom| freedom == name);
+    let freedom = by_name.or_else(|| name.parse().ok().filter(|i: &usize| *i < freedoms.len()));
+    Ok(Varied { is_velocity, freedom: freedom.ok_or_else(|| fault("a freedom that the train does not have"))? })
+}
+
 /// A scene over two of its numbers.
 #[derive(Clone, Debug)]
 pub struct Plane {

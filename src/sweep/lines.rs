@@ -114,6 +114,25 @@ impl Lines {
         Ok(())
     }
 
+    /// The same, each row having been found to begin with the fields of its `place`.
+    ///
+    /// # Errors
+    /// [`SweepError::Damaged`] with the first row that does not, [`SweepError::Output`] if they cannot be read.
+    pub fn checked(mut self, places: usize, place: impl Fn(usize) -> String) -> Result<Self, SweepError> {
+        let (path, mut row_number) = (self.path.clone(), 0);
+        self.each(|row| {
+            let begins = |place: String| row.strip_prefix(&place).is_some_and(|rest| rest.starts_with(','));
+            if row_number >= places || !begins(place(row_number)) {
+                let reason =
+                    format!("it is not row {} of this work, nor are those after it in their places", row_number + 1);
+                return Err(SweepError::Damaged { path: path.clone(), line: row_number + 2, reason });
+            }
+            row_number += 1;
+            Ok(())
+        })?;
+        Ok(self)
+    }
+
     /// Writes the final files and removes the file of rows: the table, with `head` above its rows; `others` by name; last the seal, which
     /// is the header with what was `found`.
     ///
