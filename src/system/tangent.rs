@@ -267,7 +267,7 @@ impl Structure {
         let by = (!variations.is_empty()).then_some(By { variations, at, x: x_minus });
         let mut saltation = Saltation::default();
         if !resets_only {
-            self.move_event((from, to), fired, at, x_minus, by, columns, &mut saltation);
+            saltation = self.move_event((from, to), fired, (at, x_minus), by, columns);
         }
         // Speeds are latched as they are before any force jumps.
         for id in fired.iter() {

@@ -43,12 +43,11 @@ impl Structure {
         &self,
         (from, to): (&Jump, &Jump),
         fired: &GuardSet,
-        at: Instant,
-        x: &[f64],
+        (at, x): (Instant, &[f64]),
         by: Option<By<'_>>,
         columns: &Columns,
-        saltation: &mut Saltation,
-    ) {
+    ) -> Saltation {
+        let mut saltation = Saltation::default();
         for (j, watch) in fired.iter().chain(to.struck.iter()).map(guard_of) {
             let (was, is) = (contact_mode(&from.mode, j), contact_mode(&to.mode, j));
             let is_sudden = match self.contacts[j].spec.law {
@@ -71,6 +70,7 @@ impl Structure {
         }
         let share = 1.0 / saltation.movers.len().max(1) as f64;
         saltation.earlier.iter_mut().for_each(|earlier| *earlier *= share);
+        saltation
     }
 
     /// Takes `columns` across a jump that follows from another one at the same instant, which comes `earlier`: forces that it takes away or
