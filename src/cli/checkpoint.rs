@@ -28,7 +28,7 @@ pub enum Begun<T> {
 }
 
 impl<T: DeserializeOwned> Content<T> {
-    /// What an earlier command left at `path`, if it was asked the same.
+    /// What an earlier command left in `file` of `folder`, if it was asked the same.
     fn read(folder: &Path, file: &str, asked: &Map<String, Value>) -> Result<Option<Self>, CliError> {
         let path = folder.join(file);
         let text = match fs::read_to_string(&path) {

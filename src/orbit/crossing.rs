@@ -49,7 +49,7 @@ pub struct Crossing {
     pub by_number: (DMatrix<f64>, DVector<f64>),
     /// What happened, as tokens of a word; the last one holds the event.
     pub word: Vec<String>,
-    /// Where the map is only piecewise smooth, the first place: the derivative is that of the order that impacts had there.
+    /// Where the map is only piecewise smooth, the first place: the derivative is that of neighbours whose impacts stay together.
     pub corner: Option<Corner>,
 }
 

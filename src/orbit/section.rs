@@ -56,7 +56,7 @@ pub struct Image {
     /// `∫ div f dt + Σ ln |det|` of jumps; NaN where contacts rest or latch.
     #[serde(deserialize_with = "number")]
     pub volume: f64,
-    /// Where the map is only piecewise smooth, the first place: the derivative is that of the order that impacts had there.
+    /// Where the map is only piecewise smooth, the first place: the derivative is that of neighbours whose impacts stay together.
     pub corner: Option<Corner>,
     /// An event lies on the instant of a section: rounding may have counted it twice, or left its part of the derivative out.
     pub has_event_at_section: bool,

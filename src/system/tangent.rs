@@ -75,7 +75,7 @@ pub(crate) struct Gradient {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Saltation {
     /// The contacts of several impacts at one instant that depend on each other, if there are any: their order decides, and the columns are
-    /// those of the order taken.
+    /// those of neighbours whose impacts stay together.
     pub dependent: Vec<usize>,
     /// `ln |det S|`; NaN where contacts come to rest or latch a speed, which have no volume.
     pub volume: f64,

@@ -25,8 +25,8 @@ use crate::{
 /// Halvings of a step.
 const DEEPEST: u32 = 12;
 
-/// Where a map is only piecewise smooth: impacts that depend on each other fell on one instant. The derivative is that of the order that they
-/// were taken in; for neighbours with another order it is another one.
+/// Where a map is only piecewise smooth: impacts that depend on each other fell on one instant. The derivative is that of neighbours whose
+/// impacts stay together; for neighbours that part them it is another one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Corner {
     /// Time since the start of the forcing cycle, s.
