@@ -8,6 +8,7 @@ use flank::{
     scene::Scene,
     simulation::Parameter,
 };
+use nalgebra::{Complex, Matrix3, Vector3};
 use serde_json::{Value, json};
 
 fn follow(scene: &Value, pointers: &[&str], ends: [f64; 2], doublings: u32) -> Vec<Branch> {
@@ -284,6 +285,86 @@ fn two_contacts_meet_and_a_torus_is_born() {
         }
     }
     assert!(tori >= 1 && meetings >= 1, "{tori} {meetings}");
+}
+
+/// A train of masses one after the other, moved at the first one.
+fn chain(matrices: [&Value; 3], load: f64, force: [f64; 2], contacts: &Value) -> Value {
+    let [mass, damping, stiffness] = matrices;
+    let n = mass.as_array().unwrap().len();
+    let first = |size: f64| (0..n).map(|i| if i == 0 { size } else { 0.0 }).collect::<Vec<_>>();
+    json!({
+        "flank": 1,
+        "train": {
+            "kind": "matrices", "mass_kg": mass, "damping_n_s_per_m": damping, "stiffness_n_per_m": stiffness, "load_n": first(load),
+            "load_harmonics": [{ "vector_n": first(force[0]), "frequency_rad_per_s": force[1] }], "contacts": contacts,
+        },
+        "initial": { "q": first(0.0), "v": first(0.0) },
+        "run": { "cycles": 400 },
+    })
+}
+
+/// The special point of a kind that is nearest to an expected value.
+fn nearest(branches: &[Branch], kind: Kind, expected: f64) -> f64 {
+    let off = |value: &f64| (value - expected).abs();
+    let found = specials(branches).into_iter().filter(|special| special.kind == kind).map(|special| special.value);
+    found.min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(f64::NAN)
+}
+
+/// A step that is long for what changes in it: a multiplier goes from 0.82 to 1.43, or the time between two events is known far better from its other
+/// side. Both values are those of a program of its own: exact pieces, Newton's method on half the period and on the period.
+#[test]
+fn what_lies_in_a_long_step_is_located() {
+    let contact = json!([{ "direction": [1.0, -1.0], "half_backlash_m": 0.701, "stiffness": 19.367,
+                           "law": { "kind": "kelvin-voigt", "damping_n_s_per_m": 0.081, "release": "force" } }]);
+    let damping = json!([[0.204_048, -0.091_015], [-0.091_015, 0.091_015]]);
+    let stiffness = json!([[1.872, -0.835], [-0.835, 0.835]]);
+    let scene = chain([&json!([1.049, 0.792]), &damping, &stiffness], 0.0, [0.538, 0.84], &contact);
+    let branches = follow(&scene, &["/train/contacts/0/half_backlash_m"], [0.64, 0.78], 0);
+    let (expected, found) = (0.756_471_783_017_940_5, nearest(&branches, Kind::Symmetry, 0.756));
+    assert!((found - expected).abs() <= 1e-11 * expected, "{found}");
+    assert!(branches[0].unlocated.is_empty(), "{:?}", branches[0].unlocated);
+
+    let contacts = json!([
+        { "direction": [0.0, 1.0], "half_backlash_m": 0.391, "stiffness": 14.088,
+          "law": { "kind": "kelvin-voigt", "damping_n_s_per_m": 0.77, "release": "force" },
+          "error": [{ "amplitude_m": 0.057, "frequency_rad_per_s": 0.821, "phase_rad": 1.931 }] },
+        { "direction": [1.0, 0.0], "half_backlash_m": 0.275, "flanks": "drive", "stiffness": 17.569,
+          "law": { "kind": "kelvin-voigt", "damping_n_s_per_m": 0.551, "release": "force" } },
+    ]);
+    let damping = json!([[0.225_356, -0.085_012], [-0.085_012, 0.085_012]]);
+    let stiffness = json!([[2.126, -0.802], [-0.802, 0.802]]);
+    let scene = chain([&json!([1.187, 0.871]), &damping, &stiffness], 0.176, [0.676, 0.821], &contacts);
+    let branches = follow(&scene, &["/train/mass_kg/0"], [0.7552, 1.9931], 1);
+    let (expected, found) = (1.587_569_950_491_998, nearest(&branches, Kind::Coincidence, 1.5876));
+    assert!((found - expected).abs() <= 1e-11 * expected, "{found}");
+    assert!(branches.iter().all(|branch| branch.unlocated.is_empty()));
+}
+
+/// Impacts that vanish where the motion without them is on the same side of the graze: it gives the value all its digits, and is followed. The value is
+/// that of the orbit without the impact whose gap closes just so, by a program of its own; on that branch the vibration is linear, and
+/// touches the wall where its amplitude is the gap.
+#[test]
+fn the_motion_behind_a_rigid_graze_is_followed() {
+    let rigid = |restitution: f64, gap: f64, flanks: &str| json!({ "direction": [0.0, 0.0, 1.0], "half_backlash_m": gap, "flanks": flanks, "law": { "kind": "rigid", "restitution": restitution } });
+    let contacts = json!([rigid(0.18, 0.356, "drive"), rigid(0.0, 0.535, "both")]);
+    let mass = [0.721, 0.955, 0.89];
+    let damping = [[0.117_045, -0.063_09, 0.0], [-0.063_09, 0.119_43, -0.056_34], [0.0, -0.056_34, 0.056_34]];
+    let stiffness = [[2.601, -1.402, 0.0], [-1.402, 2.654, -1.252], [0.0, -1.252, 1.252]];
+    let scene = chain([&json!(mass), &json!(damping), &json!(stiffness)], 0.0, [0.628, 1.685], &contacts);
+    let branches = follow(&scene, &[FORCING], [1.5, 2.2], 0);
+    let (expected, found) = (1.782_597_358_597_0, nearest(&branches, Kind::GrazingRigid, 1.7826));
+    assert!((found - expected).abs() <= 1e-11 * expected, "{found}");
+    let gap = |omega: f64| {
+        let matrix = Matrix3::from_fn(|i, j| {
+            let inertia = if i == j { mass[i] * omega * omega } else { 0.0 };
+            Complex::new(stiffness[i][j] - inertia, omega * damping[i][j])
+        });
+        let force = Vector3::new(Complex::from(0.628), Complex::from(0.0), Complex::from(0.0));
+        (matrix.try_inverse().unwrap() * force)[2].norm() - 0.356
+    };
+    let touches = nearest(&branches[1..], Kind::GrazingRigid, 1.799);
+    // The amplitude changes by some units for one of frequency.
+    assert!(gap(touches).abs() <= 1e-11, "{touches}");
 }
 
 /// Numbers along which there is no branch.

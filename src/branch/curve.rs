@@ -1,5 +1,7 @@
 //! Special points followed in a second number: curves in the plane of both.
 
+use std::rc::Rc;
+
 use serde::{Deserialize, Serialize};
 
 use super::{
@@ -212,7 +214,7 @@ impl Solver<'_> {
 
     /// The same on a plane.
     fn within(&self, slice: Plane) -> Self {
-        Self { slice: Some(slice), drift: self.drift.clone(), ..*self }
+        Self { slice: Some(slice), drift: self.drift.clone(), spent: Rc::clone(&self.spent), ..*self }
     }
 
     /// Follows a curve from a point on: its points, how it ends, and the first of them.

@@ -218,8 +218,8 @@ impl Solver<'_> {
                 && (changed == 0 || change == Change::None)
     }
 
-    /// Follows a branch from `start` along its tangent, up to `most` points.
-    pub fn follow(&self, start: &Node, most: usize, task: Task<'_>) -> Trace {
+    /// Follows a branch from `start` along its tangent, up to `most` points, and until `last` cycles are run with their derivative.
+    pub fn follow(&self, start: &Node, most: usize, last: u64, task: Task<'_>) -> Trace {
         let Family { from, to, .. } = *self.family;
         let range = self.family.range();
         let mut trace = Trace {
@@ -238,6 +238,10 @@ impl Solver<'_> {
             }
             if trace.nodes.len() >= most {
                 trace.end = format!("{most} points are computed; take a shorter range");
+                return trace;
+            }
+            if self.spent.get() >= last {
+                trace.end = "the limit of work is reached; take a shorter range".to_owned();
                 return trace;
             }
             task.advance();

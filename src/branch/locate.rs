@@ -1,9 +1,12 @@
 //! Special points: the orbit on a branch at which a function of it is zero.
 
 use super::node::{Direction, Guess, Node, Place, Plane, Solver, Spot};
+use crate::orbit::Section;
 
 /// Orbits solved for at most.
 const MOST: usize = 40;
+/// Halvings of a step that is too long for the function of a special point.
+const HALVINGS: usize = 8;
 /// Bisections: to the resolution of doubles from a step of a branch.
 const BISECTIONS: usize = 44;
 /// Values used for an extrapolation.
@@ -28,11 +31,14 @@ pub struct Located {
     pub error: f64,
     /// Distance between the ends of the orbit, in scales; none of a limit.
     pub residual: f64,
+    /// Where the orbit starts: of a limit by the polynomial through those before.
+    pub section: Section,
 }
 
 impl Located {
     fn of(node: Node, error: f64) -> Self {
-        Self { value: node.value, second: node.second, from: None, error, residual: node.orbit.residual, node }
+        let (residual, section) = (node.orbit.residual, node.orbit.section.clone());
+        Self { value: node.value, second: node.second, from: None, error, residual, section, node }
     }
 }
 
@@ -152,6 +158,27 @@ impl Solver<'_> {
         is_small.then(|| Located::of(node, high.0 - low.0))
     }
 
+    /// As [`root`](Self::root), with `orbits` of the branch put between the neighbours where they are too far apart for it.
+    pub fn refined(&self, orbits: &Self, a: &Node, b: &Node, f: &dyn Fn(&Node) -> f64) -> Option<Located> {
+        let (mut a, mut b) = (a.clone(), b.clone());
+        for _ in 0..HALVINGS {
+            if let Some(found) = self.root(&a, &b, f) {
+                return Some(found);
+            }
+            let middle = orbits.middle(&a, &b)?;
+            if f(&middle) * f(&a) > 0.0 { a = middle } else { b = middle }
+        }
+        None
+    }
+
+    /// The orbit half way between two neighbours of a branch.
+    fn middle(&self, a: &Node, b: &Node) -> Option<Node> {
+        let (row, length) = a.chord(b, self.family.ranges());
+        let guess = between(a, b, (&row, length), self.family.ranges(), 0.5);
+        let middle = self.at(guess, Some(&Plane::through(a, &row, 0.5 * length)), 1.0).ok()?;
+        (a.chord(&middle, self.family.ranges()).1 <= length).then_some(middle)
+    }
+
     /// The way from `a` towards `b`, and its length: along the tangent, as at a rigid graze the branch has a corner.
     pub fn towards(&self, a: &Node, b: &Node) -> (Direction, f64) {
         let (chord, length) = a.chord(b, self.family.ranges());
@@ -224,8 +251,9 @@ impl Solver<'_> {
             }
         }
         let ([value, second], error) = found.filter(|(_, error)| error.is_finite())?;
-        // The orbit itself is wanted too: one as near as can be.
         let (low, expected) = (places[places.len() - 1].1, at_zero(&places[places.len().saturating_sub(USED)..]));
+        let section = extended(&nodes[nodes.len().saturating_sub(USED)..], expected)?.section;
+        // An orbit is wanted too: one as near as can be.
         let s = low + CLOSE * (expected - low);
         if s > low
             && let Some(node) = self.on(a, row, s, extended(&nodes[nodes.len().saturating_sub(USED)..], s))
@@ -233,7 +261,7 @@ impl Solver<'_> {
         {
             last = node;
         }
-        Some(Located { value, second, from: Some(Spot::of(a)), error, residual: 0.0, node: last })
+        Some(Located { value, second, from: Some(Spot::of(a)), error, residual: 0.0, section, node: last })
     }
 
     /// The last orbit on the way from `a` to `b` for which `is_same` holds, by bisection.

@@ -1,5 +1,7 @@
 //! Points of a branch: orbits on a line in the space of states and parameter.
 
+use std::{cell::Cell, rc::Rc};
+
 use nalgebra::{Complex, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
@@ -281,12 +283,14 @@ pub struct Solver<'f> {
     pub is_symmetric: bool,
     /// A plane that all points lie on; with it, the second number is free as well.
     pub slice: Option<Plane>,
+    /// Cycles run with their derivative, for a limit of work that is the same on every machine.
+    pub spent: Rc<Cell<u64>>,
 }
 
 impl<'f> Solver<'f> {
     /// Of a family.
     pub fn new(family: &'f Family, drift: Drift) -> Self {
-        Self { family, drift, neutral: NEUTRAL, is_symmetric: false, slice: None }
+        Self { family, drift, neutral: NEUTRAL, is_symmetric: false, slice: None, spent: Rc::default() }
     }
 
     /// The point of a seed.
@@ -326,6 +330,7 @@ impl<'f> Solver<'f> {
         let mut by = by.filter(|by| by.ncols() == numbers);
         let mut before: Option<(Section, Place, Image)> = None;
         for step in 0..STEPS {
+            self.spent.set(self.spent.get() + period);
             let simulation = self.family.train(place)?;
             let map = SectionMap::new(&simulation)?.at_phase(phase);
             let exact = || -> Result<(Image, DMatrix<f64>), Missed> {

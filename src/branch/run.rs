@@ -17,10 +17,12 @@ use crate::{
     task::{Progress, Task},
 };
 
-/// Points of a branch in one direction at most, and cycles in the orbits of a branch in one direction and of all branches.
+/// Points of a branch in one direction at most.
 const OF_BRANCH: usize = 600;
-const CYCLES_OF_BRANCH: usize = 3000;
-const CYCLES_OF_ALL: usize = 20_000;
+/// Cycles that are run with their derivative: for the points of a branch in one direction, for the special ones among them, and for all branches.
+const WORK_OF_POINTS: u64 = 12_000;
+const WORK_OF_SPECIALS: u64 = 12_000;
+const WORK_OF_ALL: u64 = 50_000;
 /// Distances, in scales, at which a branch that begins at a special point is looked for.
 const ASIDE: [f64; 6] = [0.01, 0.003, 1e-3, 3e-4, 1e-4, 3e-5];
 /// Two special points nearer than this, in ranges, are one.
@@ -70,8 +72,8 @@ pub struct Followed {
     /// Those that were not followed yet, in order.
     waiting: VecDeque<Begun>,
     /// Cycles that may still be run.
-    left: usize,
-    /// How many of the waiting ones are none of the branches: nothing but the limit of cycles, or an interrupt, leaves them out.
+    left: u64,
+    /// How many of the waiting ones are none of the branches: nothing but the limit of work, or an interrupt, leaves them out.
     pub left_out: usize,
 }
 
@@ -127,14 +129,14 @@ impl Continuation {
                 Ok(node) if !solver.is_known(&node, &all.branches) => node,
                 _ => continue,
             };
-            let (branch, passed, births, count) =
-                solver.branch(&begun, &node, all.branches.len(), all.left, &known, task);
+            let before = solver.spent.get();
+            let (branch, passed, births) = solver.branch(&begun, &node, all.branches.len(), all.left, &known, task);
             if task.is_cancelled() {
                 all.waiting.push_front(begun);
                 all.branches.push(branch);
                 break;
             }
-            all.left = all.left.saturating_sub(count);
+            all.left = all.left.saturating_sub(solver.spent.get() - before);
             // A branch that ends where another one is to begin is that one, from its other end.
             let is_born = |(value, period): (f64, u64)| {
                 births.iter().any(|(v, p)| *p == period && (v - value).abs() <= SAME * family.range())
@@ -149,6 +151,8 @@ impl Continuation {
             };
             let parents = passed.iter().filter(|passed| passed.is_birth);
             all.waiting.extend(parents.map(|passed| begins(branch.level, &passed.node, true, None)));
+            let behind = passed.iter().filter_map(|passed| passed.behind.as_ref());
+            all.waiting.extend(behind.map(|node| begins(branch.level, node, true, None)));
             if branch.level < self.doublings {
                 for passed in passed.iter().filter(|passed| !passed.is_birth) {
                     let aside = match passed.special.kind {
@@ -181,16 +185,21 @@ impl Continuation {
         let value = solver.family.parameter.value();
         let start = solver.start(simulation, value, orbit).map_err(|missed| simulation.missing(missed.reason))?;
         let begun = Begun { level: 0, seed: start.seed(&start.tangent), both: true, origin: None };
-        Ok(Followed { branches: Vec::new(), waiting: VecDeque::from([begun]), left: CYCLES_OF_ALL, left_out: 0 })
+        Ok(Followed { branches: Vec::new(), waiting: VecDeque::from([begun]), left: WORK_OF_ALL, left_out: 0 })
     }
 }
 
 impl Solver<'_> {
     /// A point as others see it.
     fn point(&self, node: &Node) -> Option<Point> {
+        self.point_at(node, &node.orbit.section)
+    }
+
+    /// The same, that starts at a section beside the node's own.
+    fn point_at(&self, node: &Node, section: &Section) -> Option<Point> {
         let simulation = self.family.train(node.place()).ok()?;
         let map = SectionMap::new(&simulation).ok()?;
-        let section = map.at_phase(node.phase).lead(&node.orbit.section, &map).ok()?;
+        let section = map.at_phase(node.phase).lead(section, &map).ok()?;
         // An orbit of several cycles begins with the same one all along a branch.
         let period = node.orbit.period;
         let section = match (period - node.shift % period) % period {
@@ -243,20 +252,20 @@ impl Solver<'_> {
         begun: &Begun,
         start: &Node,
         number: usize,
-        left: usize,
+        left: u64,
         known: &[Special],
         task: Task<'_>,
-    ) -> (Branch, Vec<Passed>, Vec<(f64, u64)>, usize) {
-        let period = start.orbit.period as usize;
-        let most = OF_BRANCH.min(CYCLES_OF_BRANCH.min(left).div_ceil(period));
-        let ahead = self.follow(start, most, task);
+    ) -> (Branch, Vec<Passed>, Vec<(f64, u64)>) {
+        let end = self.spent.get() + left;
+        let until = |work: u64| end.min(self.spent.get() + work);
+        let ahead = self.follow(start, OF_BRANCH, until(WORK_OF_POINTS), task);
         let mut behind = None;
         if begun.both && !ahead.is_closed {
             let mut back = start.clone();
             back.tangent = start.tangent.times(-1.0);
-            behind = Some(self.follow(&back, most, task));
+            behind = Some(self.follow(&back, OF_BRANCH, until(WORK_OF_POINTS), task));
         }
-        let (mut passed, mut unlocated) = self.specials(&ahead, 1.0);
+        let (mut passed, mut unlocated) = self.specials(&ahead, 1.0, until(WORK_OF_SPECIALS));
         let mut ends = ["its start".to_owned(), ahead.end.clone()];
         let numbered = |trace: &Trace, sign: f64| -> Vec<(f64, Point)> {
             let nodes = trace.nodes.iter().enumerate();
@@ -265,7 +274,7 @@ impl Solver<'_> {
         let mut points = numbered(&ahead, 1.0);
         points.extend(self.point(start).map(|point| (0.0, point)));
         if let Some(behind) = &behind {
-            let (others, further) = self.specials(behind, -1.0);
+            let (others, further) = self.specials(behind, -1.0, until(WORK_OF_SPECIALS));
             passed.extend(others);
             unlocated.extend(further);
             points.extend(numbered(behind, -1.0));
@@ -288,19 +297,17 @@ impl Solver<'_> {
         });
         // The special orbits are points of the branch too.
         for passed in passed.iter().filter(|passed| !passed.is_birth) {
-            points.extend(
-                self.point(&passed.node).map(|point| (passed.place, Point { value: passed.special.value, ..point })),
-            );
+            let at = Node { value: passed.special.value, ..passed.node.clone() };
+            points.extend(self.point_at(&at, &passed.section).map(|point| (passed.place, point)));
         }
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         for passed in &mut passed {
             passed.special.point =
                 points.iter().position(|(place, _)| *place >= passed.place).unwrap_or(points.len() - 1);
         }
-        let count = points.len() * period;
         let points = points.into_iter().map(|(_, point)| point).collect();
         let specials = passed.iter().map(|passed| passed.special.clone()).collect();
-        (Branch { level: begun.level, points, specials, ends, unlocated }, passed, births, count)
+        (Branch { level: begun.level, points, specials, ends, unlocated }, passed, births)
     }
 
     /// A point of the branch that begins at a node with the multiplier `at`, −1 or 1.

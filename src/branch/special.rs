@@ -1,5 +1,7 @@
 //! What changes along a branch: special points between two neighbours, and at its ends.
 
+use std::rc::Rc;
+
 use nalgebra::Complex;
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +10,7 @@ use super::{
     locate::{Located, limit},
     node::{Guess, Node, Plane, Seed, Solver, Spot},
 };
-use crate::{gear::contact::Law, hybrid::Watch};
+use crate::{gear::contact::Law, hybrid::Watch, orbit::Section};
 
 /// Share of the largest singular value that leaves the direction alone that breaks a symmetry.
 const SYMMETRIC: f64 = 1e-6;
@@ -23,6 +25,11 @@ const CANDIDATES: usize = 3;
 /// last one.
 const FAR: f64 = 0.03;
 const BEYOND: f64 = 1.1;
+/// Steps, in ranges, in which the orbits behind a rigid graze are looked for, and how far they may be from it.
+const BEHIND: [f64; 4] = [1e-4, 1e-3, 1e-5, 1e-2];
+const NEARBY: f64 = 0.1;
+/// Two values for one graze differ by less, in ranges.
+const SAME: f64 = 1e-6;
 /// Largest residual of a point that counts as located, in scales and ranges.
 pub(super) const LOCATED: f64 = 1e-9;
 /// Steps, in scales, in which the branch is looked for that another one is born from.
@@ -138,8 +145,12 @@ type Found = (Kind, Sought, Located);
 pub struct Passed {
     /// The point.
     pub special: Special,
-    /// The orbit.
+    /// The orbit, or the last one before.
     pub node: Node,
+    /// Where the orbit starts.
+    pub section: Section,
+    /// Behind a rigid graze an orbit with the other events, where it is not the next one of the branch.
+    pub behind: Option<Node>,
     /// Distance along the branch, for the order.
     pub place: f64,
     /// The branch is born there; the orbit is one of the branch that it is born from.
@@ -147,10 +158,16 @@ pub struct Passed {
 }
 
 impl Solver<'_> {
-    /// The special points of a branch in one direction, and what was passed and could not be located.
-    pub fn specials(&self, trace: &Trace, sign: f64) -> (Vec<Passed>, Vec<String>) {
+    /// The special points of a branch in one direction, and what was passed and could not be located, or not until `last` cycles were run with
+    /// their derivative.
+    pub fn specials(&self, trace: &Trace, sign: f64, last: u64) -> (Vec<Passed>, Vec<String>) {
         let (mut all, mut unlocated) = (Vec::new(), Vec::new());
         for (i, (a, b)) in trace.before.iter().zip(&trace.nodes).enumerate() {
+            if self.spent.get() >= last {
+                let end = trace.nodes.last().map_or(b.value, |node| node.value);
+                unlocated.push(format!("anything from {} to {end}, by the limit of work", a.value));
+                break;
+            }
             let place = |node: &Node| {
                 let (_, length) = a.chord(b, self.family.ranges());
                 let (_, part) = a.chord(node, self.family.ranges());
@@ -166,7 +183,8 @@ impl Solver<'_> {
                 };
                 let (mut special, place) = (self.special(kind, sought, &located), place(&located.node));
                 special.turns |= turns && sought != Sought::Root;
-                all.push(Passed { special, place, node: located.node, is_birth: false });
+                let Located { node, section, .. } = located;
+                all.push(Passed { special, place, node, section, behind: None, is_birth: false });
             }
         }
         if trace.stalls {
@@ -184,16 +202,10 @@ impl Solver<'_> {
 
     /// What is passed between two neighbours, in words, and where it is if that was found.
     fn between(&self, a: &Node, b: &Node) -> Vec<(&'static str, Option<Found>)> {
-        let is_same = |node: &Node| Change::of(&a.course, &node.course) == Change::None;
         let by_contact = match Change::of(&a.course, &b.course) {
             Change::None => None,
             Change::Other => Some(("change of several events", self.stick(a, b))),
-            Change::Swapped(second) => {
-                let key = Vanishing::Between(second);
-                let time = |node: &Node| key.at(node).filter(|_| is_same(node));
-                let located = self.limit(a, &self.towards(a, b), &time);
-                Some(("coincidence", located.map(|located| (Kind::Coincidence, Sought::Limit(key), located))))
-            }
+            Change::Swapped(second) => Some(("coincidence", self.coincidence(a, b, second))),
             Change::Gained(contact, is_second) => {
                 let (free, other) = if is_second { (a, b) } else { (b, a) };
                 Some(("graze", self.graze(free, other, contact)))
@@ -214,7 +226,7 @@ impl Solver<'_> {
         let by_multipliers = is_passed.into_iter().filter(|(_, is_passed)| *is_passed).map(|(kind, _)| {
             let is_symmetric = kind == Kind::Symmetry;
             let solver = Self { is_symmetric, ..self.of_kind(kind) };
-            let located = solver.root(a, b, &|node| kind.test(node, pair));
+            let located = solver.refined(self, a, b, &|node| kind.test(node, pair));
             let located = located.filter(|located| located.error <= LOCATED);
             (kind.word(), located.map(|located| (kind, Sought::Root, located)))
         });
@@ -255,7 +267,8 @@ impl Solver<'_> {
                 let solver = Self { is_symmetric: !is_half, ..self.of_kind(kind) };
                 let located = solver.root(&first, &second, &test)?;
                 let special = self.special(kind, Sought::Root, &located);
-                Some(Passed { special, node: first, place: 0.0, is_birth: true })
+                let section = first.orbit.section.clone();
+                Some(Passed { special, node: first, section, behind: None, place: 0.0, is_birth: true })
             })
         })
     }
@@ -263,7 +276,7 @@ impl Solver<'_> {
     /// The same for what is located on symmetric branches.
     pub fn of_kind(&self, kind: Kind) -> Self {
         let neutral = if kind == Kind::Symmetry { SYMMETRIC } else { self.neutral };
-        Self { neutral, drift: self.drift.clone(), slice: self.slice.clone(), ..*self }
+        Self { neutral, drift: self.drift.clone(), slice: self.slice.clone(), spent: Rc::clone(&self.spent), ..*self }
     }
 
     fn special(&self, kind: Kind, sought: Sought, located: &Located) -> Special {
@@ -298,6 +311,28 @@ impl Solver<'_> {
             _ if watch == Watch::Force => Kind::GrazingDamped,
             _ => Kind::GrazingSoft,
         }
+    }
+
+    /// Where an event, and the one before it of another contact, meet: from the side of `a`, where it is number `second`, else from the other one.
+    fn coincidence(&self, a: &Node, b: &Node, second: usize) -> Option<Found> {
+        let from = |here: &Node, there: &Node, second: usize| {
+            let key = Vanishing::Between(second);
+            let is_same = |node: &Node| Change::of(&here.course, &node.course) == Change::None;
+            let time = |node: &Node| key.at(node).filter(|_| is_same(node));
+            let (row, length) = self.towards(here, there);
+            let located = self.limit(here, &(row, REACH * length), &time)?;
+            Some((Kind::Coincidence, Sought::Limit(key), located))
+        };
+        let is_well = |found: &Found| found.2.error <= WELL;
+        let first = from(a, b, second);
+        if first.as_ref().is_some_and(is_well) {
+            return first;
+        }
+        let other = match Change::of(&b.course, &a.course) {
+            Change::Swapped(second) => from(b, a, second),
+            _ => None,
+        };
+        first.into_iter().chain(other).min_by(|a, b| a.2.error.total_cmp(&b.2.error))
     }
 
     /// The graze between a point and one with more events of `contact`.
@@ -337,7 +372,41 @@ impl Solver<'_> {
                 found.extend(located.filter(is_between).map(|located| (kind, Sought::Limit(*key), located)));
             }
         }
-        found.into_iter().min_by(|a, b| a.2.error.total_cmp(&b.2.error))
+        let best = found.into_iter().min_by(|a, b| a.2.error.total_cmp(&b.2.error))?;
+        let anew = self.anew(&best, contact);
+        Some(anew.map_or(best, |(found, _)| found))
+    }
+
+    /// A rigid graze seen from the impacts, whose speed has no derivative there: anew from the orbits without them, where there are some. With the
+    /// orbit that it was taken from.
+    fn anew(&self, (kind, _, near): &Found, contact: usize) -> Option<(Found, Node)> {
+        let behind = (*kind == Kind::GrazingRigid).then(|| self.behind(near, contact)).flatten()?;
+        let (own, range) = (near.value, self.family.range());
+        let is_same = |node: &Node| Change::of(&behind.course, &node.course) == Change::None;
+        let back = (own - behind.value).signum() * behind.tangent.p.signum();
+        let length = 2.0 * (own - behind.value).abs() / (range * behind.tangent.p.abs());
+        let of_key = |(key, value): (Vanishing, f64)| {
+            let Vanishing::Low(j, ..) = key else { return None };
+            let value = |node: &Node| key.at(node).filter(|_| is_same(node) && j == contact && value > 0.0);
+            let located = self.limit(&behind, &(behind.tangent.times(back), length), &value)?;
+            let is_near = (located.value - own).abs() <= SAME * range && located.error < near.error;
+            is_near.then_some((*kind, Sought::Limit(key), located))
+        };
+        let anew = vanishing(&behind).into_iter().filter_map(of_key);
+        anew.min_by(|a, b| a.2.error.total_cmp(&b.2.error)).map(|anew| (anew, behind.clone()))
+    }
+
+    /// An orbit near a rigid graze with the events of the other side.
+    fn behind(&self, near: &Located, contact: usize) -> Option<Node> {
+        let (range, second) = (self.family.range(), near.second);
+        let sides = BEHIND.iter().flat_map(|step| [*step, -step]);
+        sides.map(|step| near.value + step * range).filter(|value| self.family.contains(*value)).find_map(|value| {
+            let guess = Guess { section: near.section.clone(), place: [value, second], by: None, ..near.node.at() };
+            let node = self.at(guess, None, 1.0).ok()?;
+            let is_other = matches!(Change::of(&near.node.course, &node.course), Change::Gained(j, _) if j == contact);
+            (is_other && near.node.chord(&node, self.family.ranges()).1 <= NEARBY && !node.has_shorter_period())
+                .then_some(node)
+        })
     }
 
     /// The end of a rest between two points of which one has more rests. A sequence of impacts whose number grows without end leads to it:
@@ -394,12 +463,24 @@ impl Solver<'_> {
         let (row, length) = self.towards(far, last);
         let closer = self.limit(far, &(row, BEYOND * length), &|node| key.at(node).filter(|_| is_same(node)));
         let closer = closer.filter(|located| located.error < error && (located.value - value).abs() <= 1e-6 * range);
-        let (second, from) = (last.second, Some(Spot::of(far)));
-        let located =
-            closer.unwrap_or_else(|| Located { value, second, from, error, residual: 0.0, node: last.clone() });
+        let (second, from, section) = (last.second, Some(Spot::of(far)), last.orbit.section.clone());
+        let last = || Located { value, second, from, error, residual: 0.0, section, node: last.clone() };
+        let mut found = (kind, Sought::Limit(key), closer.unwrap_or_else(last));
+        let contact = match key {
+            Vanishing::Low(j, ..) => j,
+            Vanishing::Speed(i) | Vanishing::Stay(i) | Vanishing::Between(i) => {
+                found.2.node.course.letters.get(i).map_or(0, |letter| letter.contact)
+            }
+        };
+        let mut behind = self.behind(&found.2, contact).filter(|_| kind == Kind::GrazingRigid);
+        if let Some((anew, node)) = self.anew(&found, contact) {
+            (found, behind) = (anew, Some(node));
+        }
+        let (kind, sought, located) = found;
         let place = sign * trace.nodes.len() as f64;
-        let special = self.special(kind, Sought::Limit(key), &located);
-        Some(Passed { special, node: located.node, place, is_birth: false })
+        let special = self.special(kind, sought, &located);
+        let Located { node, section, .. } = located;
+        Some(Passed { special, node, section, behind, place, is_birth: false })
     }
 }
 
