@@ -244,6 +244,35 @@ fn cells_that_fail_are_rows_that_say_why() {
     assert_eq!(table.lines().count(), 11);
 }
 
+/// Two bodies with a net load and no drag against the frame have no steady motion: no share of time, no exponent, nothing that is not a number.
+#[test]
+fn cells_of_a_train_that_accelerates_for_ever_are_transient() {
+    let place = tempfile::tempdir().unwrap();
+    let scene = place.path().join("free.json");
+    fs::write(
+        &scene,
+        r#"{ "flank": 1,
+             "train": { "kind": "matrices", "mass_kg": [[1, 0], [0, 1]], "damping_n_s_per_m": [[0.1, -0.1], [-0.1, 0.1]],
+                        "load_n": [0.3, -0.1], "load_harmonics": [{ "vector_n": [0.1, 0], "frequency_rad_per_s": 1, "phase_rad": 0 }],
+                        "contacts": [{ "direction": [1, -1], "half_backlash_m": 1, "stiffness": 1, "law": { "kind": "kelvin-voigt" } }] },
+             "initial": "rest", "run": { "cycles": 20 } }"#,
+    )
+    .unwrap();
+    let out = place.path().join("out");
+    let axes = ["--vary", "/train/load_n/0=0.3:0.4:2", "--vary", "/train/contacts/0/stiffness=1:2:2"];
+    let (code, _, error) =
+        run(&[&["map", scene.to_str().unwrap()][..], &axes, &["--out", out.to_str().unwrap()]].concat());
+    assert_eq!(code, 0, "{error}");
+    let table = read(&out, "map.csv");
+    for row in table.lines().skip(1) {
+        let fields: Vec<&str> = row.split(',').collect();
+        // Kind, period, word, exponent, time separated, impacts.
+        assert_eq!(fields[2..8], ["transient", "", "", "", "", ""], "{row}");
+    }
+    let found: Value = serde_json::from_str(&read(&out, "map.json")).unwrap();
+    assert!(found.to_string().contains("transient"), "{found}");
+}
+
 /// Pressed against a wall whose hysteresis keeps the speed of the last gain: each start leaves another speed and another orbit, all of one
 /// family.
 #[test]

@@ -87,6 +87,7 @@ fn what_cannot_be_asked_is_named() {
         String::from_utf8_lossy(&flank(words, out).code(2).get_output().stderr).into_owned()
     };
     assert!(said(&["orbit", PAIR], &file).contains("is a file, not a folder"));
+    assert!(said(&["orbit", PAIR], &file.join("below/it")).contains("file is a file, not a folder"));
     assert_eq!(fs::read_to_string(&file).unwrap(), "mine");
     let out = folder.path().join("out");
     let negative = said(&["lyapunov", PAIR, "--cycles", "-3"], &out);

@@ -60,6 +60,23 @@ fn csv_holds_every_number_in_full() {
 }
 
 #[test]
+fn an_axis_says_which_number_of_a_scene_it_shows() {
+    for (pointer, label, unit) in [
+        ("/train/speed_rpm", "speed", "rev/min"),
+        ("/train/transmission_error/0/frequency,/train/period_s", "transmission error 0, frequency", ""),
+        ("/train/sun/mesh/stiffness_n_per_m", "sun, mesh, stiffness", "N/m"),
+        ("/train/load/drag_torque_nm_per_rpm", "load, drag torque", "N m/(rev/min)"),
+        ("/train/law/restitution", "law, restitution", ""),
+        ("/initial/q/u_s", "q u_s at the start", "m"),
+        ("/initial/v/0", "v 0 at the start", "m/s"),
+    ] {
+        let axis = Axis::of_number(pointer, false);
+        assert_eq!((axis.label.as_str(), axis.unit.as_str()), (label, unit));
+    }
+    assert_eq!(Axis::of_number("/initial/q/0", true).unit, "");
+}
+
+#[test]
 fn json_holds_every_number_in_full() {
     for figure in figures::all().into_iter().chain([figures::hard()]) {
         let read: Value = serde_json::from_str(&figure.json()).unwrap();

@@ -50,6 +50,9 @@ fn text(found: &Found) -> String {
         ]
     });
     let mut out = Table::new(["attractor", "kind", "period", "word", "share of starts"]).with(rows).to_string();
+    if attractors.len() > MOST {
+        let _ = writeln!(out, "{} more attractors: attractors.json", attractors.len() - MOST);
+    }
     let number = |measured: &Option<Measured>| {
         measured.map_or_else(|| "too few points".to_owned(), |m| format!("{:.4} ± {:.4}", m.value, m.standard_error))
     };
@@ -95,7 +98,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         return work.interrupted(&format!("{} of {starts} starts", lines.count()), out);
     }
     let found = basins.finish(lines, attractors, |found| {
-        Some(basins_figure(&name, basins.grid(), found).svg(flank::plot::Theme::Light))
+        Some(
+            basins_figure(&name, basins.grid(), found, basins.simulation().dimensionless)
+                .svg(flank::plot::Theme::Light),
+        )
     })?;
     work.say(&format!("{}{} starts: {}\n", text(&found), found.figures.starts, out.join("basins.csv").display()))?;
     let failed = found.figures.fractions.last().is_some_and(|failed| failed.fraction >= 1.0);

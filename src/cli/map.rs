@@ -119,8 +119,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     }
     let name = stem(map.plane().scene().name());
     let tally = map.finish(lines, |tally| {
-        let (measure, unit) = map.shown();
-        let figure = figure(&name, map.plane().grid(), tally, &measure, &unit);
+        let dimensionless = map.plane().own().dimensionless;
+        let figure = figure(&name, map.plane().grid(), tally, &map.shown(), dimensionless);
         Some(figure.svg(flank::plot::Theme::Light))
     })?;
     work.say(&format!("{}{} cells: {}\n", counts(&tally), tally.cells(), out.join("map.csv").display()))?;

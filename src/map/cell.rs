@@ -45,6 +45,9 @@ pub enum Impacts {
 }
 
 impl Impacts {
+    /// All, from the fewest flanks.
+    pub const ALL: [Self; 3] = [Self::None, Self::SingleSided, Self::DoubleSided];
+
     /// By what a contact is met as: separated, on the drive flank, on the back flank.
     pub(super) fn of(met: [bool; 3]) -> Self {
         match met {

@@ -59,8 +59,8 @@ const GOLDEN: f64 = 0.618_033_988_749_894_9;
 pub(super) struct Thinned {
     seen: u64,
     share: f64,
-    /// Place in the order of leaving, and the point.
-    kept: Vec<[f64; 3]>,
+    /// Place in the order of leaving, what it belongs to, the point.
+    kept: Vec<(f64, u32, [f64; 2])>,
 }
 
 impl Default for Thinned {
@@ -70,25 +70,36 @@ impl Default for Thinned {
 }
 
 impl Thinned {
-    fn push(&mut self, x: f64, y: f64) {
+    fn push(&mut self, tag: u32, x: f64, y: f64) {
         // Multiples of the golden ratio are spread evenly, and so is every second, third … of them (Weyl 1916): whatever the period of a
         // motion, points of all its cycles stay.
         let place = (self.seen as f64 * GOLDEN).fract();
         self.seen += 1;
         if place < self.share {
-            self.kept.push([place, x, y]);
+            self.kept.push((place, tag, [x, y]));
         }
         if self.kept.len() > MOST_POINTS {
             self.share *= 0.5;
-            self.kept.retain(|point| point[0] < self.share);
+            self.kept.retain(|point| point.0 < self.share);
         }
     }
 
-    /// The points, in their order.
-    pub fn points(&self) -> (Vec<f64>, Vec<f64>) {
-        self.kept.iter().map(|[_, x, y]| (*x, *y)).unzip()
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.kept.is_empty()
+    }
+
+    /// The points in their order, and what each belongs to.
+    pub fn points(&self) -> impl Iterator<Item = (usize, [f64; 2])> {
+        self.kept.iter().map(|(_, tag, point)| (*tag as usize, *point))
     }
 }
+
+/// What [`Points`] holds: first components of section points, phases and speeds of what is struck, exponents.
+pub(super) const SECTIONS: usize = 0;
+pub(super) const PHASES: usize = 1;
+pub(super) const SPEEDS: usize = 2;
+pub(super) const EXPONENTS: usize = 3;
 
 /// What is known of a diagram, for a picture. Memory does not grow with its points.
 #[derive(Clone, Debug)]
@@ -99,25 +110,29 @@ pub struct Points {
     pub sections: u64,
     /// Rows that failed.
     pub failed: usize,
-    /// Upwards and downwards: first components, phases and speeds of what is struck, exponents.
-    pub(super) shown: [[Thinned; 4]; 2],
+    /// Starts beside each other.
+    pub starts: usize,
+    /// Each upwards and downwards. A point belongs to a start, what is struck to the drive flank (0) or the back flank (1).
+    pub(super) shown: [[Thinned; 2]; 4],
 }
 
 impl Points {
-    fn new() -> Self {
-        Self { ends: [f64::INFINITY, f64::NEG_INFINITY], sections: 0, failed: 0, shown: Default::default() }
+    fn new(starts: usize) -> Self {
+        Self { ends: [f64::INFINITY, f64::NEG_INFINITY], sections: 0, failed: 0, starts, shown: Default::default() }
     }
 
-    fn add(&mut self, value: f64, direction: Direction, record: &Record) {
+    fn add(&mut self, value: f64, direction: Direction, start: u32, record: &Record) {
         self.ends = [self.ends[0].min(value), self.ends[1].max(value)];
         self.sections += record.points.len() as u64;
-        let [sections, phases, speeds, exponents] = &mut self.shown[usize::from(direction == Direction::Down)];
-        record.points.iter().for_each(|x| sections.push(value, x[0]));
+        let way = usize::from(direction == Direction::Down);
+        let mut push = |shown: usize, tag: u32, y: f64| self.shown[shown][way].push(tag, value, y);
+        record.points.iter().for_each(|x| push(SECTIONS, start, x[0]));
         for strike in &record.strikes {
-            phases.push(value, strike.phase);
-            speeds.push(value, strike.speed);
+            let flank = u32::from(strike.side < 0.0);
+            push(PHASES, flank, strike.phase);
+            push(SPEEDS, flank, strike.speed);
         }
-        record.exponent.iter().for_each(|[exponent, _]| exponents.push(value, *exponent));
+        record.exponent.iter().for_each(|[exponent, _]| push(EXPONENTS, start, *exponent));
     }
 }
 
@@ -168,7 +183,7 @@ impl Diagram {
         let pointers: Vec<&str> = axis.pointer.split(',').collect();
         let mut faults = Vec::new();
         if axis.count() < 2 {
-            faults.push(Fault::new(&axis.pointer, "an axis of one value", "two values at least: FROM:TO:COUNT"));
+            faults.push(super::plane::one_value(&axis.pointer));
         }
         let parameter = Parameter::new(scene.resolved(), &pointers)
             .map_err(|reason| faults.push(Fault::new(&axis.pointer, reason, "pointers to numbers of the scene")));
@@ -307,11 +322,13 @@ impl Diagram {
             let start = [number(cell.values[1]), label(cell.direction), (cell.values[0] as usize).to_string()];
             (entry.map(|entry| entry.outcome), start)
         };
-        let mut points = Points::new();
+        let mut points = Points::new(self.sampling.starts);
         for i in 0..self.rows() {
             let cell = self.plan.cell(i);
             match rows.entry(i)?.map(|entry| entry.outcome) {
-                Some(Outcome::Done { result, .. }) => points.add(cell.values[1], cell.direction, &result),
+                Some(Outcome::Done { result, .. }) => {
+                    points.add(cell.values[1], cell.direction, cell.values[0] as u32, &result)
+                }
                 _ => points.failed += 1,
             }
         }
@@ -426,8 +443,8 @@ mod tests {
     fn points_of_all_cycles_stay_where_they_are_thinned() {
         let (mut points, count) = (Thinned::default(), 7 * MOST_POINTS);
         // A motion of period 8: every second, fourth or eighth point would leave most of it out.
-        (0..count).for_each(|i| points.push(i as f64, (i % 8) as f64));
-        let (x, y) = points.points();
+        (0..count).for_each(|i| points.push(0, i as f64, (i % 8) as f64));
+        let (x, y): (Vec<f64>, Vec<f64>) = points.points().map(|(_, [x, y])| (x, y)).unzip();
         assert!((MOST_POINTS / 2 - 2..=MOST_POINTS).contains(&x.len()), "{}", x.len());
         assert!(x.is_sorted());
         for cycle in 0..8 {

@@ -92,9 +92,9 @@ impl KindMap {
         &self.plane
     }
 
-    /// What the last panel of a picture shows, and the unit of exponents.
+    /// What the last panel of a picture shows.
     #[must_use]
-    pub fn shown(&self) -> (String, String) {
+    pub fn shown(&self) -> String {
         let dimensionless = self.plane.own().dimensionless;
         let contact = match &self.contacts[..] {
             [contact] => contact.as_str(),
@@ -104,7 +104,7 @@ impl KindMap {
             APART => "time separated / period".to_owned(),
             other => contact_measure(other, dimensionless),
         };
-        (format!("{contact}: {measure}"), if dimensionless { String::new() } else { "1/s".to_owned() })
+        format!("{contact}: {measure}")
     }
 
     /// What the rows depend on.
@@ -217,8 +217,10 @@ impl KindMap {
         picture: impl FnOnce(&Tally) -> Option<String>,
     ) -> Result<Tally, SweepError> {
         let axes = self.plane.grid().axes();
-        let measures = (0..self.contacts.len()).map(|j| 2 + FIRST.len() + j * self.columns.len()).collect();
-        let mut tally = Tally::new([axes[0].count(), axes[1].count()], measures);
+        let measure = |j: usize| 2 + FIRST.len() + j * self.columns.len();
+        let contacts = self.contacts.len();
+        let measures = (0..contacts).map(measure).collect();
+        let mut tally = Tally::new([axes[0].count(), axes[1].count()], measures, measure(contacts));
         lines.each(|row| {
             tally.add(row);
             Ok(())

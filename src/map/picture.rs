@@ -1,8 +1,9 @@
-//! The picture of a map: kinds with periods, the largest exponent, the first measure.
+//! Pictures of maps, basins and diagrams.
 
 use super::{
     basins::Found,
-    diagram::{BranchLine, Points},
+    cell::Impacts,
+    diagram::{BranchLine, EXPONENTS, PHASES, Points, SECTIONS, SPEEDS, Thinned},
     edges::Measured,
     tally::{Class, Shown, Tally},
 };
@@ -46,6 +47,8 @@ const SEQUENCE: [Colour; 8] = [
 /// Below zero, from far to near; above it, from near to far.
 const BELOW: [Colour; 4] = [[0x21, 0x66, 0xac], [0x67, 0xa9, 0xcf], [0xb0, 0xd3, 0xe8], [0xe4, 0xf0, 0xf6]];
 const ABOVE: [Colour; 4] = [[0xfd, 0xe0, 0xc5], [0xfc, 0xa6, 0x5d], [0xe6, 0x61, 0x01], [0x8a, 0x2c, 0x02]];
+/// No impacts, on one flank, on both.
+const IMPACTS: [Colour; 3] = [SEQUENCE[1], SEQUENCE[4], SEQUENCE[7]];
 /// Without a value.
 const NONE: Colour = [0xcf, 0xcf, 0xcf];
 
@@ -85,11 +88,11 @@ struct Side {
 
 impl Side {
     /// Equal ratios have a logarithmic axis. Values that were written out lie anywhere, and are numbered.
-    fn new(axis: &crate::sweep::Axis, cells: usize) -> Self {
+    fn new(axis: &crate::sweep::Axis, cells: usize, dimensionless: bool) -> Self {
         let [first, last] = [axis.value(0), axis.value(axis.count() - 1)];
-        let label = &axis.pointer;
+        let drawn = Axis::of_number(&axis.pointer, dimensionless);
         if axis.is_list() || axis.is_geometric() && first < 0.0 {
-            let label = format!("value of {label}, by its number");
+            let label = format!("value of {}, by its number", drawn.label);
             let ends = [0.5, axis.count() as f64 + 0.5];
             return Self { axis: Axis::new(label, ""), ends, cells, is_flipped: false };
         }
@@ -101,7 +104,7 @@ impl Side {
         } else {
             [first - half * (last - first), last + half * (last - first)]
         };
-        let drawn = Axis { logarithmic: axis.is_geometric(), ..Axis::new(label, "") };
+        let drawn = Axis { logarithmic: axis.is_geometric(), ..drawn };
         Self { axis: drawn, ends: [a.min(b), a.max(b)], cells, is_flipped: first > last }
     }
 }
@@ -112,8 +115,8 @@ struct Place {
 }
 
 impl Place {
-    fn new(grid: &Grid, cells: [usize; 2]) -> Self {
-        Self { sides: [0, 1].map(|i| Side::new(&grid.axes()[i], cells[i])) }
+    fn new(grid: &Grid, cells: [usize; 2], dimensionless: bool) -> Self {
+        Self { sides: [0, 1].map(|i| Side::new(&grid.axes()[i], cells[i], dimensionless)) }
     }
 
     fn panel(&self, title: &str, raster: Raster) -> Panel {
@@ -136,10 +139,11 @@ impl Place {
     }
 }
 
-/// The picture of a map of `name` over `grid`; `measure` is what its third panel shows.
+/// The picture of a map of `name` over `grid`; `measure` is what its last panel shows.
 #[must_use]
-pub fn figure(name: &str, grid: &Grid, tally: &Tally, measure: &str, unit: &str) -> Figure {
-    let place = Place::new(grid, tally.size());
+pub fn figure(name: &str, grid: &Grid, tally: &Tally, measure: &str, dimensionless: bool) -> Figure {
+    let place = Place::new(grid, tally.size(), dimensionless);
+    let unit = if dimensionless { "" } else { ", 1/s" };
     let shown = tally.shown();
     let panel = |title: &str, raster: Raster| place.panel(title, raster);
     // Classes that look alike are one.
@@ -159,10 +163,15 @@ pub fn figure(name: &str, grid: &Grid, tally: &Tally, measure: &str, unit: &str)
     }
     let names = looks.iter().map(|(_, name, colour, count)| (format!("{name} ({})", grouped(*count)), *colour));
     let kinds = place.raster(|i| of_class[shown[i].class], names.collect());
+    let struck = Impacts::ALL.map(Impacts::word).into_iter().chain(["not known"]).zip(tally.impacts());
+    let struck =
+        struck.zip(IMPACTS.into_iter().chain([NONE])).filter(|((name, count), _)| *count > 0 || *name != "not known");
+    let struck = struck.map(|((name, count), colour)| (format!("{name} ({})", grouped(count)), colour));
     let panels = vec![
         panel("kind of motion, with cells of each", kinds),
-        panel(&format!("largest exponent{}", of(unit)), exponents(&place, shown)),
-        panel(measure, measures(&place, shown)),
+        panel("flanks that are struck, with cells of each", place.raster(|i| shown[i].impacts as u8, struck.collect())),
+        panel(&format!("largest exponent{unit}"), exponents(&place, shown)),
+        panel(measure, measures(&place, &shown.iter().map(|cell| cell.measure).collect::<Vec<_>>())),
     ];
     let counts = tally.kinds();
     let shares = counts
@@ -175,10 +184,6 @@ pub fn figure(name: &str, grid: &Grid, tally: &Tally, measure: &str, unit: &str)
         columns: 1,
         panels,
     }
-}
-
-fn of(unit: &str) -> String {
-    if unit.is_empty() { String::new() } else { format!(", {unit}") }
 }
 
 /// Colours of attractors: of the set of Okabe and Ito, then others of other lightness.
@@ -201,9 +206,9 @@ const LONGEST: usize = 23;
 
 /// The picture of the basins of `name` over `grid`: where each start ends, and after how many cycles.
 #[must_use]
-pub fn basins_figure(name: &str, grid: &Grid, found: &Found) -> Figure {
+pub fn basins_figure(name: &str, grid: &Grid, found: &Found, dimensionless: bool) -> Figure {
     let Found { attractors, boundary, figures } = found;
-    let place = Place::new(grid, boundary.size());
+    let place = Place::new(grid, boundary.size(), dimensionless);
     let (shown, count) = (boundary.shown(), attractors.len());
     let panel = |title: &str, raster: Raster| place.panel(title, raster);
     // Attractors without a colour of their own share the last one.
@@ -242,8 +247,7 @@ pub fn basins_figure(name: &str, grid: &Grid, found: &Found) -> Figure {
         },
         classes,
     );
-    let cycles: Vec<Shown> =
-        shown.iter().map(|(_, cycles)| Shown { class: 0, exponent: None, measure: cycles.map(|c| c as f64) }).collect();
+    let cycles: Vec<Option<f64>> = shown.iter().map(|(_, cycles)| cycles.map(|c| c as f64)).collect();
     let number = |measured: &Measured| format!("{:.3} ± {:.3}", measured.value, measured.standard_error);
     let known = |measured: &Option<Measured>| measured.as_ref().map_or_else(|| "too few starts".to_owned(), number);
     let (dimension, entropy) = (known(&figures.boundary_dimension), known(&figures.basin_entropy));
@@ -262,6 +266,32 @@ pub fn basins_figure(name: &str, grid: &Grid, found: &Found) -> Figure {
     }
 }
 
+/// Starts with colours of their own.
+const MOST_STARTS: usize = 7;
+
+/// Points by what they belong to: contacts gained by flank, others by start.
+fn tagged(points: &Thinned, shown: usize, starts: usize) -> Vec<Series> {
+    let is_struck = shown == PHASES || shown == SPEEDS;
+    let count = if is_struck {
+        2
+    } else if starts <= MOST_STARTS {
+        starts
+    } else {
+        1
+    };
+    let of = |tag: usize| {
+        let (x, y): (Vec<f64>, Vec<f64>) =
+            points.points().filter(|(own, _)| *own == tag || count == 1).map(|(_, [x, y])| (x, y)).unzip();
+        let name = match tag {
+            _ if count == 1 => String::new(),
+            _ if is_struck => format!("{} flank", if tag == 0 { "drive" } else { "back" }),
+            start => format!("start {start}"),
+        };
+        Series::line(name, tag, x, y).styled(Style::Points)
+    };
+    (0..count).map(of).filter(|series| !series.x.is_empty()).collect()
+}
+
 /// The picture of a diagram of `name` over `pointer`: section points with branches over them, phases and speeds of impacts, exponents.
 #[must_use]
 pub fn diagram_figure(
@@ -272,44 +302,45 @@ pub fn diagram_figure(
 ) -> Figure {
     let unit = |unit: &'static str| if dimensionless { "" } else { unit };
     let [low, high] = points.ends;
-    let series = |panel: usize| {
-        let mut all = Vec::new();
-        for (colour, word) in ["up", "down"].into_iter().enumerate() {
-            let (x, y) = points.shown[colour][panel].points();
-            if !x.is_empty() {
-                all.push(Series::line(word, colour, x, y).styled(Style::Points));
-            }
-        }
-        all
+    let x = Axis::of_number(pointer, dimensionless);
+    let title = format!("Motions of {name} against {}", x.label);
+    let x = x.between(low, high);
+    // Each direction has a column of its own: its points would hide those of the other one.
+    let directions: Vec<usize> =
+        (0..2).filter(|way| points.shown.iter().any(|shown| !shown[*way].is_empty())).collect();
+    let row = |shown: usize, title: &str, y: Axis| {
+        let values = || directions.iter().flat_map(|way| points.shown[shown][*way].points().map(|(_, [_, y])| y));
+        let ends = values().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
+        let y = if y.range.is_none() && ends[0] < ends[1] { y.between(ends[0], ends[1]) } else { y };
+        let panel = |way: &usize| Panel {
+            title: format!("{title}, {}", ["upwards", "downwards"][*way]),
+            x: x.clone(),
+            y: y.clone(),
+            series: tagged(&points.shown[shown][*way], shown, points.starts),
+            ..Panel::default()
+        };
+        directions.iter().map(panel).collect::<Vec<_>>()
     };
-    let panel = |title: &str, y: Axis, series: Vec<Series>| Panel {
-        title: title.to_owned(),
-        x: Axis::new(pointer, "").between(low, high),
-        y,
-        series,
-        ..Panel::default()
-    };
-    let mut sections = series(0);
-    for line in branches {
+    let mut panels = row(SECTIONS, "states at the starts of cycles", Axis::new(first, unit("m")));
+    let orbits = branches.iter().map(|line| {
         let (name, style) =
             if line.is_stable { ("stable orbits", Style::Line) } else { ("unstable orbits", Style::Dashed) };
-        sections.push(Series::line(name, 6, line.x.clone(), line.y.clone()).styled(style));
-    }
-    let panels = vec![
-        panel("states at the starts of cycles", Axis::new(first, unit("m")), sections),
-        panel("contacts gained: phase", Axis::new("part of the period", "").between(0.0, 1.0), series(1)),
-        panel("contacts gained: speed of approach", Axis::new("speed", unit("m/s")), series(2)),
-        Panel {
-            guides: vec![Guide::Horizontal { y: 0.0, name: String::new() }],
-            ..panel("largest exponent", Axis::new("exponent", unit("1/s")), series(3))
-        },
-    ];
+        Series::line(name, 6, line.x.clone(), line.y.clone()).styled(style)
+    });
+    panels.iter_mut().for_each(|panel| panel.series.extend(orbits.clone()));
+    panels.extend(row(PHASES, "contacts gained: phase", Axis::new("part of the period", "").between(0.0, 1.0)));
+    panels.extend(row(SPEEDS, "contacts gained: speed of approach", Axis::new("speed", unit("m/s"))));
+    panels.extend(
+        row(EXPONENTS, "largest exponent", Axis::new("exponent", unit("1/s")))
+            .into_iter()
+            .map(|panel| Panel { guides: vec![Guide::Horizontal { y: 0.0, name: String::new() }], ..panel }),
+    );
     Figure {
         id: "diagram".to_owned(),
-        title: format!("Motions of {name} against {pointer}"),
+        title,
         caption: "Section points, impacts and largest exponents of the motions that are reached on the way up and on the way down."
             .to_owned(),
-        columns: 1,
+        columns: directions.len().max(1),
         panels,
     }
 }
@@ -355,8 +386,8 @@ fn exponents(place: &Place, shown: &[Shown]) -> Raster {
 }
 
 /// A measure in eight equal parts from its least to its largest value; zero apart.
-fn measures(place: &Place, shown: &[Shown]) -> Raster {
-    let values = || shown.iter().filter_map(|cell| cell.measure);
+fn measures(place: &Place, shown: &[Option<f64>]) -> Raster {
+    let values = || shown.iter().copied().flatten();
     let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
     let (has_zero, low, high) = (low == 0.0, low, if high > low { high } else { low + 1.0 });
     let parts = SEQUENCE.len() - usize::from(has_zero);
@@ -370,10 +401,10 @@ fn measures(place: &Place, shown: &[Shown]) -> Raster {
         classes.push((format!("{} to {}", short(edge(part)), short(edge(part + 1))), colour));
     }
     let none = classes.len() as u8;
-    if shown.iter().any(|cell| cell.measure.is_none()) {
+    if shown.iter().any(Option::is_none) {
         classes.push(("none".to_owned(), NONE));
     }
-    let class = |i: usize| match shown[i].measure {
+    let class = |i: usize| match shown[i] {
         None => none,
         Some(0.0) if has_zero => 0,
         Some(value) => {
@@ -407,7 +438,7 @@ mod tests {
 
     #[test]
     fn cells_have_one_size_on_the_axis_of_their_values() {
-        let side = |text: &str| Side::new(&sweep::Axis::parse(text).unwrap(), 3);
+        let side = |text: &str| Side::new(&sweep::Axis::parse(text).unwrap(), 3, true);
         let linear = side("/a=4:0:3");
         assert_eq!((linear.ends, linear.is_flipped, linear.axis.logarithmic), ([-1.0, 5.0], true, false));
         // Half a ratio of ten to both sides.
@@ -416,7 +447,7 @@ mod tests {
         assert!((geometric.ends[1] - 10f64.sqrt()).abs() < 1e-12);
         for text in ["/a=0.4,0.5,2", "/a=-4:-1:3:log"] {
             let numbered = side(text);
-            assert_eq!((numbered.ends, numbered.axis.label.as_str()), ([0.5, 3.5], "value of /a, by its number"));
+            assert_eq!((numbered.ends, numbered.axis.label.as_str()), ([0.5, 3.5], "value of a, by its number"));
         }
     }
 }

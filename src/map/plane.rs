@@ -31,6 +31,14 @@ impl From<SceneError> for PlaneError {
     }
 }
 
+/// What is wrong with an axis of one value.
+pub(super) fn one_value(pointer: &str) -> Fault {
+    let fault = Fault::new(pointer, "an axis of one value", "two values at least: FROM:TO:COUNT");
+    fault.remedy(
+        "write a value that does not change into the scene; flank diagram takes one axis, flank map and basins two",
+    )
+}
+
 /// Reads two axes with two values at least.
 pub(super) fn two_axes(texts: &[impl AsRef<str>]) -> Result<Grid, GridError> {
     let grid = Grid::parse_up_to(texts, MOST_CELLS)?;
@@ -39,7 +47,7 @@ pub(super) fn two_axes(texts: &[impl AsRef<str>]) -> Result<Grid, GridError> {
         faults.push(Fault::new("the axes", format!("{} of them", grid.axes().len()), "two, each with --vary"));
     }
     for axis in grid.axes().iter().filter(|axis| axis.count() < 2) {
-        faults.push(Fault::new(&axis.pointer, "an axis of one value", "two values at least: FROM:TO:COUNT"));
+        faults.push(one_value(&axis.pointer));
     }
     if faults.is_empty() { Ok(grid) } else { Err(GridError(faults)) }
 }

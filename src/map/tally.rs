@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
+use super::cell::Impacts;
+
 /// Points of a picture along an axis at most; of more cells every second, third … is shown.
 const MOST_POINTS: usize = 1200;
 
@@ -24,6 +26,8 @@ pub struct Shown {
     pub exponent: Option<f64>,
     /// The largest of the first measure of all contacts.
     pub measure: Option<f64>,
+    /// Which flanks are struck: the place in [`Impacts::ALL`], their number where it is not known.
+    pub impacts: usize,
 }
 
 /// Counts of cells, and those that a picture shows.
@@ -32,34 +36,41 @@ pub struct Tally {
     counts: [usize; 2],
     /// Fields of the first measure of each contact.
     measures: Vec<usize>,
+    /// The field of what is struck.
+    struck: usize,
     /// Every so many cells is shown, along each axis.
     steps: [usize; 2],
     seen: usize,
     /// The classes met, and how many cells each has.
     classes: BTreeMap<Class, (usize, u64)>,
+    /// Cells by the flanks that are struck, then those of which it is not known.
+    impacts: [u64; 4],
     /// Cells shown, the second axis fastest.
     shown: Vec<Shown>,
 }
 
 impl Tally {
-    pub(super) fn new(counts: [usize; 2], measures: Vec<usize>) -> Self {
-        Self { counts, measures, steps: shown_steps(counts), seen: 0, classes: BTreeMap::new(), shown: Vec::new() }
+    pub(super) fn new(counts: [usize; 2], measures: Vec<usize>, struck: usize) -> Self {
+        let (steps, classes, shown) = (shown_steps(counts), BTreeMap::new(), Vec::new());
+        Self { counts, measures, struck, steps, seen: 0, classes, impacts: [0; 4], shown }
     }
 
     /// Adds the next row.
     pub(super) fn add(&mut self, row: &str) {
-        let last = self.measures.last().map_or(6, |last| last + 2);
-        let fields: Vec<&str> = row.splitn(last, ',').collect();
+        let fields: Vec<&str> = row.splitn(self.struck + 2, ',').collect();
         let field = |i: usize| fields.get(i).copied().unwrap_or_default();
         let class = (field(2).to_owned(), field(3).parse().ok());
         let number = self.classes.len();
         let (number, count) = self.classes.entry(class).or_insert((number, 0));
         *count += 1;
+        let all = Impacts::ALL;
+        let impacts = all.iter().position(|impacts| impacts.word() == field(self.struck)).unwrap_or(all.len());
+        self.impacts[impacts] += 1;
         let at = [self.seen / self.counts[1], self.seen % self.counts[1]];
         if at[0].is_multiple_of(self.steps[0]) && at[1].is_multiple_of(self.steps[1]) {
             let value = |i: usize| field(i).parse::<f64>().ok();
             let measure = self.measures.iter().filter_map(|i| value(*i)).reduce(f64::max);
-            self.shown.push(Shown { class: *number, exponent: value(5), measure });
+            self.shown.push(Shown { class: *number, exponent: value(5), measure, impacts });
         }
         self.seen += 1;
     }
@@ -79,6 +90,12 @@ impl Tally {
     /// The classes with their numbers and counts.
     pub fn classes(&self) -> impl Iterator<Item = (&Class, usize, u64)> {
         self.classes.iter().map(|(class, (number, count))| (class, *number, *count))
+    }
+
+    /// Cells by the flanks that are struck, in the order of [`Impacts::ALL`], then those of which it is not known.
+    #[must_use]
+    pub fn impacts(&self) -> [u64; 4] {
+        self.impacts
     }
 
     /// Cells of each kind, the most frequent first.

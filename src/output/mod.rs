@@ -81,8 +81,8 @@ impl Request<'_> {
     /// [`OutputError`] if the folder is a file, or is not empty and `force` is not set, if a file is in the way, or if the manifest
     /// cannot be followed.
     pub fn check(&self) -> Result<Folder, OutputError> {
-        if self.folder.is_file() {
-            return Err(OutputError::NoFolder(self.folder.to_owned()));
+        if let Some(file) = self.folder.ancestors().find(|place| place.is_file()) {
+            return Err(OutputError::NoFolder(file.to_owned()));
         }
         if !self.force && fs::read_dir(self.folder).is_ok_and(|mut entries| entries.next().is_some()) {
             return Err(OutputError::Occupied(self.folder.to_owned()));

@@ -2,6 +2,26 @@ use serde::{Deserialize, Serialize};
 
 use crate::output::{csv_line, number};
 
+/// Units that the end of a key says; longer ends first.
+const UNITS: [(&str, &str); 16] = [
+    ("_nm_per_rpm", "N m/(rev/min)"),
+    ("_n_s_per_m", "N s/m"),
+    ("_rad_per_s", "rad/s"),
+    ("_n_per_m", "N/m"),
+    ("_m_per_s", "m/s"),
+    ("_kg_m2", "kg m²"),
+    ("_rpm", "rev/min"),
+    ("_deg", "deg"),
+    ("_rad", "rad"),
+    ("_kg", "kg"),
+    ("_nm", "N m"),
+    ("_pa", "Pa"),
+    ("_hz", "Hz"),
+    ("_n", "N"),
+    ("_m", "m"),
+    ("_s", "s"),
+];
+
 /// A figure: panels in rows, read from left to right. It carries all its numbers, so that its data files and every
 /// picture of it say the same.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -119,6 +139,36 @@ impl Axis {
     #[must_use]
     pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
         Self { label: label.into(), unit: unit.into(), ..Self::default() }
+    }
+
+    /// A linear axis of the number of a scene at `pointer`: the words of the pointer, and the unit that its key or its place says. Of numbers that
+    /// move together, `P1,P2`, it shows the first.
+    #[must_use]
+    pub fn of_number(pointer: &str, dimensionless: bool) -> Self {
+        let first = pointer.split(',').next().unwrap_or_default();
+        let keys: Vec<String> = first.split('/').skip(1).map(|key| key.replace("~1", "/").replace("~0", "~")).collect();
+        if let [start, which, freedom] = &keys[..]
+            && start == "initial"
+        {
+            let unit = if which == "q" { "m" } else { "m/s" };
+            return Self::new(format!("{which} {freedom} at the start"), if dimensionless { "" } else { unit });
+        }
+        let (mut label, mut unit) = (String::new(), "");
+        for key in keys.iter().skip(usize::from(keys.len() > 1)) {
+            let of_key = UNITS.into_iter().find(|(end, _)| key.ends_with(end));
+            let word = of_key.map_or(key.as_str(), |(end, _)| &key[..key.len() - end.len()]).replace('_', " ");
+            let is_number = key.bytes().all(|byte| byte.is_ascii_digit());
+            label += if label.is_empty() {
+                ""
+            } else if is_number {
+                " "
+            } else {
+                ", "
+            };
+            label += &word;
+            unit = of_key.map_or(unit, |(_, unit)| unit);
+        }
+        Self::new(if label.is_empty() { first } else { &label }, unit)
     }
 
     /// The same axis from `low` to `high`.

@@ -117,9 +117,10 @@ fn outside_walls(node: &Node, spec: &Spec, q: &[f64]) {
         let error = contact.error_offset + contact.error.iter().map(|h| h.amplitude * libm::cos(h.phase)).sum::<f64>();
         let deflection = contact.direction.iter().zip(q).map(|(g, x)| g * x).sum::<f64>() - error;
         let (b, slack) = (contact.half_backlash, 1.0e-9 * (contact.half_backlash.abs() + deflection.abs()));
-        if deflection > b + slack || (contact.flanks == Flanks::Both && deflection < -b - slack) {
+        let [drive, back] = [deflection - b, if contact.flanks == Flanks::Both { -b - deflection } else { -slack }];
+        if drive.max(back) > slack {
             node.fault(
-                format!("a start inside the rigid flank of {}, by {:e}", contact.name, deflection.abs() - b.abs()),
+                format!("a start inside the rigid flank of {}, by {:e}", contact.name, drive.max(back)),
                 "a start with every gap open or closed",
                 "start with the gap open, or choose a compliant law",
             );

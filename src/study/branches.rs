@@ -191,7 +191,7 @@ impl Branches {
         };
         Figure {
             id: "branches".to_owned(),
-            title: format!("Orbits of {name} against {}", self.family.parameter.pointer()),
+            title: format!("Orbits of {name} against {}", self.axis().label),
             caption: format!(
                 "Full lines: stable; dashed: unstable. {levels}Special points: {}. Multipliers above {LARGEST} are not drawn.",
                 if counts.is_empty() { "none".to_owned() } else { counts.join(", ") }
@@ -206,8 +206,7 @@ impl Branches {
     #[must_use]
     pub fn plane(&self, curves: &[Curve], name: &str) -> Figure {
         let second = self.family.second().map_or("", Parameter::pointer);
-        let mut panel =
-            Panel { x: Axis::new(self.family.parameter.pointer(), ""), y: Axis::new(second, ""), ..Panel::default() };
+        let mut panel = Panel { x: self.axis(), y: Axis::of_number(second, self.dimensionless), ..Panel::default() };
         for (i, curve) in curves.iter().enumerate() {
             let period = curve.points.first().map_or(0, |point| point.period);
             let (x, y) = curve.points.iter().map(|point| (point.value, point.second)).unzip();
@@ -234,12 +233,18 @@ impl Branches {
         }
     }
 
+    /// The axis of the parameter.
+    #[cfg(feature = "plot")]
+    fn axis(&self) -> Axis {
+        Axis::of_number(self.family.parameter.pointer(), self.dimensionless)
+    }
+
     /// A panel of one value of the points.
     #[cfg(feature = "plot")]
     fn panel(&self, label: &str, unit: &str, value: &dyn Fn(&Point, &Option<Steady>) -> Option<f64>) -> Panel {
         let mut panel = Panel {
             title: label.to_owned(),
-            x: Axis::new(self.family.parameter.pointer(), "").between(self.family.from, self.family.to),
+            x: self.axis().between(self.family.from, self.family.to),
             y: Axis::new(label.rsplit(": ").next().unwrap_or_default(), unit),
             ..Panel::default()
         };

@@ -43,7 +43,13 @@ pub(super) fn figure(name: &str, pointer: &str, rows: &[Row], dimensionless: boo
             }
         }
         let title = format!("{}: {label}", longest.contacts[j].report.name);
-        Panel { title, x: Axis::new(pointer, ""), y: Axis::new(label, unit), series, ..Panel::default() }
+        Panel {
+            title,
+            x: Axis::of_number(pointer, dimensionless),
+            y: Axis::new(label, unit),
+            series,
+            ..Panel::default()
+        }
     };
     let panels = families.iter().flat_map(|(j, _)| {
         [
@@ -61,7 +67,7 @@ pub(super) fn figure(name: &str, pointer: &str, rows: &[Row], dimensionless: boo
     let counts = KINDS.iter().filter(|kind| count(kind) > 0).map(|kind| format!("{} {}", count(kind), kind.word()));
     Some(Figure {
         id: "sweep".to_owned(),
-        title: format!("Steady motions of {name} against {pointer}"),
+        title: format!("Steady motions of {name} against {}", Axis::of_number(pointer, dimensionless).label),
         caption: format!(
             "Motions by kind: {}. Full points: on the way up, or each from the scene's own start; open points: on the way down.",
             counts.collect::<Vec<_>>().join(", ")

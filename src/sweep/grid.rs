@@ -167,7 +167,7 @@ fn range(argument: &str, text: &str, faults: &mut Vec<Fault>) -> Option<Values> 
     };
     let (from, to) = (finite(argument, from, faults), finite(argument, to, faults));
     let count: Option<usize> = count.trim().parse().ok().filter(|count| (2..=MOST).contains(count)).or_else(|| {
-        let allowed = format!("a whole number of values from 2 to {MOST}; a single one is written POINTER=VALUE");
+        let allowed = format!("a whole number of values from 2 to {MOST}");
         faults.push(Fault::new(argument, format!("{count:?} as count"), allowed));
         None
     });

@@ -70,6 +70,15 @@ fn entropies_of_known_boxes() {
 }
 
 #[test]
+fn an_entropy_of_one_strip_has_no_error_and_is_not_given() {
+    // Nine rows: the only row of boxes ends in one of the ten strips.
+    let few = figures(9, 2, |i, _| usize::from(i % 5 < 2));
+    assert_eq!((few.basin_entropy, few.boundary_entropy), (None, None));
+    let two = figures(10, 2, |i, _| usize::from(i % 5 < 2));
+    assert!(two.basin_entropy.is_some() && two.boundary_entropy.is_some());
+}
+
+#[test]
 fn shares_add_up_and_open_ends_are_an_end_of_their_own() {
     let mut boundary = Boundary::new([10, 10], 2);
     for i in 0..100 {
