@@ -272,7 +272,8 @@ fn cells_of_a_train_that_accelerates_for_ever_are_transient() {
         assert_eq!(fields[2..8], ["transient", "", "", "", "", ""], "{row}");
     }
     let found: Value = serde_json::from_str(&read(&out, "map.json")).unwrap();
-    assert!(found.to_string().contains("transient"), "{found}");
+    assert_eq!(found["found"]["kinds"]["transient"], 4, "{found}");
+    assert_eq!(found["found"]["impacts"]["not known"], 4, "{found}");
 }
 
 /// Pressed against a wall whose hysteresis keeps the speed of the last gain: each start leaves another speed and another orbit, all of one

@@ -330,10 +330,11 @@ impl<'f> Solver<'f> {
         let mut by = by.filter(|by| by.ncols() == numbers);
         let mut before: Option<(Section, Place, Image)> = None;
         for step in 0..STEPS {
-            self.spent.set(self.spent.get() + period);
+            let spend = || self.spent.set(self.spent.get() + period);
             let simulation = self.family.train(place)?;
             let map = SectionMap::new(&simulation)?.at_phase(phase);
             let exact = || -> Result<(Image, DMatrix<f64>), Missed> {
+                spend();
                 let variations = self.family.variations(&simulation, place, numbers)?;
                 let image = map.image_by(&section, period, &variations)?;
                 let by = DMatrix::from_fn(section.x.len(), numbers, |i, l| image.by_number[(i, l)] * ranges[l]);
@@ -345,6 +346,7 @@ impl<'f> Solver<'f> {
                 by = Some(exact);
                 image
             } else {
+                spend();
                 map.image(&section, period)?
             };
             let by = by.get_or_insert_with(|| DMatrix::zeros(section.x.len(), numbers));

@@ -19,10 +19,11 @@ use crate::{
 
 /// Points of a branch in one direction at most.
 const OF_BRANCH: usize = 600;
-/// Cycles that are run with their derivative: for the points of a branch in one direction, for the special ones among them, and for all branches.
-const WORK_OF_POINTS: u64 = 12_000;
-const WORK_OF_SPECIALS: u64 = 12_000;
-const WORK_OF_ALL: u64 = 50_000;
+/// Cycles that are run with their derivative, about: for the points of a branch in one direction, for the special ones among them, and for all
+/// branches.
+const WORK_OF_POINTS: u64 = 15_000;
+const WORK_OF_SPECIALS: u64 = 15_000;
+const WORK_OF_ALL: u64 = 60_000;
 /// Distances, in scales, at which a branch that begins at a special point is looked for.
 const ASIDE: [f64; 6] = [0.01, 0.003, 1e-3, 3e-4, 1e-4, 3e-5];
 /// Two special points nearer than this, in ranges, are one.
@@ -136,7 +137,6 @@ impl Continuation {
                 all.branches.push(branch);
                 break;
             }
-            all.left = all.left.saturating_sub(solver.spent.get() - before);
             // A branch that ends where another one is to begin is that one, from its other end.
             let is_born = |(value, period): (f64, u64)| {
                 births.iter().any(|(v, p)| *p == period && (v - value).abs() <= SAME * family.range())
@@ -149,10 +149,12 @@ impl Continuation {
                 both,
                 origin,
             };
-            let parents = passed.iter().filter(|passed| passed.is_birth);
-            all.waiting.extend(parents.map(|passed| begins(branch.level, &passed.node, true, None)));
-            let behind = passed.iter().filter_map(|passed| passed.behind.as_ref());
-            all.waiting.extend(behind.map(|node| begins(branch.level, node, true, None)));
+            let parents = passed.iter().filter(|passed| passed.is_birth).map(|passed| &passed.node);
+            for node in parents.chain(passed.iter().filter_map(|passed| passed.behind.as_ref())) {
+                // Level by level.
+                let place = all.waiting.iter().position(|other| other.level > branch.level);
+                all.waiting.insert(place.unwrap_or(all.waiting.len()), begins(branch.level, node, true, None));
+            }
             if branch.level < self.doublings {
                 for passed in passed.iter().filter(|passed| !passed.is_birth) {
                     let aside = match passed.special.kind {
@@ -164,10 +166,14 @@ impl Continuation {
                     all.waiting.extend(aside.map(|node| begins(branch.level + 1, &node, false, origin)));
                 }
             }
+            all.left = all.left.saturating_sub(solver.spent.get() - before);
             all.branches.push(branch);
             let (done, to_do) = (all.branches.len() as f64, all.waiting.len() as f64);
             task.report(Progress::Share(done / (done + to_do)));
             each(&all)?;
+        }
+        if task.is_cancelled() {
+            return Ok(all);
         }
         let is_new =
             |begun: &&Begun| solver.grown(&begun.seed).is_ok_and(|node| !solver.is_known(&node, &all.branches));
@@ -192,12 +198,12 @@ impl Continuation {
 impl Solver<'_> {
     /// A point as others see it.
     fn point(&self, node: &Node) -> Option<Point> {
-        self.point_at(node, &node.orbit.section)
+        self.point_at(node, &node.orbit.section, node.value)
     }
 
-    /// The same, that starts at a section beside the node's own.
-    fn point_at(&self, node: &Node, section: &Section) -> Option<Point> {
-        let simulation = self.family.train(node.place()).ok()?;
+    /// The same, with a section and a value beside the node's own.
+    fn point_at(&self, node: &Node, section: &Section, value: f64) -> Option<Point> {
+        let simulation = self.family.train([value, node.second]).ok()?;
         let map = SectionMap::new(&simulation).ok()?;
         let section = map.at_phase(node.phase).lead(section, &map).ok()?;
         // An orbit of several cycles begins with the same one all along a branch.
@@ -207,7 +213,7 @@ impl Solver<'_> {
             cycles => map.follow(&section, cycles).ok()?,
         };
         Some(Point {
-            value: node.value,
+            value,
             period: node.orbit.period,
             word: node.orbit.word(),
             is_stable: node.orbit.is_stable,
@@ -265,8 +271,14 @@ impl Solver<'_> {
             back.tangent = start.tangent.times(-1.0);
             behind = Some(self.follow(&back, OF_BRANCH, until(WORK_OF_POINTS), task));
         }
-        let (mut passed, mut unlocated) = self.specials(&ahead, 1.0, until(WORK_OF_SPECIALS));
-        let mut ends = ["its start".to_owned(), ahead.end.clone()];
+        let (mut passed, mut unlocated) = self.specials(&ahead, 1.0, until(WORK_OF_SPECIALS), task);
+        let ended = |trace: &Trace, passed: &[Passed]| match passed.iter().find(|passed| passed.behind.is_some()) {
+            Some(passed) => {
+                format!("a rigid graze at {}; the motion with the other events is followed too", passed.special.value)
+            }
+            None => trace.end.clone(),
+        };
+        let mut ends = ["its start".to_owned(), ended(&ahead, &passed)];
         let numbered = |trace: &Trace, sign: f64| -> Vec<(f64, Point)> {
             let nodes = trace.nodes.iter().enumerate();
             nodes.filter_map(|(i, node)| Some((sign * (i + 1) as f64, self.point(node)?))).collect()
@@ -274,11 +286,11 @@ impl Solver<'_> {
         let mut points = numbered(&ahead, 1.0);
         points.extend(self.point(start).map(|point| (0.0, point)));
         if let Some(behind) = &behind {
-            let (others, further) = self.specials(behind, -1.0, until(WORK_OF_SPECIALS));
+            let (others, further) = self.specials(behind, -1.0, until(WORK_OF_SPECIALS), task);
+            ends[0] = ended(behind, &others);
             passed.extend(others);
             unlocated.extend(further);
             points.extend(numbered(behind, -1.0));
-            ends[0].clone_from(&behind.end);
         }
         passed.sort_by(|a, b| a.place.total_cmp(&b.place));
         let births = passed.iter().filter(|p| p.is_birth).map(|p| (p.special.value, p.special.period)).collect();
@@ -297,8 +309,8 @@ impl Solver<'_> {
         });
         // The special orbits are points of the branch too.
         for passed in passed.iter().filter(|passed| !passed.is_birth) {
-            let at = Node { value: passed.special.value, ..passed.node.clone() };
-            points.extend(self.point_at(&at, &passed.section).map(|point| (passed.place, point)));
+            let point = self.point_at(&passed.node, &passed.section, passed.special.value);
+            points.extend(point.map(|point| (passed.place, point)));
         }
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         for passed in &mut passed {

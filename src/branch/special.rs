@@ -10,14 +10,16 @@ use super::{
     locate::{Located, limit},
     node::{Guess, Node, Plane, Seed, Solver, Spot},
 };
-use crate::{gear::contact::Law, hybrid::Watch, orbit::Section};
+use crate::{gear::contact::Law, hybrid::Watch, orbit::Section, task::Task};
 
 /// Share of the largest singular value that leaves the direction alone that breaks a symmetry.
 const SYMMETRIC: f64 = 1e-6;
 /// How far beyond a neighbour a graze between two is looked for, and where it may be: in steps, and in ranges.
 const REACH: f64 = 1.5;
 const SLACK: f64 = 1e-9;
-/// Residual from which on a graze is looked for from both sides.
+/// Kinds at which the derivative jumps.
+const JUMPS: [Kind; 3] = [Kind::GrazingRigid, Kind::GrazingDamped, Kind::Stick];
+/// Residual from which on a graze, or a coincidence, is looked for from both sides.
 const WELL: f64 = 1e-12;
 /// Stays and speeds that are tried as what vanishes at a graze, the shortest first.
 const CANDIDATES: usize = 3;
@@ -28,8 +30,9 @@ const BEYOND: f64 = 1.1;
 /// Steps, in ranges, in which the orbits behind a rigid graze are looked for, and how far they may be from it.
 const BEHIND: [f64; 4] = [1e-4, 1e-3, 1e-5, 1e-2];
 const NEARBY: f64 = 0.1;
-/// Two values for one graze differ by less, in ranges.
+/// Two values for one graze differ by less: in ranges, and in errors of the first one.
 const SAME: f64 = 1e-6;
+const ERRORS: f64 = 10.0;
 /// Largest residual of a point that counts as located, in scales and ranges.
 pub(super) const LOCATED: f64 = 1e-9;
 /// Steps, in scales, in which the branch is looked for that another one is born from.
@@ -160,9 +163,12 @@ pub struct Passed {
 impl Solver<'_> {
     /// The special points of a branch in one direction, and what was passed and could not be located, or not until `last` cycles were run with
     /// their derivative.
-    pub fn specials(&self, trace: &Trace, sign: f64, last: u64) -> (Vec<Passed>, Vec<String>) {
+    pub fn specials(&self, trace: &Trace, sign: f64, last: u64, task: Task<'_>) -> (Vec<Passed>, Vec<String>) {
         let (mut all, mut unlocated) = (Vec::new(), Vec::new());
         for (i, (a, b)) in trace.before.iter().zip(&trace.nodes).enumerate() {
+            if task.is_cancelled() {
+                break;
+            }
             if self.spent.get() >= last {
                 let end = trace.nodes.last().map_or(b.value, |node| node.value);
                 unlocated.push(format!("anything from {} to {end}, by the limit of work", a.value));
@@ -174,7 +180,7 @@ impl Solver<'_> {
                 sign * (i as f64 + (part / length).clamp(1e-9, 1.0 - 1e-9))
             };
             let all_found = self.between(a, b);
-            let is_fold = |found: &(&str, Option<Found>)| matches!(found.1, Some((Kind::Fold, ..)));
+            let is_fold = |found: &(&str, Option<Found>)| found.0 == Kind::Fold.word();
             let turns = a.tangent.p * b.tangent.p < 0.0 && !all_found.iter().any(is_fold);
             for (what, found) in all_found {
                 let Some((kind, sought, located)) = found.filter(|(.., located)| located.error <= LOCATED) else {
@@ -182,14 +188,21 @@ impl Solver<'_> {
                     continue;
                 };
                 let (mut special, place) = (self.special(kind, sought, &located), place(&located.node));
-                special.turns |= turns && sought != Sought::Root;
+                special.turns |= turns && JUMPS.contains(&kind);
                 let Located { node, section, .. } = located;
                 all.push(Passed { special, place, node, section, behind: None, is_birth: false });
             }
         }
+        if self.spent.get() >= last || task.is_cancelled() {
+            return (all, unlocated);
+        }
         if trace.stalls {
-            let end = self.end(trace, sign);
-            all.extend(end.filter(|passed| passed.special.residual <= LOCATED));
+            match self.end(trace, sign).filter(|passed| passed.special.residual <= LOCATED) {
+                Some(passed) => all.push(passed),
+                None => {
+                    unlocated.extend(trace.nodes.last().map(|last| format!("end of the branch near {}", last.value)))
+                }
+            }
         }
         if let Some((a, b)) = &trace.born {
             match self.birth(a, b).filter(|passed| passed.special.residual <= LOCATED) {
@@ -212,8 +225,7 @@ impl Solver<'_> {
             }
         };
         // Where the derivative jumps, a multiplier can pass a value without taking it.
-        let jumps = [Kind::GrazingRigid, Kind::GrazingDamped, Kind::Stick];
-        let jumps = by_contact.iter().filter_map(|(_, found)| found.as_ref()).any(|(kind, ..)| jumps.contains(kind));
+        let jumps = by_contact.iter().filter_map(|(_, found)| found.as_ref()).any(|(kind, ..)| JUMPS.contains(kind));
         let (before, after) = (a.unstable(), b.unstable());
         let of_fold = if a.tangent.p * b.tangent.p < 0.0 { Kind::Fold } else { Kind::Symmetry };
         let is_passed = [
@@ -226,7 +238,8 @@ impl Solver<'_> {
         let by_multipliers = is_passed.into_iter().filter(|(_, is_passed)| *is_passed).map(|(kind, _)| {
             let is_symmetric = kind == Kind::Symmetry;
             let solver = Self { is_symmetric, ..self.of_kind(kind) };
-            let located = solver.refined(self, a, b, &|node| kind.test(node, pair));
+            let test = |node: &Node| kind.test(node, pair);
+            let located = if jumps { solver.root(a, b, &test) } else { solver.refined(self, a, b, &test) };
             let located = located.filter(|located| located.error <= LOCATED);
             (kind.word(), located.map(|located| (kind, Sought::Root, located)))
         });
@@ -313,7 +326,8 @@ impl Solver<'_> {
         }
     }
 
-    /// Where an event, and the one before it of another contact, meet: from the side of `a`, where it is number `second`, else from the other one.
+    /// Locates the instant at which an event and the one before it, of another contact, meet: from the side of `a`, where it is number `second`, else
+    /// from that of `b`.
     fn coincidence(&self, a: &Node, b: &Node, second: usize) -> Option<Found> {
         let from = |here: &Node, there: &Node, second: usize| {
             let key = Vanishing::Between(second);
@@ -372,40 +386,46 @@ impl Solver<'_> {
                 found.extend(located.filter(is_between).map(|located| (kind, Sought::Limit(*key), located)));
             }
         }
-        let best = found.into_iter().min_by(|a, b| a.2.error.total_cmp(&b.2.error))?;
-        let anew = self.anew(&best, contact);
-        Some(anew.map_or(best, |(found, _)| found))
+        let mut best = found.into_iter().min_by(|a, b| a.2.error.total_cmp(&b.2.error))?;
+        if best.0 == Kind::GrazingRigid
+            && best.2.error > WELL
+            && let Some(behind) = self.look_behind(&best.2)
+        {
+            self.refine_from_behind(&mut best.2, &behind, contact);
+        }
+        Some(best)
     }
 
-    /// A rigid graze seen from the impacts, whose speed has no derivative there: anew from the orbits without them, where there are some. With the
-    /// orbit that it was taken from.
-    fn anew(&self, (kind, _, near): &Found, contact: usize) -> Option<(Found, Node)> {
-        let behind = (*kind == Kind::GrazingRigid).then(|| self.behind(near, contact)).flatten()?;
+    /// Locates a rigid graze anew from the orbits `behind` it, which lack the impact: seen from the impacts, the number has no smooth derivative there.
+    /// Takes the value if it is better and the same.
+    fn refine_from_behind(&self, near: &mut Located, behind: &Node, contact: usize) {
         let (own, range) = (near.value, self.family.range());
         let is_same = |node: &Node| Change::of(&behind.course, &node.course) == Change::None;
         let back = (own - behind.value).signum() * behind.tangent.p.signum();
         let length = 2.0 * (own - behind.value).abs() / (range * behind.tangent.p.abs());
-        let of_key = |(key, value): (Vanishing, f64)| {
-            let Vanishing::Low(j, ..) = key else { return None };
-            let value = |node: &Node| key.at(node).filter(|_| is_same(node) && j == contact && value > 0.0);
-            let located = self.limit(&behind, &(behind.tangent.times(back), length), &value)?;
-            let is_near = (located.value - own).abs() <= SAME * range && located.error < near.error;
-            is_near.then_some((*kind, Sought::Limit(key), located))
-        };
-        let anew = vanishing(&behind).into_iter().filter_map(of_key);
-        anew.min_by(|a, b| a.2.error.total_cmp(&b.2.error)).map(|anew| (anew, behind.clone()))
+        let way = (behind.tangent.times(back), length);
+        let lows = vanishing(behind).into_iter().filter_map(|(key, value)| match key {
+            Vanishing::Low(j, ..) if j == contact && value > 0.0 => Some(key),
+            _ => None,
+        });
+        let limits = lows.filter_map(|key| self.limit(behind, &way, &|node| key.at(node).filter(|_| is_same(node))));
+        let alike = SAME.max(ERRORS * near.error) * range;
+        let limits = limits.filter(|located| (located.value - own).abs() <= alike && located.error < near.error);
+        if let Some(best) = limits.min_by(|a, b| a.error.total_cmp(&b.error)) {
+            (near.value, near.second, near.error) = (best.value, best.second, best.error);
+        }
     }
 
-    /// An orbit near a rigid graze with the events of the other side.
-    fn behind(&self, near: &Located, contact: usize) -> Option<Node> {
+    /// Looks on both sides of a rigid graze for an orbit with the other events.
+    fn look_behind(&self, near: &Located) -> Option<Node> {
         let (range, second) = (self.family.range(), near.second);
         let sides = BEHIND.iter().flat_map(|step| [*step, -step]);
         sides.map(|step| near.value + step * range).filter(|value| self.family.contains(*value)).find_map(|value| {
             let guess = Guess { section: near.section.clone(), place: [value, second], by: None, ..near.node.at() };
             let node = self.at(guess, None, 1.0).ok()?;
-            let is_other = matches!(Change::of(&near.node.course, &node.course), Change::Gained(j, _) if j == contact);
-            (is_other && near.node.chord(&node, self.family.ranges()).1 <= NEARBY && !node.has_shorter_period())
-                .then_some(node)
+            let is_other = matches!(Change::of(&near.node.course, &node.course), Change::Gained(..));
+            let is_near = near.node.chord(&node, self.family.ranges()).1 <= NEARBY;
+            (is_other && is_near && !node.has_shorter_period()).then_some(node)
         })
     }
 
@@ -464,21 +484,18 @@ impl Solver<'_> {
         let closer = self.limit(far, &(row, BEYOND * length), &|node| key.at(node).filter(|_| is_same(node)));
         let closer = closer.filter(|located| located.error < error && (located.value - value).abs() <= 1e-6 * range);
         let (second, from, section) = (last.second, Some(Spot::of(far)), last.orbit.section.clone());
-        let last = || Located { value, second, from, error, residual: 0.0, section, node: last.clone() };
-        let mut found = (kind, Sought::Limit(key), closer.unwrap_or_else(last));
+        let outermost = || Located { value, second, from, error, residual: 0.0, section, node: last.clone() };
+        let mut located = closer.unwrap_or_else(outermost);
         let contact = match key {
             Vanishing::Low(j, ..) => j,
-            Vanishing::Speed(i) | Vanishing::Stay(i) | Vanishing::Between(i) => {
-                found.2.node.course.letters.get(i).map_or(0, |letter| letter.contact)
-            }
+            Vanishing::Speed(i) | Vanishing::Stay(i) | Vanishing::Between(i) => last.course.letters[i].contact,
         };
-        let mut behind = self.behind(&found.2, contact).filter(|_| kind == Kind::GrazingRigid);
-        if let Some((anew, node)) = self.anew(&found, contact) {
-            (found, behind) = (anew, Some(node));
+        let behind = if kind == Kind::GrazingRigid { self.look_behind(&located) } else { None };
+        if let Some(behind) = &behind {
+            self.refine_from_behind(&mut located, behind, contact);
         }
-        let (kind, sought, located) = found;
         let place = sign * trace.nodes.len() as f64;
-        let special = self.special(kind, sought, &located);
+        let special = self.special(kind, Sought::Limit(key), &located);
         let Located { node, section, .. } = located;
         Some(Passed { special, node, section, behind, place, is_birth: false })
     }

@@ -263,7 +263,9 @@ impl Diagram {
         // OK to convert: the values are whole numbers.
         let start = seeded.map_or_else(|| Self::start(&simulation, cell.values[0] as usize), Ok)?;
         let mut walk = Walk::new(&simulation)?;
-        let stopped = || simulation.missing("its run stops within the cycles asked for; raise its limit on events");
+        let stopped = || {
+            simulation.missing("its run stops within the cycles asked for, as a rule by its limit on events: raise it")
+        };
         if !walk.begin(start)? {
             return Err(stopped());
         }

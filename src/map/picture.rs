@@ -266,8 +266,10 @@ pub fn basins_figure(name: &str, grid: &Grid, found: &Found, dimensionless: bool
     }
 }
 
+/// Room above and below the points, in their range.
+const MARGIN: f64 = 0.04;
 /// Starts with colours of their own.
-const MOST_STARTS: usize = 7;
+const MOST_STARTS: usize = 6;
 
 /// Points by what they belong to: contacts gained by flank, others by start.
 fn tagged(points: &Thinned, shown: usize, starts: usize) -> Vec<Series> {
@@ -309,9 +311,12 @@ pub fn diagram_figure(
     let directions: Vec<usize> =
         (0..2).filter(|way| points.shown.iter().any(|shown| !shown[*way].is_empty())).collect();
     let row = |shown: usize, title: &str, y: Axis| {
-        let values = || directions.iter().flat_map(|way| points.shown[shown][*way].points().map(|(_, [_, y])| y));
-        let ends = values().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
-        let y = if y.range.is_none() && ends[0] < ends[1] { y.between(ends[0], ends[1]) } else { y };
+        let of_points = directions.iter().flat_map(|way| points.shown[shown][*way].points().map(|(_, [_, y])| y));
+        let of_orbits = branches.iter().filter(|_| shown == SECTIONS).flat_map(|line| line.y.iter().copied());
+        let [low, high] =
+            of_points.chain(of_orbits).fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
+        let room = MARGIN * (high - low);
+        let y = if y.range.is_none() && low < high { y.between(low - room, high + room) } else { y };
         let panel = |way: &usize| Panel {
             title: format!("{title}, {}", ["upwards", "downwards"][*way]),
             x: x.clone(),
@@ -338,7 +343,7 @@ pub fn diagram_figure(
     Figure {
         id: "diagram".to_owned(),
         title,
-        caption: "Section points, impacts and largest exponents of the motions that are reached on the way up and on the way down."
+        caption: "Section points, impacts and largest exponents of the motions that are reached in each direction."
             .to_owned(),
         columns: directions.len().max(1),
         panels,

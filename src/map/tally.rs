@@ -129,6 +129,9 @@ impl Tally {
             .iter()
             .filter_map(|((_, period), (_, count))| Some((period.as_ref()?.to_string(), (*count).into())))
             .collect();
-        json!({ "cells": self.seen, "kinds": kinds, "periods_cycles": periods })
+        let names = Impacts::ALL.map(Impacts::word).into_iter().chain(["not known"]);
+        let impacts: serde_json::Map<String, Value> =
+            names.zip(self.impacts).map(|(name, count)| (name.to_owned(), count.into())).collect();
+        json!({ "cells": self.seen, "kinds": kinds, "periods_cycles": periods, "impacts": impacts })
     }
 }

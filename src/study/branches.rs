@@ -12,7 +12,7 @@ use super::{figures::families, steady::ContactSteady};
 #[cfg(feature = "plot")]
 use crate::{
     branch::Kind,
-    plot::{Axis, Figure, Panel, Series, Style},
+    plot::{Axis, Band, Figure, Panel, Series, Style},
     simulation::Parameter,
 };
 use crate::{
@@ -177,8 +177,19 @@ impl Branches {
             };
             let amplitudes = |_: &Point, steady: &Option<Steady>| of(&amplitude, steady);
             let apart = |_: &Point, steady: &Option<Steady>| of(&|c| Some(c.report.apart_fraction), steady);
-            panels.push(self.panel(&format!("{name}: amplitude of the deflection"), unit("m"), &amplitudes));
-            panels.push(self.panel(&format!("{name}: time separated / period"), "", &apart));
+            for (label, unit, value) in [
+                (
+                    "amplitude of the deflection",
+                    unit("m"),
+                    &amplitudes as &dyn Fn(&Point, &Option<Steady>) -> Option<f64>,
+                ),
+                ("time separated / period", "", &apart),
+            ] {
+                panels.push(Panel {
+                    bands: self.double_sided(j),
+                    ..self.panel(&format!("{name}: {label}"), unit, value)
+                });
+            }
         }
         panels.push(self.panel("largest multiplier", "", &|point, _| Some(point.multiplier).filter(|m| *m <= LARGEST)));
         let counted = |kind: Kind| (kind, self.specials().filter(|special| special.kind == kind).count());
@@ -231,6 +242,32 @@ impl Branches {
             columns: 1,
             panels: vec![panel],
         }
+    }
+
+    /// Where some orbit touches both flanks of contact `j`.
+    #[cfg(feature = "plot")]
+    fn double_sided(&self, j: usize) -> Vec<Band> {
+        let touches = |point: &Point, side: char| {
+            let tokens = point.word.split(' ').map(|token| token.trim_matches(['[', ']']));
+            let place = format!("{j}{side}");
+            tokens.into_iter().any(|token| token.starts_with(['c', 'i', 'z']) && token[1..] == place)
+        };
+        let is_double = |point: &Point| touches(point, '+') && touches(point, '-');
+        let pairs = self.branches.iter().flat_map(|branch| branch.points.windows(2));
+        let mut parts: Vec<[f64; 2]> = pairs
+            .filter(|pair| pair.iter().all(is_double))
+            .map(|pair| [pair[0].value.min(pair[1].value), pair[0].value.max(pair[1].value)])
+            .collect();
+        parts.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let mut merged: Vec<[f64; 2]> = Vec::new();
+        for part in parts {
+            match merged.last_mut() {
+                Some(last) if part[0] <= last[1] => last[1] = last[1].max(part[1]),
+                _ => merged.push(part),
+            }
+        }
+        let band = |x| Band { x, name: "an orbit touches both flanks".to_owned(), colour: 0 };
+        merged.into_iter().map(band).collect()
     }
 
     /// The axis of the parameter.
