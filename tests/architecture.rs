@@ -200,7 +200,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("accuracy", 2550),
     ("analysis", 2000),
     ("baseline", 1500),
-    ("branch", 2800),
+    ("branch", 2850),
     ("cli", 2800),
     ("engine", 1650),
     ("ensemble", 150),

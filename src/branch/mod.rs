@@ -4,6 +4,7 @@
 //! folds and along unstable parts. Each step is solved with the exact derivative of the period by state and number. Between two points of a
 //! branch the tests of [`Kind`] say what has been passed; it is then located as the orbit at which its test is zero.
 
+mod behind;
 mod course;
 mod curve;
 mod family;

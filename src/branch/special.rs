@@ -27,12 +27,6 @@ const CANDIDATES: usize = 3;
 /// last one.
 const FAR: f64 = 0.03;
 const BEYOND: f64 = 1.1;
-/// Steps, in ranges, in which the orbits behind a rigid graze are looked for, and how far they may be from it.
-const BEHIND: [f64; 4] = [1e-4, 1e-3, 1e-5, 1e-2];
-const NEARBY: f64 = 0.1;
-/// Two values for one graze differ by less: in ranges, and in errors of the first one.
-const SAME: f64 = 1e-6;
-const ERRORS: f64 = 10.0;
 /// Largest residual of a point that counts as located, in scales and ranges.
 pub(super) const LOCATED: f64 = 1e-9;
 /// Steps, in scales, in which the branch is looked for that another one is born from.
@@ -394,39 +388,6 @@ impl Solver<'_> {
             self.refine_from_behind(&mut best.2, &behind, contact);
         }
         Some(best)
-    }
-
-    /// Locates a rigid graze anew from the orbits `behind` it, which lack the impact: seen from the impacts, the number has no smooth derivative there.
-    /// Takes the value if it is better and the same.
-    fn refine_from_behind(&self, near: &mut Located, behind: &Node, contact: usize) {
-        let (own, range) = (near.value, self.family.range());
-        let is_same = |node: &Node| Change::of(&behind.course, &node.course) == Change::None;
-        let back = (own - behind.value).signum() * behind.tangent.p.signum();
-        let length = 2.0 * (own - behind.value).abs() / (range * behind.tangent.p.abs());
-        let way = (behind.tangent.times(back), length);
-        let lows = vanishing(behind).into_iter().filter_map(|(key, value)| match key {
-            Vanishing::Low(j, ..) if j == contact && value > 0.0 => Some(key),
-            _ => None,
-        });
-        let limits = lows.filter_map(|key| self.limit(behind, &way, &|node| key.at(node).filter(|_| is_same(node))));
-        let alike = SAME.max(ERRORS * near.error) * range;
-        let limits = limits.filter(|located| (located.value - own).abs() <= alike && located.error < near.error);
-        if let Some(best) = limits.min_by(|a, b| a.error.total_cmp(&b.error)) {
-            (near.value, near.second, near.error) = (best.value, best.second, best.error);
-        }
-    }
-
-    /// Looks on both sides of a rigid graze for an orbit with the other events.
-    fn look_behind(&self, near: &Located) -> Option<Node> {
-        let (range, second) = (self.family.range(), near.second);
-        let sides = BEHIND.iter().flat_map(|step| [*step, -step]);
-        sides.map(|step| near.value + step * range).filter(|value| self.family.contains(*value)).find_map(|value| {
-            let guess = Guess { section: near.section.clone(), place: [value, second], by: None, ..near.node.at() };
-            let node = self.at(guess, None, 1.0).ok()?;
-            let is_other = matches!(Change::of(&near.node.course, &node.course), Change::Gained(..));
-            let is_near = near.node.chord(&node, self.family.ranges()).1 <= NEARBY;
-            (is_other && is_near && !node.has_shorter_period()).then_some(node)
-        })
     }
 
     /// The end of a rest between two points of which one has more rests. A sequence of impacts whose number grows without end leads to it:
