@@ -6,16 +6,16 @@ use super::{
     node::{Guess, Node, Solver},
 };
 
-/// Steps, in ranges, in which the orbits behind a rigid graze are looked for, and how far they may be from it.
+/// Steps, in ranges, by which orbits behind a rigid graze are looked for; largest distance of such an orbit.
 const BEHIND: [f64; 4] = [1e-4, 1e-3, 1e-5, 1e-2];
 const NEARBY: f64 = 0.1;
-/// Two values for one graze differ by less: in ranges, and in errors of the first one.
+/// Largest difference of two values for one graze: in ranges, and in errors of the first one.
 const SAME: f64 = 1e-6;
 const ERRORS: f64 = 10.0;
 
 impl Solver<'_> {
-    /// Locates a rigid graze anew from the orbits `behind` it, which lack the impact: seen from the impacts, the number has no smooth derivative there.
-    /// Takes the value if it is better and the same.
+    /// Locates a rigid graze from the orbit `behind` it, and takes this value where it agrees and has a smaller error. Seen from the impacts, orbits close
+    /// to the graze are badly conditioned: an impact of speed v has a derivative of size 1/v.
     pub fn refine_from_behind(&self, near: &mut Located, behind: &Node, contact: usize) {
         let (own, range) = (near.value, self.family.range());
         let is_same = |node: &Node| Change::of(&behind.course, &node.course) == Change::None;

@@ -158,7 +158,7 @@ impl Solver<'_> {
         is_small.then(|| Located::of(node, high.0 - low.0))
     }
 
-    /// As [`root`](Self::root), with `orbits` of the branch put between the neighbours where they are too far apart for it.
+    /// As [`root`](Self::root). Where that fails, halves the step by `orbits`, the solver of the branch.
     pub fn refined(&self, orbits: &Self, a: &Node, b: &Node, f: &dyn Fn(&Node) -> f64) -> Option<Located> {
         let (mut a, mut b) = (a.clone(), b.clone());
         for _ in 0..HALVINGS {

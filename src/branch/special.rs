@@ -144,9 +144,9 @@ pub struct Passed {
     pub special: Special,
     /// The orbit, or the last one before.
     pub node: Node,
-    /// Where the orbit starts.
+    /// Where the orbit starts; of a limit by extrapolation.
     pub section: Section,
-    /// Behind a rigid graze an orbit with the other events, where it is not the next one of the branch.
+    /// An orbit behind the rigid graze at which the branch ends.
     pub behind: Option<Node>,
     /// Distance along the branch, for the order.
     pub place: f64,

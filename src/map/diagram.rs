@@ -110,7 +110,7 @@ pub struct Points {
     pub sections: u64,
     /// Rows that failed.
     pub failed: usize,
-    /// Starts beside each other.
+    /// Starts that run side by side.
     pub starts: usize,
     /// Each upwards and downwards. A point belongs to a start, what is struck to the drive flank (0) or the back flank (1).
     pub(super) shown: [[Thinned; 2]; 4],
@@ -124,8 +124,8 @@ impl Points {
     fn add(&mut self, value: f64, direction: Direction, start: u32, record: &Record) {
         self.ends = [self.ends[0].min(value), self.ends[1].max(value)];
         self.sections += record.points.len() as u64;
-        let way = usize::from(direction == Direction::Down);
-        let mut push = |shown: usize, tag: u32, y: f64| self.shown[shown][way].push(tag, value, y);
+        let down = usize::from(direction == Direction::Down);
+        let mut push = |shown: usize, tag: u32, y: f64| self.shown[shown][down].push(tag, value, y);
         record.points.iter().for_each(|x| push(SECTIONS, start, x[0]));
         for strike in &record.strikes {
             let flank = u32::from(strike.side < 0.0);

@@ -309,19 +309,19 @@ pub fn diagram_figure(
     let x = x.between(low, high);
     // Each direction has a column of its own: its points would hide those of the other one.
     let directions: Vec<usize> =
-        (0..2).filter(|way| points.shown.iter().any(|shown| !shown[*way].is_empty())).collect();
+        (0..2).filter(|down| points.shown.iter().any(|shown| !shown[*down].is_empty())).collect();
     let row = |shown: usize, title: &str, y: Axis| {
-        let of_points = directions.iter().flat_map(|way| points.shown[shown][*way].points().map(|(_, [_, y])| y));
+        let of_points = directions.iter().flat_map(|down| points.shown[shown][*down].points().map(|(_, [_, y])| y));
         let of_orbits = branches.iter().filter(|_| shown == SECTIONS).flat_map(|line| line.y.iter().copied());
         let [low, high] =
             of_points.chain(of_orbits).fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
         let room = MARGIN * (high - low);
         let y = if y.range.is_none() && low < high { y.between(low - room, high + room) } else { y };
-        let panel = |way: &usize| Panel {
-            title: format!("{title}, {}", ["upwards", "downwards"][*way]),
+        let panel = |down: &usize| Panel {
+            title: format!("{title}, {}", ["upwards", "downwards"][*down]),
             x: x.clone(),
             y: y.clone(),
-            series: tagged(&points.shown[shown][*way], shown, points.starts),
+            series: tagged(&points.shown[shown][*down], shown, points.starts),
             ..Panel::default()
         };
         directions.iter().map(panel).collect::<Vec<_>>()

@@ -2,7 +2,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::output::{csv_line, number};
 
-/// Units that the end of a key says; longer ends first.
+/// Units by the ends of keys, longest ends first.
 const UNITS: [(&str, &str); 16] = [
     ("_nm_per_rpm", "N m/(rev/min)"),
     ("_n_s_per_m", "N s/m"),
