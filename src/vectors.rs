@@ -61,6 +61,9 @@ pub(crate) trait Path: Copy {
 
     /// As [`fused`], each.
     fn fused(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
+
+    /// Whether `a > b`, each a bit, the first the lowest.
+    fn above(self, a: Self::Four, b: Self::Four) -> u32;
 }
 
 /// `f` of four pairs.
@@ -113,6 +116,11 @@ impl Path for Baseline {
     fn fused(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
         std::array::from_fn(|l| fused::<Self>(a[l], b[l], c[l]))
     }
+
+    #[inline(always)]
+    fn above(self, a: [f64; 4], b: [f64; 4]) -> u32 {
+        (0..4).fold(0, |bits, l| bits | u32::from(a[l] > b[l]) << l)
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -159,6 +167,12 @@ impl Path for pulp::x86::V3 {
     #[inline(always)]
     fn fused(self, a: pulp::f64x4, b: pulp::f64x4, c: pulp::f64x4) -> pulp::f64x4 {
         self.mul_add_f64x4(a, b, c)
+    }
+
+    #[inline(always)]
+    fn above(self, a: pulp::f64x4, b: pulp::f64x4) -> u32 {
+        // The sign of a mask is the bit.
+        self.avx._mm256_movemask_pd(pulp::cast(self.cmp_gt_f64x4(a, b))) as u32
     }
 }
 

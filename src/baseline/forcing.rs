@@ -115,7 +115,7 @@ impl Forcing {
     fn stand(&mut self, at: Instant) {
         self.t = self.clock.time(at).value();
         for p in &mut self.phasors {
-            (p.sin, p.cos) = libm::sincos(self.clock.angle(p.omega, p.order, at));
+            (p.sin, p.cos) = self.clock.sincos(p.omega, p.order, at);
         }
     }
 

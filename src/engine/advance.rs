@@ -3,13 +3,13 @@
 use std::{collections::BTreeMap, ops::ControlFlow};
 
 use super::{
-    EngineError, Observer, Outcome,
+    EngineError, Observer, Outcome, lane,
     leap::Leaps,
     state::{Counters, Options, Point, State},
     visit::{Arrival, Core, End, Place},
 };
 use crate::{
-    hybrid::{GuardSet, HybridSystem, Instant, JetField, Mode},
+    hybrid::{GuardSet, HybridSystem, Instant, JetField, Lane, Mode},
     integrate::{Arc, Integrator},
 };
 
@@ -29,6 +29,8 @@ pub struct Engine<'s> {
     /// The motions of the modes met.
     motions: BTreeMap<Mode, Met<'s>>,
     leaps: Leaps,
+    /// The way of what nobody looks at.
+    lane: Option<Box<dyn Lane + 's>>,
     /// Scratch for the state at the end of an arc, and for its low part.
     end: [Vec<f64>; 2],
     core: Core<'s>,
@@ -44,8 +46,9 @@ impl<'s> Engine<'s> {
         state: State,
     ) -> Self {
         let end = [state.x.clone(), state.x.clone()];
-        let core = Core::new(system, options, &state);
-        Self { integrator, point: Point::new(state), motions: BTreeMap::new(), leaps: Leaps::default(), end, core }
+        let (core, point) = (Core::new(system, options, &state), Point::new(state));
+        let lane = system.lane().filter(|_| !crate::old_steps());
+        Self { integrator, point, motions: BTreeMap::new(), leaps: Leaps::default(), lane, end, core }
     }
 
     /// Begins another run at `state`, with an `integrator` that has seen none: as a new engine, but for the motions that were met.
@@ -90,6 +93,19 @@ impl<'s> Engine<'s> {
             if self.core.counters.events >= self.core.options.max_events {
                 return Ok(Outcome::EventBudgetSpent);
             }
+            if let Some(lane) = self.lane.as_deref_mut().filter(|_| !observer.wants_anything()) {
+                match lane::go_on(lane, &mut self.core, &mut *self.integrator, &mut self.point, end) {
+                    Some(End::Bound) => break,
+                    Some(End::Rest(guards, accumulation)) => {
+                        if let Some(outcome) = self.core.rest(&mut self.point, guards, accumulation, observer)? {
+                            return Ok(outcome);
+                        }
+                        left = clock.between(self.state().at, end);
+                        continue;
+                    }
+                    _ => {}
+                }
+            }
             let switch = self.core.next_switch.filter(|s| clock.between(*s, end) >= 0.0);
             let ended = match switch {
                 Some(switch) if clock.between(self.state().at, switch) <= 0.0 => End::Bound,
@@ -123,7 +139,7 @@ impl<'s> Engine<'s> {
 
     /// One smooth arc up to `bound`; leaves the state where it ended, in the mode it ran in.
     fn arc(&mut self, bound: Instant, arrival: Arrival, observer: &mut dyn Observer) -> Result<End, EngineError> {
-        let Self { integrator, point, motions, leaps, end: [end, end_low], core } = self;
+        let Self { integrator, point, motions, leaps, end: [end, end_low], core, .. } = self;
         let mode = &point.state.jump.mode;
         if !motions.contains_key(mode) {
             if motions.len() >= MAX_MOTIONS {

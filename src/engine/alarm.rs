@@ -73,6 +73,12 @@ impl Alarm {
         self.ends.clear();
     }
 
+    /// The motion has gone on unwatched: no event waits for a switch.
+    pub fn go_past(&mut self) {
+        self.ends.clear();
+        self.waited = 0.0;
+    }
+
     /// Tests the start of a step against the end of the last one; `first` in an arc, where a switch may have changed forces.
     pub fn start(&mut self, system: &dyn HybridSystem, step: &dyn DenseStep, first: bool) -> Result<(), EngineError> {
         let tests = on() && !step.is_estimate();

@@ -67,6 +67,11 @@ impl EventIteration {
         self.stage == Stage::Open
     }
 
+    /// The guards that have fired at the instant.
+    pub fn fired(&self) -> &GuardSet {
+        &self.record.fired
+    }
+
     /// Opens the instant at which `state` stands, unless it is open.
     fn open(&mut self, state: &State) {
         if self.is_open() {
@@ -210,6 +215,16 @@ impl Core<'_> {
         let record = self.iteration.close(state)?;
         self.counters.add(record);
         (!is_silent && observer.event(record).is_break()).then_some(Outcome::StoppedByObserver)
+    }
+
+    /// A lane has gone on from the instant, if one was open, to `state`: its record is complete, and nothing carries over.
+    pub fn go_past(&mut self, state: &State) {
+        if let Some(record) = self.iteration.close(state) {
+            self.counters.add(record);
+        }
+        self.iteration.stage = Stage::Past;
+        self.alarm.go_past();
+        self.next_switch = self.system.next_switch(&state.jump.mode, state.at);
     }
 
     /// Resolves the instant at which the first step of an arc starts. If guards fire there again, they are returned. Otherwise the

@@ -4,6 +4,7 @@ mod advance;
 mod alarm;
 mod chatter;
 mod instant;
+mod lane;
 mod leap;
 mod observer;
 mod outcome;

@@ -39,6 +39,11 @@ pub trait Observer {
         true
     }
 
+    /// Whether it looks at anything at all. Where it does not, a run may go from event to event without telling of them.
+    fn wants_anything(&self) -> bool {
+        true
+    }
+
     /// A piece of smooth motion: the step, valid on `[0, until]`.
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let _ = (mode, step, until);
@@ -77,6 +82,10 @@ impl Observer for () {
     fn wants_events(&self) -> bool {
         false
     }
+
+    fn wants_anything(&self) -> bool {
+        false
+    }
 }
 
 /// Both watch; either may break off.
@@ -102,6 +111,10 @@ impl<A: Observer, B: Observer> Observer for (A, B) {
 
     fn wants_events(&self) -> bool {
         self.0.wants_events() || self.1.wants_events()
+    }
+
+    fn wants_anything(&self) -> bool {
+        self.0.wants_anything() || self.1.wants_anything()
     }
 
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
@@ -139,6 +152,10 @@ impl<T: Observer> Observer for Option<T> {
         self.as_ref().is_some_and(Observer::wants_events)
     }
 
+    fn wants_anything(&self) -> bool {
+        self.as_ref().is_some_and(Observer::wants_anything)
+    }
+
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         self.as_mut().map_or(ControlFlow::Continue(()), |observer| observer.step(mode, step, until))
     }
@@ -167,6 +184,10 @@ impl<T: Observer + ?Sized> Observer for &mut T {
 
     fn wants_events(&self) -> bool {
         (**self).wants_events()
+    }
+
+    fn wants_anything(&self) -> bool {
+        (**self).wants_anything()
     }
 
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {

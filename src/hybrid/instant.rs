@@ -61,6 +61,14 @@ impl Wide {
     /// Twice the circle constant.
     pub const TAU: Self = Self { hi: std::f64::consts::TAU, lo: 2.449_293_598_294_706_4e-16 };
 
+    /// As the sum with a [`Wide`] number that is a double.
+    #[must_use]
+    #[inline]
+    pub fn plus(self, b: f64) -> Self {
+        let s = Self::sum(self.hi, b);
+        Self::sum(s.hi, s.lo + self.lo)
+    }
+
     /// The nearest double.
     #[must_use]
     pub fn value(self) -> f64 {
@@ -165,6 +173,20 @@ impl Clock {
         self.normalised(Instant { cycle: at.cycle, phase: at.phase + dt.into() })
     }
 
+    /// As [`advance`](Self::advance), by a double.
+    #[must_use]
+    #[inline]
+    pub fn after(&self, at: Instant, dt: f64) -> Instant {
+        self.normalised(Instant { cycle: at.cycle, phase: at.phase.plus(dt) })
+    }
+
+    /// As [`between`](Self::between), to a few units in the last place of the times.
+    #[must_use]
+    #[inline]
+    pub fn roughly(&self, earlier: Instant, later: Instant) -> f64 {
+        (later.cycle - earlier.cycle) as f64 * self.period.hi + (later.phase.hi - earlier.phase.hi)
+    }
+
     #[inline]
     fn normalised(&self, at: Instant) -> Instant {
         // Most often the phase is in [0, T) as it is, and clear of both ends.
@@ -232,5 +254,18 @@ impl Clock {
         let a = self.time(at) * omega;
         let turns = (a.hi / Wide::TAU.hi).round();
         (a - Wide::TAU * turns).value()
+    }
+
+    /// Sine and cosine of [`angle`](Self::angle). In the period of an oscillator of the clock the part of the angle beyond a double turns
+    /// them, and no turn is taken off.
+    #[must_use]
+    #[inline]
+    pub fn sincos(&self, omega: f64, order: Option<u32>, at: Instant) -> (f64, f64) {
+        if order.is_none() {
+            return libm::sincos(self.angle(omega, order, at));
+        }
+        let angle = at.phase * omega;
+        let (sine, cosine) = libm::sincos(angle.hi);
+        (sine + angle.lo * cosine, cosine - angle.lo * sine)
     }
 }

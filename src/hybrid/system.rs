@@ -1,4 +1,4 @@
-use super::{Clock, GuardId, GuardSet, Instant, JetField, Mode, VectorField};
+use super::{Clock, GuardId, GuardSet, Instant, JetField, Lane, Mode, VectorField};
 
 /// Why a model could not carry out what the engine asked.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -55,6 +55,10 @@ pub trait HybridSystem {
     fn clock(&self) -> &Clock;
     /// The smooth motion of `mode`, compiled, where it knows its own Taylor series; one arc reads it and nothing else.
     fn motion<'a>(&'a self, mode: &Mode) -> Option<Box<dyn JetField + 'a>> {
+        None
+    }
+    /// A lane for motions that nobody looks at, where the system has one.
+    fn lane<'a>(&'a self) -> Option<Box<dyn Lane + 'a>> {
         None
     }
     /// The smooth motion of all modes, to be evaluated (the mode is handed to each call).

@@ -1,30 +1,25 @@
-//! A lane: the motion of a train of one degree of freedom with one contact, from cycle to cycle, with nothing that is not asked for.
+//! A lane: the motion of a train of one degree of freedom with one contact, from event to event, with nothing that is not asked for.
 //!
-//! What happens is what the engine does with the same leaps, and the numbers are the same to the last bit, up to the stretch of a closed
-//! contact that an engine keeps between cycles. A lane makes no record, raises no alarm and shows no step. Where a leap is not decided, or
-//! a contact comes to rest, it stops there, and an engine goes on from its state.
+//! What happens is what the engine does with the same leaps, and the numbers are the same to the last bit. A lane makes no record and shows
+//! no step. Where a leap is not decided, where numbers do not agree, or where a contact comes to rest, it stops, and an engine goes on.
 
-use std::cell::OnceCell;
-
-use smallvec::SmallVec;
+use std::rc::Rc;
 
 use super::{
     Motion,
     guards::ROUNDING,
-    leap::{Guard, SHARES, SHORTEST, combine, first_fall},
-    propagator::{DEGREE, Input, MOST_INPUTS, Propagator, load_size},
+    leap::MOST_LEAPS,
+    propagator::{MOST_INPUTS, Propagator},
 };
 use crate::{
     gear::contact::Law,
-    hybrid::{GuardSet, HybridSystem, Instant, JetRequest, Jump, Mode},
-    kernel::SMALL_STRETCH,
-    poly::{Pattern, Place, Row},
-    system::{Columns, ContactMode, Spring, Structure, Watch, Wave, contact_mode, dot, guard_id, set_contact},
+    hybrid::{self, GuardSet, HybridSystem, Instant, Jump, LaneHost, LanePoint, Lap, LapEnd, Mode, Rebound},
+    system::{Columns, ContactMode, Spring, Structure, Watch, contact_mode, dot, guard_id},
     vectors::{Path, Work},
 };
 
 /// Events of a cycle at most: where there are more, impacts come to rest.
-const MOST_EVENTS: usize = 256;
+const MOST_EVENTS: u64 = 256;
 /// States of a contact.
 const STATES: [ContactMode; 5] = [
     ContactMode::Separated,
@@ -33,6 +28,12 @@ const STATES: [ContactMode; 5] = [
     ContactMode::DriveDetached,
     ContactMode::BackDetached,
 ];
+/// Times its error, and the rounding of the state, that a guard may be off zero by the state where it falls.
+const AGREED: f64 = 10.0;
+/// Least time between an event and a switch after it, relative to the leap: nearer ones may be one instant.
+const BEFORE_SWITCH: f64 = 1e-9;
+/// Spans that a bound is away at least where it has no say.
+const FAR: f64 = 4.0;
 
 /// An event of a lane: what the contact was, what it is, and which guard fell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -65,40 +66,79 @@ pub(crate) struct Noted {
 }
 
 /// A mode that was met, ready to be leapt in.
-struct Gait<'s> {
-    motion: Motion<'s>,
-    /// What each guard leads to; of an impact nothing is kept.
-    edges: [OnceCell<(ContactMode, GuardSet)>; 3],
+pub(super) struct Gait<'s> {
+    /// The number of the contact in it.
+    number: u8,
+    state: ContactMode,
+    pub motion: Motion<'s>,
+    pub propagator: Option<Rc<Propagator>>,
+    /// The span of that, s.
+    span: f64,
+    /// Its flow is asked for.
+    pub is_exact: bool,
+    /// What each guard leads to, as of the first time, where it depends on nothing else.
+    edges: [Option<Edge>; 3],
 }
+
+/// What a guard leads to.
+#[derive(Clone, Copy)]
+struct Edge {
+    state: ContactMode,
+    zeros: [bool; 3],
+    /// The gait, where no schedule has a say in it.
+    gait: Option<usize>,
+}
+
+/// Where a lane stands.
+#[derive(Clone, Copy)]
+pub(super) struct Stand {
+    pub at: Instant,
+    pub x: [f64; 2],
+    /// Place of the mode among those met.
+    pub gait: usize,
+    /// Guards of the contact that are exactly zero, by [`Watch`].
+    pub zeros: [bool; 3],
+    /// Those that took an impulse.
+    struck: [bool; 3],
+    /// As of [`Jump`].
+    projected: f64,
+    /// As of [`JetField::carry`](hybrid::JetField::carry).
+    pub carried: f64,
+    /// The next known switching time of the mode.
+    switch: Option<Instant>,
+}
+
+/// `cos ωt` and `sin ωt` of the oscillators at an instant.
+type Waves = [[f64; 2]; MOST_INPUTS];
 
 /// See the head of this file.
 pub(crate) struct Lane<'s> {
-    structure: &'s Structure,
-    gaits: [OnceCell<Box<Gait<'s>>>; 5],
+    pub(super) structure: &'s Structure,
+    pub(super) gaits: Vec<Gait<'s>>,
     /// A jump changes the columns.
     salts: bool,
     is_rigid: bool,
-    at: Instant,
-    x: [f64; 2],
-    jump: Jump,
-    state: ContactMode,
-    carried: f64,
+    is_scheduled: bool,
+    pub(super) stand: Stand,
+    pub(super) waves: Waves,
 }
 
-/// Where a leap leads.
-struct Stride {
-    /// s.
-    time: f64,
-    x: [f64; 2],
-    /// Number of the guard that falls at its end.
-    falls: Option<usize>,
-    is_bound: bool,
-    carried: f64,
+/// Asks nothing.
+struct NoHost;
+
+impl LaneHost for NoHost {
+    fn is_exact(&mut self, _: &Mode) -> bool {
+        true
+    }
+
+    fn ends(&mut self, _: &Rebound) -> bool {
+        false
+    }
 }
 
 impl<'s> Lane<'s> {
     /// A lane for motions of `structure`; `None` for trains that are more than one degree of freedom and one contact with a linear law of
-    /// constant stiffness or a rigid one, under a forcing of one period.
+    /// constant stiffnesses or a rigid one, under a forcing of one period.
     pub fn new(structure: &'s Structure) -> Option<Self> {
         let [c] = &structure.contacts[..] else { return None };
         let (salts, is_rigid) = match c.spec.law {
@@ -107,270 +147,288 @@ impl<'s> Lane<'s> {
             _ => return None,
         };
         let is_periodic = structure.clock.period().is_some() && structure.oscillators.iter().all(|o| o.order.is_some());
-        let is_constant = is_rigid || matches!(c.spring, Spring::Constant(_));
-        let fits = structure.n == 1 && structure.dim == 2 && is_periodic && is_constant && !structure.is_conservative;
-        fits.then(|| Self {
-            structure,
-            gaits: [const { OnceCell::new() }; 5],
-            salts,
-            is_rigid,
+        let few = structure.n == 1 && structure.dim == 2 && structure.oscillators.len() <= MOST_INPUTS;
+        let stand = Stand {
             at: Instant::default(),
             x: [0.0; 2],
-            jump: Jump::default(),
-            state: ContactMode::Separated,
+            gait: 0,
+            zeros: [false; 3],
+            struck: [false; 3],
+            projected: 0.0,
             carried: f64::NAN,
+            switch: None,
+        };
+        (few && is_periodic && !structure.is_conservative).then(|| Self {
+            structure,
+            gaits: Vec::new(),
+            salts,
+            is_rigid,
+            is_scheduled: matches!(c.spring, Spring::Scheduled(_)),
+            stand,
+            waves: [[0.0; 2]; MOST_INPUTS],
         })
     }
 
-    /// Goes on from `x` at `at`, in the mode and with the exact zeros of `jump`.
-    pub fn place(&mut self, at: Instant, x: [f64; 2], jump: Jump) {
-        (self.state, self.carried) = (contact_mode(&jump.mode, 0), f64::NAN);
-        (self.at, self.x, self.jump) = (at, x, jump);
+    /// Whether stiffness changes at known times.
+    pub fn is_scheduled(&self) -> bool {
+        self.is_scheduled
+    }
+
+    /// Goes on from `x` at `at`, in the mode and with the exact zeros of `jump`; `false` if it cannot.
+    pub fn place(&mut self, at: Instant, x: [f64; 2], jump: &Jump) -> bool {
+        self.enter(at, x, jump, f64::NAN, &mut NoHost);
+        jump.still.is_empty()
+    }
+
+    fn enter(&mut self, at: Instant, x: [f64; 2], jump: &Jump, carried: f64, host: &mut dyn LaneHost) {
+        let of = |set: &GuardSet| [0, 1, 2].map(|watch| set.contains(hybrid::GuardId(watch)));
+        let (zeros, struck) = (of(&jump.pinned), of(&jump.struck));
+        let gait = self.meet(&jump.mode, host);
+        self.stand = Stand { at, x, gait, zeros, struck, projected: jump.projected, carried, switch: None };
+        self.stand.switch = self.next_switch();
+        self.turn();
+    }
+
+    /// The oscillators, where it stands.
+    #[inline(always)]
+    fn turn(&mut self) {
+        let (waves, at) = (&mut self.waves, self.stand.at);
+        self.structure.oscillate(at, |i, cosine, sine| waves[i] = [cosine, sine]);
+    }
+
+    #[inline(always)]
+    fn next_switch(&self) -> Option<Instant> {
+        if self.is_scheduled { self.structure.next_switch(&self.mode(), self.stand.at) } else { None }
+    }
+
+    /// The place of the gait of a mode.
+    fn meet(&mut self, mode: &Mode, host: &mut dyn LaneHost) -> usize {
+        let number = mode.get(0);
+        self.gaits.iter().position(|gait| gait.number == number).unwrap_or_else(|| {
+            let motion = Motion::new(self.structure, mode);
+            let propagator = motion.propagate();
+            let (state, is_exact) = (contact_mode(mode, 0), host.is_exact(mode));
+            let span = propagator.as_ref().map_or(0.0, |propagator| propagator.span);
+            self.gaits.push(Gait { number, state, motion, propagator, span, is_exact, edges: [None; 3] });
+            self.gaits.len() - 1
+        })
     }
 
     /// Where it stands.
     pub fn at(&self) -> Instant {
-        self.at
+        self.stand.at
     }
 
     /// The state.
     pub fn x(&self) -> [f64; 2] {
-        self.x
+        self.stand.x
+    }
+
+    fn mode(&self) -> Mode {
+        let mut mode = Mode::default();
+        mode.set(0, self.gaits[self.stand.gait].number);
+        mode
     }
 
     /// Mode and exact zeros.
-    pub fn jump(&self) -> &Jump {
-        &self.jump
+    pub fn jump(&self) -> Jump {
+        let Stand { zeros, struck, projected, .. } = self.stand;
+        let set = |of: [bool; 3]| (0..3).filter(|i| of[usize::from(*i)]).map(hybrid::GuardId).collect();
+        Jump { mode: self.mode(), pinned: set(zeros), still: GuardSet::default(), struck: set(struck), projected }
     }
 
     /// Runs to the start of the next cycle. `false` where it cannot decide what comes, and stands before it.
     pub fn cycle(&mut self, noted: &mut Noted) -> bool {
-        let structure = self.structure;
-        let end = structure.clock.at(self.at.cycle + 1, 0.0);
-        let mut events = 0;
-        loop {
-            let span = structure.clock.between(self.at, end);
-            if span <= 0.0 {
-                return true;
-            }
-            if events > MOST_EVENTS || !self.jump.still.is_empty() {
-                return false;
-            }
-            let gait = self.gaits[self.state as usize].get_or_init(|| {
-                let mut mode = Mode::default();
-                set_contact(&mut mode, 0, self.state);
-                Box::new(Gait { motion: Motion::new(structure, &mode), edges: [const { OnceCell::new() }; 3] })
-            });
-            let carried = [self.carried];
-            let request = JetRequest {
-                at: self.at,
-                x: &self.x,
-                low: &[],
-                pinned: &self.jump.pinned,
-                still: GuardSet::none(),
-                carried: if self.carried.is_nan() { &[] } else { &carried },
-                span,
-                tolerance: 0.0,
-            };
-            let stride = Forward { motion: &gait.motion, request: &request, columns: noted.columns.as_mut() };
-            let Some(stride) = structure.instructions.run(stride) else { return false };
-            noted.times[self.state as usize] += stride.time;
-            self.x = stride.x;
-            self.at = if stride.is_bound { end } else { structure.clock.advance(self.at, stride.time) };
-            self.carried = stride.carried;
-            self.jump.pinned = GuardSet::default();
-            if let Some(falls) = stride.falls {
-                events += 1;
-                let was = self.state;
-                let watch = gait.motion.guards[falls].watch;
-                if !self.fire(watch, noted) {
-                    return false;
-                }
-                if let Some(events) = &mut noted.events {
-                    events.push(Passed { was: was as u8, is: self.state as u8, watch: watch as u8 });
-                }
-            }
-        }
+        let bound = self.structure.clock.at(self.stand.at.cycle + 1, 0.0);
+        let ride =
+            Ride { lane: self, bound, events: MOST_EVENTS, noted, host: &mut NoHost, impact: None, returns: false };
+        ride.lane.structure.instructions.run(ride).end == LapEnd::Bound
     }
 
-    /// The contact's guard that watches `watch` falls here.
-    fn fire(&mut self, watch: Watch, noted: &mut Noted) -> bool {
-        let (s, was) = (self.structure, self.state);
-        if let Some(strikes) = noted.strikes.as_mut().filter(|_| was == ContactMode::Separated && watch.side() != 0.0) {
-            strikes.push([self.at.phase.value(), s.deflection(0, self.at, &self.x).1, watch.side()]);
-        }
-        let Some(gait) = self.gaits[was as usize].get() else { return false };
-        let zero = &gait.edges[watch as usize];
+    /// The guard that watches `watch` falls where it stands, and its value is known to `error` there. `false` if that is not decided here.
+    #[inline(always)]
+    fn fire(&mut self, watch: Watch, error: f64, noted: &mut Noted, host: &mut dyn LaneHost) -> bool {
+        let (s, gait, at) = (self.structure, self.stand.gait, self.stand.at);
+        let (c, was, side) = (&s.contacts[0], self.gaits[gait].state, watch.side());
         let salts = self.salts && noted.columns.is_some();
-        if let Some((is, pinned)) = zero.get().filter(|_| !salts) {
-            // As of the first time: of a compliant contact it depends on nothing else.
-            if watch.side() != 0.0 {
-                s.project(std::iter::once((0, watch.side())), self.at, &mut self.x, &mut []);
+        if let Some(strikes) = noted.strikes.as_mut().filter(|_| was == ContactMode::Separated && side != 0.0) {
+            strikes.push([at.phase.value(), s.deflection(0, at, &self.stand.x).1, side]);
+        }
+        let mut off = 0.0;
+        if side != 0.0 {
+            // As of `Structure::project`.
+            let mut displaced = c.spec.error_offset;
+            for w in &c.error {
+                displaced += w.cosine * self.waves[w.index][0] + w.sine * self.waves[w.index][1];
             }
-            set_contact(&mut self.jump.mode, 0, *is);
-            (self.state, self.jump.pinned) = (*is, pinned.clone());
+            off = side * c.gap() - (dot(&c.direction, &self.stand.x) - displaced);
+            if off.abs() > AGREED * (error + ROUNDING * s.deflection_size(c, &self.stand.x)) {
+                return false;
+            }
+        }
+        if !salts && let Some(Edge { state, zeros, gait }) = self.gaits[gait].edges[watch as usize] {
+            let struck = self.is_rigid && side != 0.0;
+            s.shift(std::iter::once(0), &[off], &mut self.stand.x[..1]);
+            self.stand.projected = off.abs();
+            self.stand.struck = [false; 3];
+            if struck {
+                let Some(projected) = s.rebound_alone(watch, at, &mut self.stand.x) else { return false };
+                self.stand.projected = projected.max(off.abs());
+                self.stand.struck = zeros;
+            }
+            let gait = gait.unwrap_or_else(|| {
+                let mut mode = self.mode();
+                s.enter(&mut mode, 0, state, at);
+                self.meet(&mode, host)
+            });
+            (self.stand.gait, self.stand.zeros) = (gait, zeros);
+            self.stand.switch = self.next_switch();
             return true;
         }
         let fired = GuardSet::from_iter([guard_id(0, watch)]);
-        self.jump.pinned = fired.clone();
-        let before = self.x;
-        let Ok(jump) = s.jump(&self.jump, &fired, self.at, &mut self.x, &mut []) else { return false };
+        let from = Jump { pinned: fired.clone(), ..self.jump() };
+        let before = self.stand.x;
+        let mut x = before;
+        let Ok(jump) = s.jump(&from, &fired, at, &mut x, &mut []) else { return false };
         if let Some(columns) = noted.columns.as_mut().filter(|_| salts) {
-            s.saltate((&self.jump, &jump), (&fired, false, false), self.at, (&before, &self.x), &[], columns);
+            s.saltate((&from, &jump), (&fired, false, false), at, (&before, &x), &[], columns);
         }
-        self.state = contact_mode(&jump.mode, 0);
-        if !self.is_rigid {
-            let _ = zero.set((self.state, jump.pinned.clone()));
+        self.enter(at, x, &jump, f64::NAN, host);
+        // A rebound leaves a rigid contact open; what else may follow an impact is decided each time.
+        if !self.is_rigid || side != 0.0 && self.stand.gait == gait && jump.still.is_empty() {
+            let (state, zeros) = (self.gaits[self.stand.gait].state, self.stand.zeros);
+            let to = Some(self.stand.gait).filter(|_| !self.is_scheduled || state == ContactMode::Separated);
+            self.gaits[gait].edges[watch as usize] = Some(Edge { state, zeros, gait: to });
         }
-        self.jump = jump;
-        true
+        jump.still.is_empty()
     }
 }
 
-/// The least and the largest of what is added to a value on the way: zero at its start, and coefficient i of n at `i/n` of `d_i`.
-#[inline(always)]
-fn range(row: &Row) -> [f64; 2] {
-    let (mut low, mut high) = ([0.0f64; 4], [0.0f64; 4]);
-    for (row, shares) in row.as_chunks::<4>().0.iter().zip(SHARES.as_chunks::<4>().0) {
-        for l in 0..4 {
-            let added = row[l] * shares[l];
-            // Comparisons that vectors have.
-            low[l] = if added < low[l] { added } else { low[l] };
-            high[l] = if added > high[l] { added } else { high[l] };
+impl hybrid::Lane for Lane<'_> {
+    fn run(&mut self, point: LanePoint<'_>, bound: Instant, events: u64, host: &mut dyn LaneHost) -> Lap {
+        let LanePoint { at, x, jump, carried, impact } = point;
+        self.enter(*at, [x[0], x[1]], jump, carried.first().copied().unwrap_or(f64::NAN), host);
+        let noted = &mut Noted::default();
+        let ride = Ride { lane: self, bound, events, noted, host, impact, returns: true };
+        let lap = ride.lane.structure.instructions.run(ride);
+        if lap != Lap::default() {
+            (*at, *jump) = (self.stand.at, self.jump());
+            x.copy_from_slice(&self.stand.x);
+            carried.clear();
+            carried.push(self.stand.carried);
         }
+        lap
     }
-    [low.into_iter().fold(0.0, f64::min), high.into_iter().fold(0.0, f64::max)]
 }
 
-/// A leap to be made.
-struct Forward<'a> {
-    motion: &'a Motion<'a>,
-    request: &'a JetRequest<'a>,
-    columns: Option<&'a mut Columns>,
+impl Structure {
+    /// A lane for motions that nobody looks at, where the train has one.
+    pub(crate) fn silent(&self) -> Option<Box<dyn hybrid::Lane + '_>> {
+        Lane::new(self).map(|lane| Box::new(lane) as Box<dyn hybrid::Lane>)
+    }
 }
 
-impl Work for Forward<'_> {
-    type Output = Option<Stride>;
+/// A way to be gone.
+struct Ride<'a, 's> {
+    lane: &'a mut Lane<'s>,
+    bound: Instant,
+    /// At most.
+    events: u64,
+    noted: &'a mut Noted,
+    host: &'a mut dyn LaneHost,
+    /// The guard of an impact where it starts.
+    impact: Option<hybrid::GuardId>,
+    /// From what is not decided it returns to the start of the last arc of which something was.
+    returns: bool,
+}
+
+impl Work for Ride<'_, '_> {
+    type Output = Lap;
 
     #[inline(always)]
-    fn on<P: Path>(self, _: P) -> Option<Stride> {
-        let propagator = self.motion.propagator.get_or_init(|| self.motion.propagate()).as_deref()?;
-        propagator.stride::<P>(self.motion, self.request, self.columns)
-    }
-}
-
-impl Propagator {
-    /// As [`leap`](Self::leap), for one degree of freedom with one contact, and without what an engine wants to know besides.
-    #[inline(always)]
-    fn stride<P: Path>(
-        &self,
-        motion: &Motion,
-        request: &JetRequest<'_>,
-        columns: Option<&mut Columns>,
-    ) -> Option<Stride> {
-        let s = motion.structure;
-        let (x, c) = (request.x, &s.contacts[0]);
-        let mut oscillators = [[0.0; 2]; MOST_INPUTS];
-        s.oscillate(request.at, |i, cosine, sine| oscillators[i] = [cosine, sine]);
-        let wave = |w: &[Wave]| {
-            w.iter().fold(0.0, |sum, w| sum + w.cosine * oscillators[w.index][0] + w.sine * oscillators[w.index][1])
-        };
-        let rate = || dot(&c.direction, &x[1..]) - wave(&c.error_rate);
-        let mut start = self.start(motion, request, 0, dot(&c.direction, x) - (c.spec.error_offset + wave(&c.error)));
-        if request.pinned.contains(guard_id(0, Watch::Force)) {
-            let error = ROUNDING * s.deflection_size(c, x);
-            let stretch = start.deflection - motion.parts[0].side * c.offset();
-            (start.stretch, start.error) = (motion.forceless(0, request.at, stretch, error, rate), error);
-        }
-        let mut z = [0.0; MOST_INPUTS];
-        for (z, input) in z.iter_mut().zip(&self.inputs) {
-            *z = match *input {
-                Input::Displacement(_) => x[0],
-                Input::Velocity(_) => x[1],
-                Input::Stretch(_) => start.stretch,
-                Input::Load => load_size(&s.load),
-                Input::Cosine(i) => oscillators[i][0],
-                Input::Sine(i) => oscillators[i][1],
-            };
-        }
-        let z = &z[..self.inputs.len()];
-        let error = |row: usize| self.rows[row].errors.iter().zip(z).fold(0.0, |sum, (e, z)| sum + e * z.abs());
-        let deflection: (Row, f64) = (combine::<P>(&self.rows[0].columns, z), error(0));
-        // Guards that are not clear of zero, and their numbers. By its control points the deflection stays within a range.
-        let mut guards: SmallVec<[Guard; 2]> = SmallVec::new();
-        let mut numbers = [0; 3];
-        let range = range(&deflection.0);
-        for (number, (watched, row)) in motion.guards.iter().zip(&self.guards).enumerate() {
-            let force;
-            let (row, error) = if *row == 0 {
-                &deflection
-            } else {
-                force = (combine::<P>(&self.rows[*row].columns, z), error(*row));
-                &force
-            };
-            let rate = if watched.watch == Watch::Force { rate() } else { 0.0 };
-            let [start, sign, rounding] = self.guard(motion, request, watched, &start, rate);
-            // A zero by chance is no exact one.
-            if start == 0.0 && rounding > 0.0 {
-                return None;
-            }
-            // Four roundings of the start are more than those of its coefficients.
-            let reach = if sign > 0.0 { range[0] } else { -range[1] };
-            if watched.watch != Watch::Force
-                && start != 0.0
-                && start + reach > rounding + *error + 4.0 * f64::EPSILON * start
-            {
-                continue;
-            }
-            let guard = Guard::new(start, sign, row, [rounding, *error]);
-            if guard.pattern != Pattern::Clear {
-                numbers[guards.len()] = number;
-                guards.push(guard);
-            }
-        }
-        let part = Guard::sharpen(&mut guards);
-        let bound = request.span / self.span;
-        let (fall, end) = first_fall::<P>(&guards, part, bound).filter(|(_, end)| *end >= SHORTEST)?;
-        let place = Place::new(end, DEGREE);
-        let weight = end * place.weight::<P>();
-        let added = |row: &[f64]| weight * place.value::<P>(row);
-        let mut after = [0.0; 2];
-        for ((after, x), columns) in after.iter_mut().zip(x).zip(&self.state) {
-            *after = *x + added(&combine::<P>(columns, z));
-        }
-        if let Some(columns) = columns {
-            // The derivative of the leap, `∂x(end)/∂x(start)`.
-            let mut flow = [[1.0, 0.0], [0.0, 1.0]];
-            for (flow, columns) in flow.iter_mut().zip(&self.state) {
-                for (input, column) in self.inputs.iter().zip(columns) {
-                    match *input {
-                        Input::Displacement(_) => flow[0] += added(column),
-                        Input::Stretch(_) => flow[0] += dot(&c.direction, &[1.0]) * added(column),
-                        Input::Velocity(_) => flow[1] += added(column),
-                        Input::Load | Input::Cosine(_) | Input::Sine(_) => {}
+    fn on<P: Path>(self, path: P) -> Lap {
+        let Self { lane, bound, events, noted, host, mut impact, returns } = self;
+        let (s, clock) = (lane.structure, lane.structure.clock);
+        let mut lap = Lap::default();
+        // The start of the last arc of which something was decided, and what was done up to there.
+        let (mut last, mut done) = (lane.stand, Lap::default());
+        'arcs: loop {
+            let mut leaps = 0;
+            loop {
+                let at = lane.stand.at;
+                let switch = match lane.stand.switch {
+                    None => None,
+                    Some(switch) => Some(switch).filter(|switch| clock.between(*switch, bound) >= 0.0),
+                };
+                // Far from the bound no more is to be known than that.
+                let mut span = clock.roughly(at, switch.unwrap_or(bound));
+                if span < FAR * lane.gaits[lane.stand.gait].span {
+                    span = clock.between(at, switch.unwrap_or(bound));
+                }
+                if span <= 0.0 && switch.is_none() {
+                    return Lap { end: LapEnd::Bound, ..lap };
+                }
+                if span <= 0.0 || leaps == MOST_LEAPS {
+                    break 'arcs;
+                }
+                let Some(stride) = lane.stride(path, span, impact.is_some(), noted.columns.as_mut()) else {
+                    break 'arcs;
+                };
+                let is_late = switch.is_some() && span - stride.time <= BEFORE_SWITCH * stride.time;
+                if stride.falls.is_some() && is_late {
+                    break 'arcs;
+                }
+                if leaps == 0 {
+                    if lap.events == events {
+                        break 'arcs;
                     }
+                    if let Some(guard) = impact.take() {
+                        let (derivatives, rounding) = stride.rebound[usize::from(guard.0)];
+                        let left = clock.between(at, switch.unwrap_or(bound));
+                        if host.ends(&Rebound { at, guard, derivatives, rounding, left }) {
+                            return Lap { arcs: lap.arcs + 1, steps: lap.steps + 1, end: LapEnd::Sequence, ..lap };
+                        }
+                    }
+                    (last, done) = (lane.stand, lap);
+                    lap.arcs += 1;
+                }
+                (lap.steps, leaps) = (lap.steps + 1, leaps + 1);
+                let was = lane.gaits[lane.stand.gait].state;
+                noted.times[was as usize] += stride.time;
+                let stand = &mut lane.stand;
+                stand.at = if stride.is_bound { switch.unwrap_or(bound) } else { clock.after(at, stride.time) };
+                (stand.x, stand.zeros, stand.carried) = (stride.x, [false; 3], stride.carried);
+                lane.turn();
+                if let Some((number, error)) = stride.falls {
+                    let watch = lane.gaits[lane.stand.gait].motion.guards[number].watch;
+                    if !lane.fire(watch, error, noted, host) {
+                        break 'arcs;
+                    }
+                    lap.events += 1;
+                    impact = lane.is_rigid.then_some(guard_id(0, watch)).filter(|_| watch != Watch::Force);
+                    if let Some(events) = &mut noted.events {
+                        let is = lane.gaits[lane.stand.gait].state;
+                        events.push(Passed { was: was as u8, is: is as u8, watch: watch as u8 });
+                    }
+                    continue 'arcs;
+                }
+                if stride.is_bound && switch.is_some() {
+                    let mode = s.switched(&lane.mode(), lane.stand.at);
+                    lane.stand.gait = lane.meet(&mode, host);
+                    lane.stand.switch = lane.next_switch();
+                    lap.switches += 1;
+                    continue 'arcs;
+                }
+                if stride.is_bound {
+                    return Lap { end: LapEnd::Bound, ..lap };
                 }
             }
-            let count = columns.count;
-            for l in 0..count {
-                let [q, v] = [columns.values[l], columns.values[count + l]];
-                columns.values[l] = flow[0][0] * q + flow[0][1] * v;
-                columns.values[count + l] = flow[1][0] * q + flow[1][1] * v;
-            }
         }
-        let mut carried = f64::NAN;
-        if fall.is_none() && !start.stretch.is_nan() && !motion.parts[0].is_bilateral() {
-            let stretch = start.stretch + added(&deflection.0);
-            if stretch.abs() < SMALL_STRETCH * s.deflection_size(c, &after) {
-                carried = stretch;
-            }
+        if returns {
+            lane.stand = last;
+            lane.turn();
+            lap = done;
         }
-        Some(Stride {
-            time: end * self.span,
-            x: after,
-            falls: fall.map(|fall| numbers[fall.index]),
-            is_bound: fall.is_none() && bound <= part,
-            carried,
-        })
+        lap
     }
 }

@@ -10,13 +10,13 @@ use super::{
     Motion, SMALL_STRETCH,
     guards::ROUNDING,
     motion::Watched,
-    propagator::{COUNT, DEGREE, Input, MOST_INPUTS, Propagator, WHOLE, load_size},
+    propagator::{Component, Input, MOST_INPUTS, MOST_TERMS, Propagator, load_size},
 };
 use crate::{
-    hybrid::{JetRequest, Known, Leap, Passage},
-    poly::{self, LENGTH, Pattern, Place, Row},
+    hybrid::{Instant, JetRequest, Known, Leap, Passage},
+    poly::{self, COUNT, LAST, Pattern, Place, Row, SHARES},
     system::{ContactMode, Elasticity, Force, Watch, Wave, dot, guard_id},
-    vectors::{Path, fused},
+    vectors::Path,
 };
 
 /// Times a span is halved before the signs count as undecided.
@@ -32,19 +32,18 @@ pub(super) const SHORTEST: f64 = 1.0 / 256.0;
 /// Times their widths that two falls, or a fall and the bound, are apart.
 const APART: f64 = 8.0;
 /// Times the error of a row that values formed afresh at its ends may differ.
-const AFRESH: f64 = 4.0;
+pub(super) const AFRESH: f64 = 4.0;
 
 /// `Σ columns_i z_i`.
 #[inline(always)]
-pub(super) fn combine<P: Path>(columns: &[[f64; COUNT]], z: &[f64]) -> Row {
-    let mut sum = [0.0; COUNT];
+pub(super) fn combine<P: Path>(path: P, columns: &[[f64; COUNT]], z: &[f64]) -> Row<P> {
+    let mut row = [path.all(0.0); COUNT / 4];
     for (column, z) in columns.iter().zip(z) {
-        for (sum, c) in sum.iter_mut().zip(column) {
-            *sum = fused::<P>(*c, *z, *sum);
+        let z = path.all(*z);
+        for (sum, c) in row.iter_mut().zip(column.as_chunks::<4>().0) {
+            *sum = path.fused(path.four(*c), z, *sum);
         }
     }
-    let mut row = [0.0; LENGTH];
-    row[..COUNT].copy_from_slice(&sum);
     row
 }
 
@@ -57,83 +56,95 @@ pub(super) struct Start {
     pub error: f64,
 }
 
-/// A guard on a span: Bernstein coefficients on the part of it that is looked at, of the guard over θ if it starts at an exact zero.
-pub(super) struct Guard {
-    b: Row,
-    degree: usize,
-    /// Its value at the start, and the sign that its row has in it.
-    start: f64,
-    sign: f64,
-    /// Error of the value at the start, and of the coefficients that are added to it.
-    errors: [f64; 2],
-    pub pattern: Pattern,
+/// What is known of a contact where a span starts.
+pub(super) struct Given<'a> {
+    pub at: Instant,
+    pub x: &'a [f64],
+    /// Size of the terms whose sum is its deflection, m.
+    pub size: f64,
+    /// Its guards that are exactly zero, by [`Watch`].
+    pub zeros: [bool; 3],
+    /// As of [`JetField::carry`](crate::hybrid::JetField::carry); NaN where nothing is known.
+    pub carried: f64,
 }
 
-impl Guard {
+impl<'a> Given<'a> {
+    fn new(motion: &Motion, request: &JetRequest<'a>, j: usize) -> Self {
+        let zeros = [Watch::DriveFlank, Watch::BackFlank, Watch::Force]
+            .map(|watch| request.pinned.contains(guard_id(j, watch)));
+        let size = motion.structure.deflection_size(&motion.structure.contacts[j], request.x);
+        Self { at: request.at, x: request.x, size, zeros, carried: request.carried.get(j).copied().unwrap_or(f64::NAN) }
+    }
+
+    pub fn is_zero(&self, watch: Watch) -> bool {
+        self.zeros[watch as usize]
+    }
+}
+
+/// A guard on a span, `start + θ p(θ)`, or `θ p(θ)` if it starts at an exact zero.
+pub(super) struct Guard<P: Path> {
+    row: Row<P>,
+    /// Its value at the start, and the sign that the row of its contact has in it.
+    start: f64,
+    sign: f64,
+    /// Error of the value at the start, and of the row.
+    errors: [f64; 2],
+    pub pattern: Pattern,
+    /// Where its control polygon falls.
+    guess: f64,
+}
+
+impl<P: Path> Guard<P> {
     #[inline(always)]
-    pub fn new(start: f64, sign: f64, row: &Row, errors: [f64; 2]) -> Self {
-        let mut b = [0.0; LENGTH];
-        let degree = if start == 0.0 { DEGREE } else { WHOLE };
-        if start == 0.0 {
-            b.iter_mut().zip(row).for_each(|(b, d)| *b = sign * d);
-        } else {
-            // θ Σ d_i B_i raises the degree by one: coefficient i is i/n of d_{i−1}.
-            b[0] = start;
-            for (i, (b, d)) in b[1..=WHOLE].iter_mut().zip(row).enumerate() {
-                *b = start + sign * d * SHARES[i];
+    pub fn new(path: P, start: f64, sign: f64, row: &Row<P>, errors: [f64; 2]) -> Self {
+        let mut row = *row;
+        if sign < 0.0 {
+            for four in &mut row {
+                *four = path.times(*four, path.all(-1.0));
             }
         }
-        let pattern = poly::pattern(&b[..=degree], errors[0] + errors[1]);
-        Self { b, degree, start, sign, errors, pattern }
+        let (pattern, guess) = poly::pattern(path, start, &row, errors[0] + errors[1]);
+        Self { row, start, sign, errors, pattern, guess }
     }
 
     /// Halves the span until the signs of all tell what they do on it. The part that is left of it.
     #[inline(always)]
-    pub fn sharpen(guards: &mut [Self]) -> f64 {
+    pub fn sharpen(path: P, guards: &mut [Self]) -> f64 {
+        let is_clear = |guards: &[Self]| guards.iter().all(|g| g.pattern != Pattern::Unclear);
+        if is_clear(guards) { 1.0 } else { Self::halve_all(path, guards) }
+    }
+
+    fn halve_all(path: P, guards: &mut [Self]) -> f64 {
         let mut part = 1.0;
+        let mut all: SmallVec<[([f64; COUNT + 1], usize); FEW]> =
+            guards.iter().map(|guard| poly::coefficients(path, guard.start, &guard.row)).collect();
         for _ in 0..HALVINGS {
+            part *= 0.5;
+            for (guard, (b, count)) in guards.iter_mut().zip(&mut all).filter(|(g, _)| g.pattern != Pattern::Clear) {
+                let b = &mut b[..*count];
+                // A coefficient is a mean of means, each rounded by half a unit of the largest.
+                let largest = b.iter().fold(0.0, |m: f64, b| m.max(b.abs()));
+                guard.errors[1] += 0.5 * f64::EPSILON * (*count - 1) as f64 * largest;
+                poly::halve(b);
+                let (pattern, guess) = poly::pattern_of(b, guard.errors[0] + guard.errors[1]);
+                (guard.pattern, guard.guess) = (pattern, part * guess);
+            }
             if guards.iter().all(|g| g.pattern != Pattern::Unclear) {
                 break;
             }
-            guards.iter_mut().for_each(Self::halve);
-            part *= 0.5;
         }
         part
     }
 
-    fn halve(&mut self) {
-        if self.pattern != Pattern::Clear {
-            let b = &mut self.b[..=self.degree];
-            // A coefficient is a mean of means, each rounded by half a unit of the largest.
-            let largest = b.iter().fold(0.0, |m: f64, b| m.max(b.abs()));
-            self.errors[1] += 0.5 * f64::EPSILON * self.degree as f64 * largest;
-            poly::halve(b);
-            self.pattern = poly::pattern(b, self.errors[0] + self.errors[1]);
-        }
-    }
-
     /// Where on the span the guard falls, on the first `part` of it.
     #[inline(always)]
-    fn fall<P: Path>(&self, index: usize, part: f64) -> Option<Fall> {
-        let (place, [value, slope]) = poly::fall::<P>(&self.b, self.degree)?;
-        let (theta, slope) = (place * part, slope / part);
+    fn fall(&self, path: P, index: usize, part: f64) -> Option<Fall> {
+        let (theta, [value, slope]) = poly::fall(path, self.start, &self.row, self.guess, part)?;
         let error = self.errors[0] + theta * self.errors[1];
-        let is_deflated = self.degree == DEGREE;
-        let [value, slope] = if is_deflated { [theta * value, value + theta * slope] } else { [value, slope] };
+        let [value, slope] = if self.start == 0.0 { [theta * value, value + theta * slope] } else { [value, slope] };
         Some(Fall { index, theta, value, slope, error })
     }
 }
-
-/// `(i + 1)/WHOLE`.
-pub(super) const SHARES: [f64; WHOLE] = {
-    let mut shares = [0.0; WHOLE];
-    let mut i = 0;
-    while i < WHOLE {
-        shares[i] = (i + 1) as f64 / WHOLE as f64;
-        i += 1;
-    }
-    shares
-};
 
 /// A guard falls through zero: value and slope by θ, and the error of the value.
 #[derive(Clone, Copy)]
@@ -142,7 +153,7 @@ pub(super) struct Fall {
     theta: f64,
     value: f64,
     slope: f64,
-    error: f64,
+    pub error: f64,
 }
 
 impl Fall {
@@ -153,14 +164,14 @@ impl Fall {
 
 /// The first fall on the first `part` of a span and before the `bound`, and where the leap ends; `None` if that is not decided.
 #[inline(always)]
-pub(super) fn first_fall<P: Path>(guards: &[Guard], part: f64, bound: f64) -> Option<(Option<Fall>, f64)> {
+pub(super) fn first_fall<P: Path>(path: P, guards: &[Guard<P>], part: f64, bound: f64) -> Option<(Option<Fall>, f64)> {
     let (mut first, mut later): (Option<Fall>, f64) = (None, f64::INFINITY);
     let earliest = |fall: &Fall| fall.theta - APART * fall.width();
     for (i, guard) in guards.iter().enumerate() {
         let fall = match guard.pattern {
             Pattern::Clear => continue,
             Pattern::Unclear => return None,
-            Pattern::Falls => guard.fall::<P>(i, part),
+            Pattern::Falls => guard.fall(path, i, part),
         };
         let fall = fall.filter(|fall| fall.slope < 0.0 && fall.width() <= SHARP * fall.theta)?;
         match &mut first {
@@ -182,23 +193,24 @@ pub(super) fn first_fall<P: Path>(guards: &[Guard], part: f64, bound: f64) -> Op
 
 impl Propagator {
     /// The first three derivatives in time of `θ Σ d_i B_i` at the start.
-    fn derivatives(&self, d: &Row) -> [f64; 3] {
-        let (n, rate) = (DEGREE as f64, self.span.recip());
+    pub(super) fn derivatives(&self, d: &[f64; COUNT]) -> [f64; 3] {
+        let (n, rate) = (LAST as f64, self.span.recip());
         let [first, second] = [d[1] - d[0], d[2] - 2.0 * d[1] + d[0]];
         [d[0] * rate, 2.0 * n * first * rate * rate, 3.0 * n * (n - 1.0) * second * rate * rate * rate]
     }
 
     /// Where contact `j` starts, `deflection` away from its middle by the state.
-    pub(super) fn start(&self, motion: &Motion, request: &JetRequest<'_>, j: usize, deflection: f64) -> Start {
+    #[inline(always)]
+    pub(super) fn start(&self, motion: &Motion, given: &Given<'_>, j: usize, deflection: f64) -> Start {
         let (c, part) = (&motion.structure.contacts[j], &motion.parts[j]);
         let is_open = part.state == ContactMode::Separated;
-        let flank = |watch: Watch| request.pinned.contains(guard_id(j, watch)).then_some(watch.side() * c.gap());
+        let flank = |watch: Watch| given.is_zero(watch).then_some(watch.side() * c.gap());
         if let Some(flank) = flank(Watch::DriveFlank).or_else(|| flank(Watch::BackFlank)) {
             let stretch = if is_open { 0.0 } else { flank - part.side * c.offset() };
             return Start { deflection: flank, stretch, error: 0.0 };
         }
-        let size = motion.structure.deflection_size(c, request.x);
-        match request.carried.get(j).copied().filter(|stretch| !stretch.is_nan()) {
+        let size = given.size;
+        match Some(given.carried).filter(|stretch| !stretch.is_nan()) {
             Some(stretch) => Start { deflection, stretch, error: ROUNDING * stretch.abs() },
             None if is_open => Start { deflection, stretch: f64::NAN, error: ROUNDING * size },
             None => Start { deflection, stretch: deflection - part.side * c.offset(), error: ROUNDING * size },
@@ -206,33 +218,36 @@ impl Propagator {
     }
 
     /// Value of a guard at the start, the sign of its row, and the error of the value.
+    #[inline(always)]
     pub(super) fn guard(
         &self,
         motion: &Motion,
-        request: &JetRequest<'_>,
+        given: &Given<'_>,
         watched: &Watched,
         start: &Start,
         rate: f64,
     ) -> [f64; 3] {
-        let Watched { id, contact: j, watch, sign } = *watched;
+        let Watched { contact: j, watch, sign, .. } = *watched;
         let (s, part) = (motion.structure, &motion.parts[j]);
         let c = &s.contacts[j];
         if watch == Watch::Force {
-            let Some(Force::Linear { stiffness: Elasticity::Constant(k), damping }) = part.force() else {
-                return [f64::NAN; 3];
+            let Some(Force::Linear { stiffness, damping }) = part.force() else { return [f64::NAN; 3] };
+            let k = match stiffness {
+                Elasticity::Constant(k) => k,
+                varying => s.stiffness_at(j, varying, given.at).0,
             };
             let along = sign * part.side;
-            if request.pinned.contains(id) {
+            if given.is_zero(watch) {
                 return [0.0, along, 0.0];
             }
-            let error = k * start.error + ROUNDING * damping * s.rate_size(c, request.x);
+            let error = k * start.error + ROUNDING * damping * s.rate_size(c, given.x);
             return [along * (k * start.stretch + damping * rate), along, error];
         }
         let along = if watch == Watch::DriveFlank { -sign } else { sign };
         if part.side != 0.0 {
             return [part.side * start.stretch, along, start.error];
         }
-        if request.pinned.contains(id) {
+        if given.is_zero(watch) {
             return [0.0, along, 0.0];
         }
         let by_state = c.gap() + along * start.deflection;
@@ -242,13 +257,13 @@ impl Propagator {
         if is_known && known != 0.0 && !known.is_nan() {
             [known, along, start.error]
         } else {
-            [by_state, along, ROUNDING * s.deflection_size(c, request.x)]
+            [by_state, along, ROUNDING * given.size]
         }
     }
 
     /// The way from `request` to the first event, to the bound or to the end of the span; `false` where the signs do not decide.
     #[inline(always)]
-    pub fn leap<P: Path>(&self, motion: &Motion, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
+    pub fn leap<P: Path>(&self, path: P, motion: &Motion, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
         let s = motion.structure;
         let (n, x) = (s.n, request.x);
         let mut oscillators = [[0.0; 2]; MOST_INPUTS];
@@ -260,44 +275,49 @@ impl Propagator {
         let mut starts: SmallVec<[Start; FEW]> = SmallVec::new();
         for (j, c) in s.contacts.iter().enumerate() {
             let deflection = dot(&c.direction, x) - (c.spec.error_offset + wave(&c.error));
-            starts.push(self.start(motion, request, j, deflection));
-            if request.pinned.contains(guard_id(j, Watch::Force)) {
-                let (start, error) = (&mut starts[j], ROUNDING * s.deflection_size(c, x));
+            let given = Given::new(motion, request, j);
+            starts.push(self.start(motion, &given, j, deflection));
+            if given.is_zero(Watch::Force) {
+                let (start, error) = (&mut starts[j], ROUNDING * given.size);
                 let stretch = start.deflection - motion.parts[j].side * c.offset();
                 (start.stretch, start.error) = (motion.forceless(j, request.at, stretch, error, || rate(j)), error);
             }
         }
-        let mut z = [0.0; MOST_INPUTS];
-        for (z, input) in z.iter_mut().zip(&self.inputs) {
-            *z = match *input {
+        let mut z: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
+        let angles = self.angles(motion, request.at);
+        for (input, wave) in &self.terms {
+            let value = match *input {
                 Input::Displacement(i) => x[i],
                 Input::Velocity(i) => x[n + i],
                 Input::Stretch(j) => starts[j].stretch,
                 Input::Load => load_size(&s.load),
+                Input::Forcing => 1.0,
                 Input::Cosine(i) => oscillators[i][0],
                 Input::Sine(i) => oscillators[i][1],
             };
+            z.push(value * angles[*wave]);
         }
-        let z = &z[..self.inputs.len()];
-        let mut rows: SmallVec<[(Row, f64); FEW]> = SmallVec::new();
+        let z = &z[..];
+        let mut rows: SmallVec<[(Row<P>, f64); FEW]> = SmallVec::new();
         for row in &self.rows {
             let error = row.errors.iter().zip(z).fold(0.0, |sum, (e, z)| sum + e * z.abs());
-            rows.push((combine::<P>(&row.columns, z), error));
+            rows.push((combine(path, &row.columns, z), error));
         }
-        let mut guards: SmallVec<[Guard; FEW]> = SmallVec::new();
+        let mut guards: SmallVec<[Guard<P>; FEW]> = SmallVec::new();
         for (watched, row) in motion.guards.iter().zip(&self.guards) {
             let (j, (row, error)) = (watched.contact, &rows[*row]);
             let rate = if watched.watch == Watch::Force { rate(j) } else { 0.0 };
-            let [start, sign, rounding] = self.guard(motion, request, watched, &starts[j], rate);
+            let [start, sign, rounding] =
+                self.guard(motion, &Given::new(motion, request, j), watched, &starts[j], rate);
             // A zero by chance is no exact one.
             if start == 0.0 && rounding > 0.0 {
                 return false;
             }
-            guards.push(Guard::new(start, sign, row, [rounding, *error]));
+            guards.push(Guard::new(path, start, sign, row, [rounding, *error]));
         }
-        let part = Guard::sharpen(&mut guards);
+        let part = Guard::sharpen(path, &mut guards);
         let bound = request.span / self.span;
-        let decided = first_fall::<P>(&guards, part, bound).filter(|(_, end)| *end >= SHORTEST);
+        let decided = first_fall(path, &guards, part, bound).filter(|(_, end)| *end >= SHORTEST);
         let Some((fall, end)) = decided else { return false };
         leap.is_bound = fall.is_none() && bound <= part;
         leap.passage = fall.map(|fall| Passage {
@@ -309,21 +329,25 @@ impl Propagator {
             slope: fall.slope / self.span,
             error: fall.error,
         });
-        let place = Place::new(end, DEGREE);
-        let weight = end * place.weight::<P>();
+        let place = Place::new(path, end);
+        let weight = end * place.weight();
         leap.x.clear();
         leap.x.extend_from_slice(x);
         leap.sizes.clear();
-        let reached = ((end * WHOLE as f64) as usize + 1).min(COUNT);
+        let reached = ((end * COUNT as f64) as usize + 1).min(COUNT);
         for (x, columns) in leap.x.iter_mut().zip(&self.state) {
-            let row = combine::<P>(columns, z);
+            let row = match columns {
+                Component::Own(columns) => combine(path, columns, z),
+                Component::Row(row) => rows[*row].0,
+            };
             // By its control points, coefficient i of degree n lying at i/n.
-            let points = row[..reached].iter().zip(&SHARES).map(|(d, share)| (*x + share * d).abs());
+            let numbers = poly::numbers(path, &row);
+            let points = numbers[..reached].iter().zip(&SHARES).map(|(d, share)| (*x + share * d).abs());
             leap.sizes.push(points.fold(x.abs(), f64::max));
-            *x += weight * place.value::<P>(&row);
+            *x += weight * place.value(path, &row);
         }
         leap.time = end * self.span;
-        let added = |row: &Row| weight * place.value::<P>(row);
+        let added = |row: &Row<P>| weight * place.value(path, row);
         leap.starts.clear();
         leap.starts.extend(motion.guards.iter().zip(&guards).zip(&self.guards).map(|((watched, guard), row)| {
             let (c, size) = (&s.contacts[watched.contact], s.deflection_size(&s.contacts[watched.contact], x));
@@ -335,7 +359,7 @@ impl Propagator {
             };
             // As if nothing were known but the state: what follows from that over the span counts too.
             let error = ROUNDING * size + AFRESH * guard.errors[1];
-            let derivatives = self.derivatives(&rows[*row].0).map(|d| guard.sign * d);
+            let derivatives = self.derivatives(&poly::numbers(path, &rows[*row].0)).map(|d| guard.sign * d);
             Known { guard: watched.id, value: guard.start, error, terms: guard.start.abs(), derivatives }
         }));
         leap.ends.clear();

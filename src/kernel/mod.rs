@@ -14,12 +14,14 @@ mod bare;
 mod bound;
 mod clock;
 mod defect;
+mod formed;
 mod fours;
 mod guards;
 mod lane;
 mod leap;
 mod linear;
 mod low;
+mod modulated;
 mod motion;
 mod nodes;
 mod piece;
@@ -30,6 +32,7 @@ mod reach;
 mod rooted;
 mod rows;
 mod sizes;
+mod stride;
 
 pub(crate) use lane::{Lane, Noted, Passed};
 
@@ -198,7 +201,7 @@ impl Work for Forward<'_> {
         (leap.is_series, leap.splits, leap.twins) = (false, 0, GuardSet::default());
         // No closure around what is to be compiled for P: it would be a function of its own.
         match motion.propagator.get_or_init(|| motion.propagate()) {
-            Some(propagator) => made < MOST_LEAPS && propagator.leap::<P>(motion, request, leap),
+            Some(propagator) => made < MOST_LEAPS && propagator.leap(path, motion, request, leap),
             None => match motion.pressed.get_or_init(|| Pressed::new(motion)) {
                 Some(pressed) => made < MOST_LEAPS && pressed.leap::<P>(motion, request, leap),
                 None => !shown && motion.bare(path, request, leap),

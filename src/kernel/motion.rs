@@ -131,6 +131,14 @@ impl<'s> Motion<'s> {
     }
 }
 
+impl Motion<'_> {
+    /// Some stiffness rises along a ramp.
+    pub fn has_ramp(&self) -> bool {
+        let is_ramp = |p: &Part| matches!(p.force(), Some(Force::Linear { stiffness: Elasticity::Ramp { .. }, .. }));
+        self.parts.iter().any(is_ramp)
+    }
+}
+
 impl Structure {
     /// The motion in `mode`, compiled.
     pub(crate) fn compile(&self, mode: &Mode) -> Box<dyn JetField + '_> {

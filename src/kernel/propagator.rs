@@ -9,39 +9,48 @@
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use std::{cell::RefCell, collections::HashMap, rc::Rc, sync::LazyLock};
+use std::sync::LazyLock;
 
 use smallvec::SmallVec;
 
-use super::{Motion, motion::Watched};
+use super::{
+    Motion,
+    modulated::{COARSE, MOST_DEGREES, Modulation},
+    motion::Watched,
+};
 use crate::{
-    hybrid::Wide,
+    hybrid::{Instant, Wide},
+    poly::COUNT,
     system::{Acting, Contact, Elasticity, Force, Watch, Wave},
 };
 
-/// Coefficients of a row: degree 19, five vectors of four.
-pub(super) const COUNT: usize = 20;
-/// Degree of a row, and of one that is not zero at its start.
-pub(super) const DEGREE: usize = COUNT - 1;
-pub(super) const WHOLE: usize = COUNT;
 /// Powers of θ in the Taylor series that a row is made from. The rest is below 2e-21 of the first,
 /// `40·4.5⁴⁰/40!` over 4.5.
-const TERMS: usize = 40;
+pub(super) const TERMS: usize = 40;
 /// The span times the mode's fastest rate, rad: what the series cut after T₁₉ leave out is below 1e-17 of the first terms.
 const REACH: f64 = 4.5;
+/// Powers in that of a mode whose stiffness follows the forcing.
+pub(super) const MOST_POWERS: usize = 56;
 /// Most components that a span may start from.
 pub(super) const MOST_INPUTS: usize = 16;
-/// Degrees of freedom up to which a product with all columns is cheaper than a recurrence.
-const MOST_FREEDOMS: usize = 3;
+/// Most terms that the motion over a span is a sum of.
+pub(super) const MOST_TERMS: usize = 160;
+/// A column this small beside that of degree zero is part of the error of that.
+const NEGLIGIBLE: f64 = 1e-19;
+/// Shortest span that a modulated mode is worth a propagator for, in [`REACH`], and what may be cut there.
+pub(super) const SHORTEST: f64 = 0.25;
+pub(super) const CUT: f64 = 1e-16;
+/// Room for [`Propagator::angles`].
+const MOST_ANGLES: usize = 2 * MOST_DEGREES + 1;
 /// Roundings of a value of a row in units of ε, besides half a unit for each input that its coefficients are summed over: half for the
 /// columns, one and a half for an angle and its cosine, four each for the polynomials of the basis and the sum over them.
 const ROUNDED: f64 = 10.0;
 
 /// The powers of θ as Bernstein coefficients of their Chebyshev series cut after T₁₉, and what is cut.
 struct Powers {
-    high: [[f64; COUNT]; TERMS],
-    low: [[f64; COUNT]; TERMS],
-    cut: [f64; TERMS],
+    high: [[f64; COUNT]; MOST_POWERS],
+    low: [[f64; COUNT]; MOST_POWERS],
+    cut: [f64; MOST_POWERS],
 }
 
 static POWERS: LazyLock<Box<Powers>> = LazyLock::new(|| {
@@ -65,11 +74,15 @@ static POWERS: LazyLock<Box<Powers>> = LazyLock::new(|| {
             }
         }
     }
-    let mut powers = Box::new(Powers { high: [[0.0; COUNT]; TERMS], low: [[0.0; COUNT]; TERMS], cut: [0.0; TERMS] });
+    let mut powers = Box::new(Powers {
+        high: [[0.0; COUNT]; MOST_POWERS],
+        low: [[0.0; COUNT]; MOST_POWERS],
+        cut: [0.0; MOST_POWERS],
+    });
     // θᵐ = Σ a_k T_k, from θ T_k = (T_{k+1} + 2 T_k + T_{|k−1|})/4.
-    let mut a = [Wide::default(); TERMS + 1];
+    let mut a = [Wide::default(); MOST_POWERS + 1];
     a[0] = 1.0.into();
-    for m in 0..TERMS {
+    for m in 0..MOST_POWERS {
         for i in 0..COUNT {
             let sum = (0..COUNT).fold(Wide::default(), |sum, k| sum + a[k] * chebyshev[k][i]);
             (powers.high[m][i], powers.low[m][i]) = (sum.hi, sum.lo);
@@ -100,11 +113,13 @@ pub(super) enum Input {
     Cosine(usize),
     /// `sin ωt`.
     Sine(usize),
+    /// One: all loads and errors together, where the stiffness follows the forcing.
+    Forcing,
 }
 
 /// What is propagated besides the state.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Output {
+pub(super) enum Output {
     Deflection(usize),
     Force(Acting),
 }
@@ -116,23 +131,35 @@ pub(super) struct Columns {
     pub errors: Box<[f64]>,
 }
 
+/// A component of the state.
+#[derive(Debug)]
+pub(super) enum Component {
+    /// Its columns.
+    Own(Box<[[f64; COUNT]]>),
+    /// The row that has the same ones.
+    Row(usize),
+}
+
 /// The motion of a mode over one span.
 #[derive(Debug)]
 pub(super) struct Propagator {
     /// s.
     pub span: f64,
-    pub inputs: Box<[Input]>,
-    /// The state: for each component its columns.
-    pub state: Box<[Box<[[f64; COUNT]]>]>,
+    /// What it is a sum of: an input times one of `1, cos φ, sin φ, cos 2φ, …`.
+    pub terms: Box<[(Input, usize)]>,
+    /// Where the stiffness follows the forcing: rad/s and order of the wave of angle φ, and the largest degree.
+    pub modulation: Option<(f64, u32, usize)>,
+    /// The state.
+    pub state: Box<[Component]>,
     pub rows: Box<[Columns]>,
     /// For each guard its row.
     pub guards: Box<[usize]>,
 }
 
 /// Taylor coefficients of the state, and of deflections and forces, from order 1 on, for one unit input.
-struct Series {
-    state: Vec<Vec<Wide>>,
-    rows: Vec<Vec<Wide>>,
+pub(super) struct Series {
+    pub state: Vec<Vec<Wide>>,
+    pub rows: Vec<Vec<Wide>>,
 }
 
 /// The series of a motion with `input` one and all else zero, over `span`.
@@ -149,7 +176,7 @@ fn taylor(motion: &Motion, span: f64, input: Input, outputs: &[Output]) -> Serie
         Input::Displacement(i) => x[i] = one,
         Input::Velocity(i) => x[n + i] = one,
         Input::Stretch(j) => stretches[j] = one,
-        Input::Load => {}
+        Input::Load | Input::Forcing => {}
         Input::Cosine(i) => waves[i][0] = one,
         Input::Sine(i) => waves[i][1] = one,
     }
@@ -216,7 +243,7 @@ pub(super) fn load_size(load: &[f64]) -> f64 {
 }
 
 /// Bernstein coefficients of `Σ series_k θᵏ⁻¹` cut after T₁₉, and a bound on what is cut of them.
-fn column(series: &[Wide]) -> ([f64; COUNT], f64) {
+fn column(series: &[Wide], is_coarse: bool) -> ([f64; COUNT], f64) {
     if series.iter().all(|a| a.hi == 0.0) {
         return ([0.0; COUNT], 0.0);
     }
@@ -225,7 +252,7 @@ fn column(series: &[Wide]) -> ([f64; COUNT], f64) {
     for (m, a) in series.iter().enumerate() {
         cut += a.hi.abs() * powers.cut[m];
         // From here on terms are below 4.5²¹/21!, 1e-6, and so is their part in the rounding.
-        if m >= COUNT {
+        if is_coarse || m >= COUNT {
             for i in 0..COUNT {
                 low[i] += a.hi * powers.high[m][i];
             }
@@ -273,85 +300,43 @@ impl Motion<'_> {
         });
         loads.sum::<f64>() + contacts.sum::<f64>()
     }
-
-    /// The propagator of the mode, where it pays: few degrees of freedom, linear laws, constant stiffnesses, nothing at rest.
-    pub(super) fn propagate(&self) -> Option<Rc<Propagator>> {
-        let s = self.structure;
-        let few = s.n <= MOST_FREEDOMS && s.oscillators.len() <= MOST_INPUTS && s.symmetry.is_empty();
-        let is_simple = self.is_linear && !self.is_varying && self.held.is_none() && !s.is_conservative;
-        if !(few && is_simple) {
-            return None;
-        }
-        let numbers = self.numbers();
-        if let Some(known) = FORMED.with_borrow(|formed| formed.get(&numbers).cloned()) {
-            return Some(known);
-        }
-        let propagator = Rc::new(Propagator::new(self)?);
-        FORMED.with_borrow_mut(|formed| {
-            if formed.len() >= MOST_FORMED {
-                formed.clear();
-            }
-            formed.insert(numbers, Rc::clone(&propagator));
-        });
-        Some(propagator)
-    }
-
-    /// The bits of all numbers that a propagator is formed of, in a fixed order. Places of flanks, restitution and the size of the load are
-    /// none of them.
-    fn numbers(&self) -> Box<[u64]> {
-        let s = self.structure;
-        let mut bits: Vec<u64> = Vec::with_capacity(64);
-        let mut list = |values: &mut dyn Iterator<Item = f64>| {
-            let first = bits.len();
-            bits.push(0);
-            bits.extend(values.map(f64::to_bits));
-            bits[first] = (bits.len() - first) as u64;
-        };
-        let sparse =
-            |row: &[(u32, f64)]| row.iter().flat_map(|(i, g)| [f64::from(*i), *g]).collect::<SmallVec<[f64; 8]>>();
-        let waves =
-            |w: &[Wave]| w.iter().flat_map(|w| [w.index as f64, w.cosine, w.sine]).collect::<SmallVec<[f64; 12]>>();
-        list(&mut [self.growth.rate(), self.growth.frequency()].into_iter());
-        let size = load_size(&s.load);
-        list(&mut s.load.iter().map(|f| if size > 0.0 { f / size } else { 0.0 }));
-        list(&mut s.weights.iter().copied());
-        list(&mut s.oscillators.iter().map(|o| o.omega));
-        s.rows.iter().for_each(|row| list(&mut row.iter().flat_map(|(j, k, c)| [f64::from(*j), *k, *c])));
-        for w in &s.load_waves {
-            list(&mut std::iter::once(w.index as f64).chain(w.cosine.iter().chain(&w.sine).copied()));
-        }
-        for (part, c) in self.parts.iter().zip(&s.contacts) {
-            list(&mut sparse(&c.direction).into_iter());
-            list(&mut sparse(&c.push).into_iter());
-            list(&mut waves(&c.error).into_iter());
-            list(&mut waves(&c.error_rate).into_iter());
-            list(&mut [c.across, c.push_norm, c.stiffest].into_iter().chain(c.error_sizes));
-            let law = part.acting.map(|a| match a.force {
-                Force::Linear { stiffness: Elasticity::Constant(k), damping } => {
-                    [1.0, f64::from(u8::from(a.is_carried)), k, damping]
-                }
-                _ => [2.0, f64::from(u8::from(a.is_carried)), 0.0, 0.0],
-            });
-            list(&mut law.into_iter().flatten());
-        }
-        for watched in &self.guards {
-            list(&mut [watched.contact as f64, f64::from(u8::from(watched.watch == Watch::Force))].into_iter());
-        }
-        bits.into()
-    }
 }
 
-/// Propagators that a thread keeps at most: some ten kilobytes each.
-const MOST_FORMED: usize = 4096;
-
-thread_local! {
-    /// The propagators formed on this thread, by their numbers: trains that differ in load or backlash alone share them, and forming one
-    /// costs as much as some hundred spans.
-    static FORMED: RefCell<HashMap<Box<[u64]>, Rc<Propagator>>> = RefCell::default();
+/// What the Taylor terms after the last one add to an output, by what they add to displacements, velocities and waves.
+fn rest_of(motion: &Motion, [displacement, velocity, wave]: [f64; 3], output: &Output) -> f64 {
+    let of = |c: &Contact| {
+        let [e, rate, _] = c.error_sizes;
+        [c.across * displacement + e * wave, c.across * velocity + rate * wave]
+    };
+    match output {
+        Output::Deflection(j) => of(&motion.structure.contacts[*j])[0],
+        Output::Force(a) => {
+            let c = &motion.structure.contacts[a.contact];
+            let [d, r] = of(c);
+            c.stiffest * d + a.force.damping().unwrap_or(0.0) * r
+        }
+    }
 }
 
 impl Propagator {
-    fn new(motion: &Motion) -> Option<Self> {
+    /// `1, cos φ, sin φ, …` where a span starts; the first alone where nothing is modulated.
+    #[inline(always)]
+    pub fn angles(&self, motion: &Motion, at: Instant) -> SmallVec<[f64; MOST_ANGLES]> {
+        let mut all = SmallVec::new();
+        all.push(1.0);
+        if let Some((omega, order, degrees)) = self.modulation {
+            let (sine, cosine) = motion.structure.clock.sincos(omega, Some(order), at);
+            let [mut c, mut s] = [1.0, 0.0];
+            for _ in 0..degrees {
+                [c, s] = [c * cosine - s * sine, s * cosine + c * sine];
+                all.push(c);
+                all.push(s);
+            }
+        }
+        all
+    }
+
+    pub fn new(motion: &Motion) -> Option<Self> {
         let s = motion.structure;
         let rate = motion.growth.rate().max(s.oscillators.iter().fold(0.0, |m: f64, o| m.max(o.omega)));
         let span = REACH / rate;
@@ -372,49 +357,79 @@ impl Propagator {
         let displacements = (0..s.n).map(Input::Displacement).chain((0..s.n).map(Input::Velocity));
         let carried = (0..s.contacts.len()).filter(|j| motion.parts[*j].carried_linear().is_some());
         let waves = (0..s.oscillators.len()).flat_map(|i| [Input::Cosine(i), Input::Sine(i)]);
-        let inputs = displacements.chain(carried.map(Input::Stretch)).chain([Input::Load]).chain(waves);
-        let inputs: Vec<Input> = inputs.collect();
-        let summed = (ROUNDED + 0.5 * inputs.len() as f64) * f64::EPSILON;
+        let own = displacements.chain(carried.map(Input::Stretch));
+        let mut modulation = Modulation::new(motion)?;
+        let inputs: Vec<Input> = match &modulation {
+            None => own.chain([Input::Load]).chain(waves).collect(),
+            Some(_) => own.chain([Input::Forcing]).collect(),
+        };
+        let (span, cuts) = match &mut modulation {
+            None => (span, Vec::new()),
+            Some(modulation) => modulation.fit(motion, span, &inputs, &outputs)?,
+        };
         let mut kept = Vec::new();
         let mut state = vec![Vec::new(); 2 * s.n];
-        let mut rows = vec![(Vec::new(), Vec::new()); outputs.len()];
-        for input in inputs {
-            let series = taylor(motion, span, input, &outputs);
-            if series.state.iter().chain(&series.rows).flatten().all(|c| c.hi == 0.0) {
+        let mut rows = vec![(Vec::new(), Vec::<f64>::new()); outputs.len()];
+        for (number, input) in inputs.into_iter().enumerate() {
+            let all = match &modulation {
+                None => vec![taylor(motion, span, input, &outputs)],
+                Some(modulation) => modulation.series(motion, span, input, &outputs),
+            };
+            let sizes = |series: &Series| {
+                let rows = series.state.iter().chain(&series.rows);
+                rows.map(|row| row.iter().map(|c| c.hi.abs()).sum::<f64>()).collect::<Vec<_>>()
+            };
+            let whole = sizes(&all[0]);
+            let is_nothing = |series: &Series| series.state.iter().chain(&series.rows).flatten().all(|c| c.hi == 0.0);
+            if all.iter().all(is_nothing) {
                 continue;
             }
-            kept.push(input);
-            for (columns, series) in state.iter_mut().zip(&series.state) {
-                columns.push(column(series).0);
-            }
-            let [displacement, velocity, wave] = rest(motion, span, input, &series.state);
-            for ((columns, errors), (series, output)) in rows.iter_mut().zip(series.rows.iter().zip(&outputs)) {
-                let of = |c: &Contact| {
-                    let [e, rate, _] = c.error_sizes;
-                    [c.across * displacement + e * wave, c.across * velocity + rate * wave]
+            let first = kept.len();
+            for (wave, series) in all.iter().enumerate() {
+                let own = sizes(series);
+                if wave > 0 && own.iter().zip(&whole).all(|(own, whole)| *own <= NEGLIGIBLE * whole) {
+                    rows.iter_mut().zip(&own[2 * s.n..]).for_each(|((_, errors), size)| errors[first] += size);
+                    continue;
+                }
+                kept.push((input, wave));
+                let is_coarse = wave > 2 * (COARSE - 1);
+                for (columns, series) in state.iter_mut().zip(&series.state) {
+                    columns.push(column(series, is_coarse).0);
+                }
+                let cut = |i: usize| match (wave, cuts.get(number)) {
+                    (0, Some(cuts)) => cuts[2 * s.n + i],
+                    (0, None) => rest_of(motion, rest(motion, span, input, &series.state), &outputs[i]),
+                    _ => 0.0,
                 };
-                let rest = match output {
-                    Output::Deflection(j) => of(&s.contacts[*j])[0],
-                    Output::Force(a) => {
-                        let c = &s.contacts[a.contact];
-                        let [d, r] = of(c);
-                        c.stiffest * d + a.force.damping().unwrap_or(0.0) * r
-                    }
-                };
-                let (column, cut) = column(series);
-                let size = column.iter().fold(0.0, |m: f64, c| m.max(c.abs()));
-                columns.push(column);
-                errors.push(cut + rest + summed * size);
+                for (i, ((columns, errors), series)) in rows.iter_mut().zip(&series.rows).enumerate() {
+                    let (column, left) = column(series, is_coarse);
+                    let size = column.iter().fold(0.0, |m: f64, c| m.max(c.abs()));
+                    columns.push(column);
+                    // Each degree is formed from the one before.
+                    let rounded = (ROUNDED + wave.div_ceil(2) as f64) * f64::EPSILON;
+                    errors.push(left + cut(i) + rounded * size);
+                }
             }
         }
-        if kept.len() > MOST_INPUTS {
+        if kept.len() > MOST_TERMS {
             return None;
         }
+        let summed = 0.5 * kept.len() as f64 * f64::EPSILON;
+        for (column, error) in rows.iter_mut().flat_map(|(columns, errors)| columns.iter().zip(errors)) {
+            *error += summed * column.iter().fold(0.0, |m: f64, c| m.max(c.abs()));
+        }
+        // A deflection without an error along one displacement is that displacement, up to a constant.
+        let place = |columns: Vec<[f64; COUNT]>| match rows.iter().position(|(row, _)| *row == columns) {
+            Some(row) => Component::Row(row),
+            None => Component::Own(columns.into()),
+        };
+        let state = state.into_iter().map(place).collect();
         let rows = rows.into_iter().map(|(columns, errors)| Columns { columns: columns.into(), errors: errors.into() });
         Some(Self {
             span,
-            inputs: kept.into(),
-            state: state.into_iter().map(Into::into).collect(),
+            terms: kept.into(),
+            modulation: modulation.map(|m| (m.omega, m.order, m.degrees)),
+            state,
             rows: rows.collect(),
             guards: guards.into(),
         })

@@ -158,7 +158,7 @@ impl<'s> Runner<'s> {
         let (clock, start) = (simulation.clock(), simulation.instants()[0]);
         let is_between = clock.between(clock.at(start.cycle, 0.0), start) > 0.0;
         let is_rigid = simulation.structure.contacts()[0].spec.law.is_rigid();
-        let fits = !is_between && !is_rigid && !simulation.settings.verify;
+        let fits = !is_between && !is_rigid && !lane.is_scheduled() && !simulation.settings.verify;
         Ok(fits.then(|| Self { simulation, map, lane, engine: None }))
     }
 
@@ -170,12 +170,12 @@ impl<'s> Runner<'s> {
 
     /// Starts at `state`.
     pub fn begin(&mut self, state: &State) {
-        self.lane.place(state.at, [state.x[0], state.x[1]], state.jump.clone());
+        self.lane.place(state.at, [state.x[0], state.x[1]], &state.jump);
     }
 
     /// The mode.
     pub fn mode(&self) -> Mode {
-        self.lane.jump().mode.clone()
+        self.lane.jump().mode
     }
 
     /// The state.
@@ -188,8 +188,8 @@ impl<'s> Runner<'s> {
         if self.lane.cycle(noted) {
             return Ok(Ok(()));
         }
-        let (structure, jump) = (&self.simulation.structure, self.lane.jump());
-        let state = State { at: self.lane.at(), x: self.lane.x().to_vec(), jump: jump.clone() };
+        let structure = &self.simulation.structure;
+        let state = State { at: self.lane.at(), x: self.lane.x().to_vec(), jump: self.lane.jump() };
         let end = structure.clock().at(state.at.cycle + 1, 0.0);
         let tangent = noted.columns.take().map(|columns| Tangent::of(structure, columns));
         let engine = match &mut self.engine {
@@ -208,7 +208,7 @@ impl<'s> Runner<'s> {
             return Ok(Err(Stopped));
         }
         let State { at, x, jump } = engine.state();
-        self.lane.place(*at, [x[0], x[1]], jump.clone());
+        self.lane.place(*at, [x[0], x[1]], jump);
         Ok(Ok(()))
     }
 
@@ -231,7 +231,7 @@ impl<'s> Runner<'s> {
     fn stand(&mut self, x: Pair) -> bool {
         match self.map.state(&self.section(x)) {
             Ok(state) => {
-                self.lane.place(state.at, [state.x[0], state.x[1]], state.jump);
+                self.lane.place(state.at, [state.x[0], state.x[1]], &state.jump);
                 true
             }
             Err(_) => false,
@@ -322,7 +322,7 @@ impl<'s> Runner<'s> {
         let (at, jump) = (self.lane.at(), self.lane.jump().clone());
         if returns(self.simulation, &sections[last - 1], &here, last as u64) {
             let cycle = self.image(here, 1, scales)?;
-            self.lane.place(at, here, jump.clone());
+            self.lane.place(at, here, &jump);
             let one = 1.0 - MARGINAL..=1.0 + NEUTRAL;
             if let Some((cycle, ends)) = cycle
                 && cycle.events.is_empty()
@@ -334,7 +334,7 @@ impl<'s> Runner<'s> {
             }
         }
         let solved = self.solve(here, period, scales)?;
-        self.lane.place(at, here, jump);
+        self.lane.place(at, here, &jump);
         let Some(orbit) = solved else { return Ok(Ok(None)) };
         let sizes = orbit.sizes();
         if sizes[0] >= 1.0 || sizes.iter().any(|size| (size - 1.0).abs() <= MARGINAL) {

@@ -1,16 +1,25 @@
-//! Bernstein polynomials on `[0, 1]` in rows of fixed length: their values, and the zero of one that falls once, told by the signs of its
-//! coefficients.
+//! Bernstein polynomials of degree 19 on `[0, 1]`, four coefficients side by side: their values, and the zero of a function that falls once,
+//! told by the signs of its coefficients.
+//!
+//! A function is `f(t) = s + t p(t)`, s its value at the start and p the polynomial. From an exact zero on, s = 0, p alone is looked at:
+//! the zero at the start is divided out.
+
+#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
 use super::bernstein::INVERSE_BINOMIALS;
 use crate::vectors::{Path, fused};
 
-/// Room of a row: whole vectors of four. A row of degree n has n + 1 coefficients, the others are zero.
-pub(crate) const LENGTH: usize = 24;
+/// Degree of a row: the number of its last coefficient.
+pub(crate) const LAST: usize = 19;
+/// Coefficients of a row.
+pub(crate) const COUNT: usize = LAST + 1;
+/// Fours of a row.
+const FOURS: usize = COUNT / 4;
 
 /// Bernstein coefficients.
-pub(crate) type Row = [f64; LENGTH];
+pub(crate) type Row<P> = [<P as Path>::Four; FOURS];
 
-/// What the signs of Bernstein coefficients tell of a polynomial on `[0, 1]`, up to an uncertainty of its values.
+/// What the signs of Bernstein coefficients tell of a function on `[0, 1]`, up to an uncertainty of its values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Pattern {
     /// All coefficients are above the uncertainty, and so are all values.
@@ -21,14 +30,143 @@ pub(crate) enum Pattern {
     Unclear,
 }
 
-/// The pattern of the Bernstein coefficients `b` of a polynomial whose values are known to `uncertainty`.
-pub(crate) fn pattern(b: &[f64], uncertainty: f64) -> Pattern {
+/// `(i + 1)/20`: coefficient i + 1 of `t p` of degree 20 is that times `p_i`.
+pub(crate) const SHARES: [f64; COUNT] = {
+    let mut shares = [0.0; COUNT];
+    let mut i = 0;
+    while i < COUNT {
+        shares[i] = (i + 1) as f64 / COUNT as f64;
+        i += 1;
+    }
+    shares
+};
+
+/// `C(19, i)`, and times i and `i²` of the nearer end: `i` from the left, `19 − i` from the right.
+const BINOMIALS: [f64; COUNT] = {
+    let mut row = [0.0; COUNT];
+    let mut i = 0;
+    while i < COUNT {
+        row[i] = 1.0 / INVERSE_BINOMIALS[LAST][i];
+        i += 1;
+    }
+    row
+};
+const LEFT: [f64; COUNT] = {
+    let mut row = [0.0; COUNT];
+    let mut i = 0;
+    while i < COUNT {
+        row[i] = i as f64;
+        i += 1;
+    }
+    row
+};
+const RIGHT: [f64; COUNT] = {
+    let mut row = [0.0; COUNT];
+    let mut i = 0;
+    while i < COUNT {
+        row[i] = (LAST - i) as f64;
+        i += 1;
+    }
+    row
+};
+
+/// A row of numbers, four side by side.
+#[inline(always)]
+pub(crate) fn fours<P: Path>(path: P, row: &[f64; COUNT]) -> Row<P> {
+    let mut all = [path.all(0.0); FOURS];
+    for (four, row) in all.iter_mut().zip(row.as_chunks::<4>().0) {
+        *four = path.four(*row);
+    }
+    all
+}
+
+/// The numbers of a row.
+#[inline(always)]
+pub(crate) fn numbers<P: Path>(path: P, row: &Row<P>) -> [f64; COUNT] {
+    let mut numbers = [0.0; COUNT];
+    for (four, row) in numbers.as_chunks_mut::<4>().0.iter_mut().zip(row) {
+        *four = path.numbers(*row);
+    }
+    numbers
+}
+
+/// The sum of four.
+#[inline(always)]
+fn total([a, b, c, d]: [f64; 4]) -> f64 {
+    (a + b) + (c + d)
+}
+
+/// The Bernstein coefficients of `s + t p`, the first of them `s`, in degree 20; those of `p` where `s` is zero. How many.
+#[inline(always)]
+pub(crate) fn coefficients<P: Path>(path: P, start: f64, row: &Row<P>) -> ([f64; COUNT + 1], usize) {
+    let (numbers, mut all) = (numbers(path, row), [start; COUNT + 1]);
+    if start == 0.0 {
+        all[..COUNT].copy_from_slice(&numbers);
+        return (all, COUNT);
+    }
+    for i in 0..COUNT {
+        all[i + 1] = fused::<P>(numbers[i], SHARES[i], start);
+    }
+    (all, COUNT + 1)
+}
+
+/// The pattern of `s + t p` on `[0, 1]`, whose values are known to `uncertainty`, and where its control polygon falls.
+#[inline(always)]
+pub(crate) fn pattern<P: Path>(path: P, start: f64, row: &Row<P>, uncertainty: f64) -> (Pattern, f64) {
+    let (mut above, mut below) = (0u32, 0u32);
+    let (high, low) = (path.all(uncertainty), path.all(-uncertainty));
+    let shares = SHARES.as_chunks::<4>().0;
+    let is_whole = start != 0.0;
+    for i in 0..FOURS {
+        let b = if is_whole { path.fused(row[i], path.four(shares[i]), path.all(start)) } else { row[i] };
+        above |= path.above(b, high) << (4 * i);
+        below |= path.above(low, b) << (4 * i);
+    }
+    if is_whole {
+        above = above << 1 | u32::from(start > uncertainty);
+        below = below << 1 | u32::from(start < -uncertainty);
+    }
+    let count = COUNT as u32 + u32::from(is_whole);
+    let falling = (above.trailing_ones(), (below << (u32::BITS - count)).leading_ones());
+    let pattern = match falling {
+        (above, _) if above == count => Pattern::Clear,
+        (above, below) if above > 0 && below > 0 && above + below + 1 >= count => Pattern::Falls,
+        _ => Pattern::Unclear,
+    };
+    if pattern != Pattern::Falls {
+        return (pattern, f64::NAN);
+    }
+    let numbers = numbers(path, row);
+    let b = |i: usize| match i.checked_sub(1) {
+        _ if !is_whole => numbers[i],
+        None => start,
+        Some(i) => fused::<P>(numbers[i], SHARES[i], start),
+    };
+    // Of the one that may be undecided its sign.
+    let i = falling.0 as usize + usize::from(b(falling.0 as usize) >= 0.0);
+    let (before, after) = (b(i - 1), b(i));
+    (pattern, ((i - 1) as f64 + before / (before - after)) / f64::from(count - 1))
+}
+
+/// The pattern of the Bernstein coefficients `b`, and where their control polygon falls.
+pub(crate) fn pattern_of(b: &[f64], uncertainty: f64) -> (Pattern, f64) {
     let above = b.iter().take_while(|c| **c > uncertainty).count();
     if above == b.len() {
-        return Pattern::Clear;
+        return (Pattern::Clear, f64::NAN);
     }
     let below = b[above..].iter().rev().take_while(|c| **c < -uncertainty).count();
-    if above > 0 && below > 0 && above + below + 1 >= b.len() { Pattern::Falls } else { Pattern::Unclear }
+    if above > 0 && below > 0 && above + below + 1 >= b.len() {
+        (Pattern::Falls, control_fall(b))
+    } else {
+        (Pattern::Unclear, f64::NAN)
+    }
+}
+
+/// Where the control polygon of `b` falls through zero.
+#[inline(always)]
+fn control_fall(b: &[f64]) -> f64 {
+    let i = b.iter().position(|c| *c < 0.0).unwrap_or(1).max(1);
+    ((i - 1) as f64 + b[i - 1] / (b[i - 1] - b[i])) / (b.len() - 1) as f64
 }
 
 /// Replaces the Bernstein coefficients on `[0, 1]` by those on `[0, ½]`.
@@ -40,154 +178,161 @@ pub(crate) fn halve(b: &mut [f64]) {
     }
 }
 
-/// `C(n, i)` in rows.
-static BINOMIALS: [Row; LENGTH] = {
-    let mut rows = [[0.0; LENGTH]; LENGTH];
-    let mut n = 0;
-    while n < LENGTH {
-        let mut i = 0;
-        while i <= n {
-            rows[n][i] = 1.0 / INVERSE_BINOMIALS[n][i];
-            i += 1;
-        }
-        n += 1;
-    }
-    rows
-};
-
-/// `uⁱ`, four side by side.
-#[inline(always)]
-fn powers(u: f64) -> Row {
-    let square = u * u;
-    let (mut four, fourth) = ([1.0, u, square, square * u], square * square);
-    let mut row = [0.0; LENGTH];
-    for powers in row.as_chunks_mut::<4>().0 {
-        *powers = four;
-        four.iter_mut().for_each(|power| *power *= fourth);
-    }
-    row
+/// A place in `[0, 1]` by its distances from the nearer end and from the other one.
+#[derive(Clone, Copy)]
+struct Ends {
+    is_left: bool,
+    near: f64,
+    far: f64,
 }
 
-/// The Bernstein polynomials of one degree at a place: `B_i(t) = C(n, i) tⁱ (1 − t)ⁿ⁻ⁱ`.
-pub(crate) struct Place {
+impl Ends {
+    /// The place nearest to `t` whose distance from 1 is a double: powers would multiply a rounding of that. From the left end or from the
+    /// right one.
+    #[inline(always)]
+    fn new(t: f64, is_left: bool) -> Self {
+        let rest = 1.0 - t;
+        let t = 1.0 - rest;
+        let (near, far) = if is_left { (t, rest) } else { (rest, t) };
+        Self { is_left, near, far }
+    }
+
+    fn place(&self) -> f64 {
+        if self.is_left { self.near } else { self.far }
+    }
+}
+
+/// The Bernstein polynomials at a place: `B_i(t) = C(19, i) tⁱ (1 − t)¹⁹⁻ⁱ`.
+pub(crate) struct Place<P: Path> {
     /// Without the factor that is `weight`.
-    basis: Row,
-    nearer: f64,
-    n: usize,
+    basis: Row<P>,
+    far: f64,
 }
 
-impl Place {
-    /// Those of degree `n` at `t`.
+impl<P: Path> Place<P> {
+    /// Those at `t`.
     #[inline(always)]
-    pub fn new(t: f64, n: usize) -> Self {
-        // The place nearest to t whose distance from 1 is a double: the power n would multiply a rounding of that.
-        let rest = 1.0 - t;
-        let (is_left, t) = (t <= 0.5, 1.0 - rest);
-        let (u, nearer) = if is_left { (t / rest, rest) } else { (rest / t, t) };
-        let mut basis = powers(u);
-        if !is_left {
-            basis[..=n].reverse();
+    pub fn new(path: P, t: f64) -> Self {
+        let Ends { is_left, near, far } = Ends::new(t, t <= 0.5);
+        let u = near / far;
+        let (square, fours) = (u * u, BINOMIALS.as_chunks::<4>().0);
+        let (rising, fourth) = ([1.0, u, square, square * u], path.all(square * square));
+        let mut powers = path.four(if is_left { rising } else { [rising[3], rising[2], u, 1.0] });
+        let mut basis = [powers; FOURS];
+        for i in 0..FOURS {
+            let at = if is_left { i } else { FOURS - 1 - i };
+            basis[at] = path.times(powers, path.four(fours[at]));
+            powers = path.times(powers, fourth);
         }
-        basis.iter_mut().zip(&BINOMIALS[n]).for_each(|(b, binomial)| *b *= binomial);
-        Self { basis, nearer, n }
+        Self { basis, far }
     }
 
-    /// What [`value`](Self::value) leaves out: `(1 − t)ⁿ`, or `tⁿ` nearer to that end.
-    pub fn weight<P: Path>(&self) -> f64 {
-        power::<P>(self.nearer, self.n)
-    }
-
-    /// `Σ b_i B_i(t)` over the weight; coefficients beyond the last are zero.
+    /// What [`value`](Self::value) leaves out: `(1 − t)¹⁹`, or `t¹⁹` nearer to that end.
     #[inline(always)]
-    pub fn value<P: Path>(&self, b: &[f64]) -> f64 {
-        let mut sums = [0.0; 4];
-        for (b, basis) in b.as_chunks::<4>().0.iter().zip(self.basis.as_chunks::<4>().0) {
-            for l in 0..4 {
-                sums[l] = fused::<P>(b[l], basis[l], sums[l]);
+    pub fn weight(&self) -> f64 {
+        let product = |a: [f64; 2], b: [f64; 2]| {
+            let high = a[0] * b[0];
+            [high, a[0].mul_add(b[0], -high) + fused::<P>(a[0], b[1], a[1] * b[0])]
+        };
+        let one = [self.far, 0.0];
+        let two = product(one, one);
+        let four = product(two, two);
+        let eight = product(four, four);
+        let nineteen = product(product(eight, eight), product(two, one));
+        nineteen[0] + nineteen[1]
+    }
+
+    /// `Σ b_i B_i(t)` over the weight.
+    #[inline(always)]
+    pub fn value(&self, path: P, row: &Row<P>) -> f64 {
+        let mut sums = path.times(row[0], self.basis[0]);
+        for i in 1..FOURS {
+            sums = path.fused(row[i], self.basis[i], sums);
+        }
+        total(path.numbers(sums))
+    }
+}
+
+/// Iterations of Halley's method: from the zero of the control polygon two or three are enough.
+const ITERATIONS: usize = 32;
+/// A step this short, relative to the place, over which the slope changes by no more than a share of `BENT`, is the last one: what is left
+/// is of third order in it, the square of the share times the step.
+const SETTLED: f64 = 1e-7;
+const BENT: f64 = 1e-4;
+
+/// The polynomial of a row near one end: `p = farⁿ Σ c_i uⁱ`, `u = near/far`; and the same with i and `i²` in front.
+struct Sums<P: Path>([Row<P>; 3]);
+
+impl<P: Path> Sums<P> {
+    #[inline(always)]
+    fn new(path: P, row: &Row<P>, is_left: bool) -> Self {
+        let index = if is_left { &LEFT } else { &RIGHT };
+        let (binomials, index) = (fours(path, &BINOMIALS), fours(path, index));
+        let mut rows = [[path.all(0.0); FOURS]; 3];
+        for i in 0..FOURS {
+            rows[0][i] = path.times(row[i], binomials[i]);
+            rows[1][i] = path.times(rows[0][i], index[i]);
+            rows[2][i] = path.times(rows[1][i], index[i]);
+        }
+        Self(rows)
+    }
+
+    /// Value and first two derivatives by t.
+    #[inline(always)]
+    fn at(&self, path: P, ends: Ends) -> [f64; 3] {
+        let Ends { is_left, near, far } = ends;
+        let u = near / far;
+        let (square, n) = (u * u, LAST as f64);
+        let fourth = path.all(square * square);
+        let rising = [1.0, u, square, square * u];
+        let low = path.four(if is_left { rising } else { [rising[3], rising[2], u, 1.0] });
+        let mut sums = [0.0; 3];
+        for (total_of, row) in sums.iter_mut().zip(&self.0) {
+            let mut sum = if is_left { row[FOURS - 1] } else { row[0] };
+            for i in 1..FOURS {
+                sum = path.fused(sum, fourth, if is_left { row[FOURS - 1 - i] } else { row[i] });
             }
+            *total_of = total(path.numbers(path.times(sum, low)));
         }
-        total(sums)
+        let [value, first, second] = sums;
+        let power = {
+            let two = far * far;
+            let four = two * two;
+            let eight = four * four;
+            (eight * eight) * (two * far)
+        };
+        // By log u, whose derivative by the distance is `1/(near far)`.
+        let rate = 1.0 / (near * far);
+        let by_log = first - n * near * value;
+        let twice = second - 2.0 * n * near * first + n * near * (n * near - far) * value;
+        let (by_near, bent) = (by_log * rate, (twice - (far - near) * by_log) * (rate * rate));
+        [power * value, if is_left { power * by_near } else { -power * by_near }, power * bent]
     }
 }
 
-/// `xⁿ` by squares, each with its rounding.
+/// The zero of `s + t p` on `[0, until]`, which [`Falls`](Pattern::Falls) there, from a `guess` on; and value and slope there, of `p` where
+/// `s` is zero. `None` if Halley's method does not settle.
 #[inline(always)]
-fn power<P: Path>(x: f64, mut n: usize) -> f64 {
-    let product = |a: [f64; 2], b: [f64; 2]| {
-        let high = a[0] * b[0];
-        [high, a[0].mul_add(b[0], -high) + fused::<P>(a[0], b[1], a[1] * b[0])]
-    };
-    let (mut power, mut square) = ([1.0, 0.0], [x, 0.0]);
-    while n > 0 {
-        if n % 2 == 1 {
-            power = product(power, square);
+pub(crate) fn fall<P: Path>(path: P, start: f64, row: &Row<P>, guess: f64, until: f64) -> Option<(f64, [f64; 2])> {
+    let is_left = guess <= 0.5;
+    let sums = Sums::new(path, row, is_left);
+    let (mut t, mut low, mut high) = (guess, 0.0, until);
+    for _ in 0..ITERATIONS {
+        let ends = Ends::new(t, is_left);
+        let at = ends.place();
+        let [mut value, mut slope, mut bent] = sums.at(path, ends);
+        if start != 0.0 {
+            (value, slope, bent) = (fused::<P>(at, value, start), value + at * slope, 2.0 * slope + at * bent);
         }
-        square = product(square, square);
-        n /= 2;
-    }
-    power[0] + power[1]
-}
-
-/// Iterations of Newton's method: from the zero of the control polygon three or four are enough.
-const NEWTON: usize = 24;
-/// A step this short, relative to the place, is the last one: its square is below rounding.
-const SETTLED: f64 = 1e-10;
-
-/// `Σ c_i uⁱ` and `Σ i c_i uⁱ`.
-#[inline(always)]
-fn sums<P: Path>(c: &Row, u: f64) -> [f64; 2] {
-    let powers = powers(u);
-    let (mut sums, mut moments, mut index) = ([0.0; 4], [0.0; 4], [0.0, 1.0, 2.0, 3.0]);
-    for (c, powers) in c.as_chunks::<4>().0.iter().zip(powers.as_chunks::<4>().0) {
-        for l in 0..4 {
-            let term = c[l] * powers[l];
-            sums[l] += term;
-            moments[l] = fused::<P>(index[l], term, moments[l]);
-            index[l] += 4.0;
-        }
-    }
-    [total(sums), total(moments)]
-}
-
-/// The sum of four.
-#[inline(always)]
-fn total([a, b, c, d]: [f64; 4]) -> f64 {
-    (a + b) + (c + d)
-}
-
-/// The zero of a polynomial of degree `n` that [`Falls`](Pattern::Falls), by its Bernstein coefficients, and value and slope there;
-/// `None` if Newton's method does not settle.
-#[inline(always)]
-pub(crate) fn fall<P: Path>(b: &Row, n: usize) -> Option<(f64, [f64; 2])> {
-    // Where the control polygon falls through zero.
-    let i = b.iter().position(|c| *c < 0.0)?.max(1);
-    let mut t = ((i - 1) as f64 + b[i - 1] / (b[i - 1] - b[i])) / n as f64;
-    // From the nearer end: `p = (1 − t)ⁿ Σ c_i uⁱ`, `u = t/(1 − t)`, and `p′ t (1 − t) = (1 − t)ⁿ Σ (i − n t) c_i uⁱ`.
-    let is_left = t <= 0.5;
-    let mut c = *b;
-    if !is_left {
-        c[..=n].reverse();
-    }
-    c.iter_mut().zip(&BINOMIALS[n]).for_each(|(c, binomial)| *c *= binomial);
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..NEWTON {
-        // As in `Place`.
-        let rest = 1.0 - t;
-        let at = 1.0 - rest;
-        let (near, far) = if is_left { (at, rest) } else { (rest, at) };
-        let [value, moment] = sums::<P>(&c, near / far);
-        let slope = (moment - n as f64 * near * value) / (at * rest);
-        let slope = if is_left { slope } else { -slope };
-        let next = at - value / slope;
-        if (next - t).abs() <= SETTLED * t {
-            // What is left is of second order in the last step, and its value of first order.
-            let weight = power::<P>(far, n);
-            return Some((next, [value + slope * (next - at), slope].map(|v| v * weight)));
+        let step = -2.0 * value * slope / (2.0 * slope * slope - value * bent);
+        let next = at + step;
+        if step.abs() <= SETTLED * at && (step * bent).abs() <= BENT * slope.abs() {
+            return Some((next, [value + step * (slope + 0.5 * step * bent), slope + step * bent]));
         }
         if value > 0.0 {
-            low = t
+            low = at
         } else {
-            high = t
+            high = at
         }
         t = if next > low && next < high { next } else { 0.5 * (low + high) };
     }

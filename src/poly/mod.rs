@@ -13,7 +13,9 @@ mod first_root;
 pub(crate) use chebyshev::{CHEBYSHEV, Chebyshev, DEGREE};
 pub(crate) use deflated::Deflated;
 pub use extremes::{extremes, minima};
-pub(crate) use falling::{LENGTH, Pattern, Place, Row, fall, halve, pattern};
+pub(crate) use falling::{
+    COUNT, LAST, Pattern, Place, Row, SHARES, coefficients, fall, fours, halve, numbers, pattern, pattern_of,
+};
 pub use first_root::{FirstRoot, Isolation, first_root};
 
 /// `p(x)` by Horner's rule.

@@ -111,7 +111,7 @@ impl Structure {
             }
             (_, Spring::Waves(mean, waves)) => waves.iter().fold((*mean, 0.0), |(k, dk), w| {
                 let o = self.oscillators[w.index];
-                let (sin, cos) = libm::sincos(self.clock.angle(o.omega, o.order, at));
+                let (sin, cos) = self.clock.sincos(o.omega, o.order, at);
                 (k + w.cosine * cos + w.sine * sin, dk + o.omega * (w.sine * cos - w.cosine * sin))
             }),
             (_, spring) => unreachable!("{stiffness:?} of {spring:?}"),

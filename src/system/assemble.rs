@@ -420,7 +420,7 @@ impl Structure {
     /// `(cos ωt, sin ωt)` of every oscillator, into `out`.
     pub(crate) fn oscillate(&self, at: Instant, mut out: impl FnMut(usize, f64, f64)) {
         for (i, o) in self.oscillators.iter().enumerate() {
-            let (s, c) = libm::sincos(self.clock.angle(o.omega, o.order, at));
+            let (s, c) = self.clock.sincos(o.omega, o.order, at);
             out(i, c, s);
         }
     }

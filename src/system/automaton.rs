@@ -12,7 +12,7 @@ use super::{
 use crate::{
     gear::contact::Law,
     hybrid::{
-        Clock, GuardId, GuardSet, HybridSystem, Instant, JetField, Jump, Mode, ModelError, Rates, VectorField,
+        Clock, GuardId, GuardSet, HybridSystem, Instant, JetField, Jump, Lane, Mode, ModelError, Rates, VectorField,
         normalise,
     },
 };
@@ -227,7 +227,7 @@ impl Structure {
     }
 
     /// Puts contact `j` into `state` at `at`. One that follows no schedule has no piece, so that equal motions have equal modes.
-    fn enter(&self, mode: &mut Mode, j: usize, state: ContactMode, at: Instant) {
+    pub(crate) fn enter(&self, mode: &mut Mode, j: usize, state: ContactMode, at: Instant) {
         let followed = self.followed(mode, j).is_some();
         set_contact(mode, j, state);
         match self.followed(mode, j) {
@@ -294,6 +294,10 @@ impl HybridSystem for Structure {
 
     fn motion<'a>(&'a self, mode: &Mode) -> Option<Box<dyn JetField + 'a>> {
         Some(self.compile(mode))
+    }
+
+    fn lane<'a>(&'a self) -> Option<Box<dyn Lane + 'a>> {
+        self.silent()
     }
 
     fn field(&self) -> &dyn VectorField {

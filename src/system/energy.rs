@@ -61,7 +61,7 @@ impl Structure {
             self.rows[i].iter().fold(self.load[i], |a, (j, k, c)| a - k * x[*j as usize] - c * x[self.n + *j as usize]);
         for w in &self.load_waves {
             let o = self.oscillators[w.index];
-            let (sin, cos) = libm::sincos(self.clock.angle(o.omega, o.order, at));
+            let (sin, cos) = self.clock.sincos(o.omega, o.order, at);
             a += w.cosine[i] * cos + w.sine[i] * sin;
         }
         for (c, f) in self.contacts.iter().zip(forces).filter(|(_, f)| **f != 0.0) {

@@ -14,7 +14,7 @@ impl Structure {
         let (mut e, mut de, mut dde) = (c.spec.error_offset, 0.0, 0.0);
         for w in &c.error {
             let o = self.oscillators[w.index];
-            let (sin, cos) = libm::sincos(self.clock.angle(o.omega, o.order, at));
+            let (sin, cos) = self.clock.sincos(o.omega, o.order, at);
             let value = w.cosine * cos + w.sine * sin;
             e += value;
             de += o.omega * (w.sine * cos - w.cosine * sin);
@@ -43,7 +43,7 @@ impl Structure {
         a.copy_from_slice(&self.load);
         self.load_waves.iter().for_each(|w| {
             let o = self.oscillators[w.index];
-            let (sin, cos) = libm::sincos(self.clock.angle(o.omega, o.order, at));
+            let (sin, cos) = self.clock.sincos(o.omega, o.order, at);
             a.iter_mut().zip(w.cosine.iter().zip(&w.sine)).for_each(|(a, (wc, ws))| *a += wc * cos + ws * sin);
         });
         let (q, v) = (&x[..self.n], &x[self.n..2 * self.n]);

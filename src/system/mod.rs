@@ -11,6 +11,7 @@ mod contact_mode;
 mod energy;
 mod forces;
 mod passing;
+mod rebound;
 mod schedule;
 mod spec;
 mod statics;
@@ -25,7 +26,7 @@ mod variation;
 mod view;
 
 pub(crate) use acting::{Acting, Elasticity, Force};
-pub(crate) use assemble::{Block, FourColumns, Oscillator, PerContact, Spring, Wave, dot, zeros};
+pub(crate) use assemble::{Block, FourColumns, LoadWave, Oscillator, PerContact, Spring, Wave, dot, zeros};
 pub use assemble::{Contact, Structure};
 pub use automaton::{Start, StartError};
 pub use check::AssembleError;

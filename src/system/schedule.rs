@@ -126,13 +126,13 @@ impl Schedule {
     /// The piece in force right after `at`, and the time since it started, s.
     pub fn piece(&self, clock: &Clock, at: Instant) -> (u32, f64) {
         let late = tie(clock, at);
-        let mut found = (0, 0.0);
+        let mut found = (0, None);
         self.around(clock, at, |piece, start| {
             if !after(start, late) {
-                found = (piece, clock.between(start, at));
+                found = (piece, Some(start));
             }
         });
-        found
+        (found.0, found.1.map_or(0.0, |start| clock.between(start, at)))
     }
 
     /// The time since piece `number` last started, s. Unlike [`piece`](Self::piece) it holds up to and at the piece's

@@ -30,7 +30,7 @@ use crate::{
 };
 
 /// Rounding of a sum of products, relative to the sum of their sizes: that of twice as many terms, and of 42 at least.
-fn rounding(terms: usize) -> f64 {
+pub(super) fn rounding(terms: usize) -> f64 {
     2.0 * terms.max(21) as f64 * f64::EPSILON
 }
 
@@ -177,6 +177,12 @@ impl Structure {
         at: Instant,
         (x, low): (&mut [f64], &mut [f64]),
     ) -> Result<(), ModelError> {
+        if let Some((id, projected)) = low.is_empty().then(|| self.rebound_of(from, fired, settles, at, x)).flatten() {
+            jump.projected = jump.projected.max(projected);
+            jump.pinned.insert(id);
+            jump.struck.insert(id);
+            return Ok(());
+        }
         let set = self.touching(from, fired, settles, at, x);
         let w = self.mobility(&set);
         jump.projected = jump.projected.max(self.project(set.iter().map(|t| (t.contact, t.side)), at, x, low));

@@ -1,0 +1,84 @@
+//! A run of which nobody looks at more than where it ends, in the lane of its system.
+//!
+//! What happens is what arcs and instants make of it, to the last bit: a lane goes on where nothing is left to decide, and gives back the
+//! arc that it cannot decide, from its start.
+
+use super::{
+    chatter::{Chatter, Flight},
+    state::{Options, Point},
+    visit::{Core, End},
+};
+use crate::{
+    event::Accumulation,
+    hybrid::{GuardSet, HybridSystem, Instant, Lane, LaneHost, LanePoint, Lap, LapEnd, Mode, Rebound},
+    integrate::Integrator,
+};
+
+/// What a lane asks of a run.
+struct Host<'a, 's> {
+    system: &'s dyn HybridSystem,
+    integrator: &'a mut (dyn Integrator + 's),
+    chatter: &'a mut Chatter,
+    options: &'a Options,
+    /// Time, s, that an arc takes at most.
+    longest: f64,
+    ended: Option<(GuardSet, Accumulation)>,
+}
+
+impl LaneHost for Host<'_, '_> {
+    fn is_exact(&mut self, mode: &Mode) -> bool {
+        self.integrator.is_exact(self.system, mode, self.longest)
+    }
+
+    fn ends(&mut self, rebound: &Rebound) -> bool {
+        let Rebound { at, guard, derivatives, rounding, left } = *rebound;
+        let flight = Flight {
+            start: at,
+            guards: &[guard],
+            derivatives: &|_| Some(derivatives),
+            rounding: &|_| rounding,
+            is_estimate: false,
+        };
+        let ended = self.chatter.ends(self.system, &flight, &GuardSet::from_iter([guard]), self.options);
+        self.ended = ended.filter(|(_, accumulation)| accumulation.remaining < left);
+        self.ended.is_some()
+    }
+}
+
+/// Goes on in `lane` from `point` up to `bound`. What ends the arc that is left, if the lane has come to it.
+pub(super) fn go_on<'s>(
+    lane: &mut (dyn Lane + 's),
+    core: &mut Core<'s>,
+    integrator: &mut (dyn Integrator + 's),
+    point: &mut Point,
+    bound: Instant,
+) -> Option<End> {
+    let Core { system, options, counters, chatter, iteration, .. } = core;
+    let is_open = iteration.is_open();
+    let before = counters.events + u64::from(is_open);
+    if before >= options.max_events || !point.state.jump.still.is_empty() {
+        return None;
+    }
+    let longest = system.clock().between(point.state.at, bound);
+    let mut host = Host { system: *system, integrator, chatter, options, longest, ended: None };
+    let fired = iteration.fired();
+    let impact = fired.iter().find(|id| system.restitution(*id).is_some()).filter(|_| is_open);
+    let Point { state, carried, .. } = &mut *point;
+    let from = LanePoint { at: &mut state.at, x: &mut state.x, jump: &mut state.jump, carried, impact };
+    let lap = lane.run(from, bound, options.max_events - before, &mut host);
+    let ended = host.ended;
+    if lap == Lap::default() {
+        return None;
+    }
+    core.counters.steps += lap.steps;
+    core.counters.arcs += lap.arcs;
+    core.counters.events += lap.events;
+    core.counters.fired += lap.events;
+    core.counters.switches += lap.switches;
+    core.go_past(&point.state);
+    match (lap.end, ended) {
+        (LapEnd::Bound, _) => Some(End::Bound),
+        (LapEnd::Sequence, Some((guards, accumulation))) => Some(End::Rest(guards, accumulation)),
+        _ => None,
+    }
+}

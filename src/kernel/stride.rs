@@ -1,0 +1,161 @@
+//! A leap of a lane: that of [`Propagator::leap`](super::propagator::Propagator::leap), for one degree of freedom with one contact.
+
+use smallvec::SmallVec;
+
+use super::{
+    SMALL_STRETCH,
+    guards::ROUNDING,
+    lane::{Gait, Lane},
+    leap::{AFRESH, Given, Guard, SHORTEST, combine, first_fall},
+    propagator::{Component, Input, MOST_TERMS, load_size},
+};
+use crate::{
+    poly::{self, Pattern, Place, Row},
+    system::{Columns, Watch, Wave, dot},
+    vectors::Path,
+};
+
+/// Where a leap leads.
+pub(super) struct Stride {
+    /// s.
+    pub time: f64,
+    pub x: [f64; 2],
+    /// Number of the guard that falls at its end, and what its value is known to there.
+    pub falls: Option<(usize, f64)>,
+    pub is_bound: bool,
+    pub carried: f64,
+    /// Where an impact was before it: the first three derivatives of each guard of position at the start, and the rounding of its value.
+    pub rebound: [([f64; 3], f64); 2],
+}
+
+impl Lane<'_> {
+    /// As [`Propagator::leap`], and without what an engine wants to know besides: up to `span`, s, from where it stands.
+    #[inline(always)]
+    pub(super) fn stride<P: Path>(
+        &self,
+        path: P,
+        span: f64,
+        after_impact: bool,
+        columns: Option<&mut Columns>,
+    ) -> Option<Stride> {
+        let Self { structure: s, gaits, stand, waves: oscillators, .. } = self;
+        let Gait { motion, propagator, is_exact, .. } = &gaits[stand.gait];
+        let by = propagator.as_deref().filter(|_| *is_exact)?;
+        let (x, c) = (&stand.x[..], &s.contacts[0]);
+        let size = s.deflection_size(c, x);
+        let given = Given { at: stand.at, x, size, zeros: stand.zeros, carried: stand.carried };
+        let wave = |w: &[Wave]| {
+            w.iter().fold(0.0, |sum, w| sum + w.cosine * oscillators[w.index][0] + w.sine * oscillators[w.index][1])
+        };
+        let rate = || dot(&c.direction, &x[1..]) - wave(&c.error_rate);
+        let mut start = by.start(motion, &given, 0, dot(&c.direction, x) - (c.spec.error_offset + wave(&c.error)));
+        if given.is_zero(Watch::Force) {
+            let error = ROUNDING * size;
+            let stretch = start.deflection - motion.parts[0].side * c.offset();
+            (start.stretch, start.error) = (motion.forceless(0, given.at, stretch, error, rate), error);
+        }
+        let mut z: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
+        let angles = by.angles(motion, stand.at);
+        for (input, wave) in &by.terms {
+            let value = match *input {
+                Input::Displacement(_) => x[0],
+                Input::Velocity(_) => x[1],
+                Input::Stretch(_) => start.stretch,
+                Input::Load => load_size(&s.load),
+                Input::Forcing => 1.0,
+                Input::Cosine(i) => oscillators[i][0],
+                Input::Sine(i) => oscillators[i][1],
+            };
+            z.push(value * angles[*wave]);
+        }
+        let z = &z[..];
+        let error = |row: usize| by.rows[row].errors.iter().zip(z).fold(0.0, |sum, (e, z)| sum + e * z.abs());
+        let deflection: (Row<P>, f64) = (combine(path, &by.rows[0].columns, z), error(0));
+        // Guards that are not clear of zero, and their numbers.
+        let mut guards: SmallVec<[Guard<P>; 2]> = SmallVec::new();
+        let mut numbers = [0; 3];
+        for (number, (watched, row)) in motion.guards.iter().zip(&by.guards).enumerate() {
+            let force;
+            let (row, error) = if *row == 0 {
+                &deflection
+            } else {
+                force = (combine(path, &by.rows[*row].columns, z), error(*row));
+                &force
+            };
+            let rate = if watched.watch == Watch::Force { rate() } else { 0.0 };
+            let [start, sign, rounding] = by.guard(motion, &given, watched, &start, rate);
+            // A zero by chance is no exact one.
+            if start == 0.0 && rounding > 0.0 {
+                return None;
+            }
+            let guard = Guard::new(path, start, sign, row, [rounding, *error]);
+            if guard.pattern != Pattern::Clear {
+                numbers[guards.len()] = number;
+                guards.push(guard);
+            }
+        }
+        let mut rebound = [([f64::NAN; 3], f64::NAN); 2];
+        if after_impact {
+            let rounding = ROUNDING * size + AFRESH * deflection.1;
+            for watched in motion.guards.iter().filter(|watched| watched.watch != Watch::Force) {
+                let derivatives = by.derivatives(&poly::numbers(path, &deflection.0)).map(|d| watched.along() * d);
+                rebound[watched.watch as usize] = (derivatives, rounding);
+            }
+        }
+        let part = Guard::sharpen(path, &mut guards);
+        let bound = span / by.span;
+        let (fall, end) = first_fall(path, &guards, part, bound).filter(|(_, end)| *end >= SHORTEST)?;
+        let place = Place::new(path, end);
+        let weight = end * place.weight();
+        let added = |row: &Row<P>| weight * place.value(path, row);
+        let mut after = [0.0; 2];
+        for ((after, x), columns) in after.iter_mut().zip(x).zip(&by.state) {
+            *after = *x
+                + match columns {
+                    Component::Row(0) => added(&deflection.0),
+                    Component::Row(row) => added(&combine(path, &by.rows[*row].columns, z)),
+                    Component::Own(columns) => added(&combine(path, columns, z)),
+                };
+        }
+        if let Some(columns) = columns {
+            // The derivative of the leap, `∂x(end)/∂x(start)`.
+            let mut flow = [[1.0, 0.0], [0.0, 1.0]];
+            for (flow, columns) in flow.iter_mut().zip(&by.state) {
+                let columns = match columns {
+                    Component::Own(columns) => columns,
+                    Component::Row(row) => &by.rows[*row].columns,
+                };
+                for ((input, wave), column) in by.terms.iter().zip(columns) {
+                    let added = |row: &Row<P>| angles[*wave] * added(row);
+                    match *input {
+                        Input::Displacement(_) => flow[0] += added(&poly::fours(path, column)),
+                        Input::Stretch(_) => flow[0] += dot(&c.direction, &[1.0]) * added(&poly::fours(path, column)),
+                        Input::Velocity(_) => flow[1] += added(&poly::fours(path, column)),
+                        Input::Load | Input::Forcing | Input::Cosine(_) | Input::Sine(_) => {}
+                    }
+                }
+            }
+            let count = columns.count;
+            for l in 0..count {
+                let [q, v] = [columns.values[l], columns.values[count + l]];
+                columns.values[l] = flow[0][0] * q + flow[0][1] * v;
+                columns.values[count + l] = flow[1][0] * q + flow[1][1] * v;
+            }
+        }
+        let mut carried = f64::NAN;
+        if fall.is_none() && !start.stretch.is_nan() && !motion.parts[0].is_bilateral() {
+            let stretch = start.stretch + added(&deflection.0);
+            if stretch.abs() < SMALL_STRETCH * s.deflection_size(c, &after) {
+                carried = stretch;
+            }
+        }
+        Some(Stride {
+            time: end * by.span,
+            x: after,
+            falls: fall.map(|fall| (numbers[fall.index], fall.error)),
+            is_bound: fall.is_none() && bound <= part,
+            carried,
+            rebound,
+        })
+    }
+}

@@ -1,0 +1,49 @@
+//! The rebound of a train's only contact: Newton's rule and nothing else.
+
+use super::{
+    assemble::Structure,
+    contact_mode::{ContactMode, Watch, contact_mode, guard_of},
+    unilateral::rounding,
+};
+use crate::{
+    gear::contact::Law,
+    hybrid::{GuardId, GuardSet, Instant, Jump},
+};
+
+impl Structure {
+    /// The impact of `fired` as the rebound of the train's only contact, if it is no more than that.
+    pub(super) fn rebound_of(
+        &self,
+        from: &Jump,
+        fired: &GuardSet,
+        settles: bool,
+        at: Instant,
+        x: &mut [f64],
+    ) -> Option<(GuardId, f64)> {
+        let id = fired.iter().next().filter(|_| fired.len() == 1 && self.contacts.len() == 1)?;
+        let is_open = contact_mode(&from.mode, 0) == ContactMode::Separated;
+        if settles || !is_open || !from.still.is_empty() {
+            return None;
+        }
+        Some((id, self.rebound_alone(guard_of(id).1, at, x)?))
+    }
+
+    /// The rebound of a train's only contact, open until now, from the flank of `watch`, and how far its deflection was off, m; `None` where
+    /// it may be lost in rounding.
+    pub(crate) fn rebound_alone(&self, watch: Watch, at: Instant, x: &mut [f64]) -> Option<f64> {
+        let (side, c) = (watch.side(), &self.contacts[0]);
+        let Law::Rigid(law) = c.spec.law else { return None };
+        let speed = side * self.deflection(0, at, x).1;
+        let change = (1.0 + law.restitution) * speed;
+        let error = self.speed_rounding(0, at, x);
+        if law.restitution * speed <= error || change <= error + rounding(1) * change {
+            return None;
+        }
+        let projected = self.project(std::iter::once((0, side)), at, x, &mut []);
+        let impulse = change / self.coupling(0, 0);
+        for (i, p) in &c.push {
+            x[self.n + *i as usize] -= p * side * impulse;
+        }
+        Some(projected)
+    }
+}
