@@ -64,7 +64,8 @@ pub(super) fn go_on<'s>(
     let fired = iteration.fired();
     let impact = fired.iter().find(|id| system.restitution(*id).is_some()).filter(|_| is_open);
     let Point { state, carried, .. } = &mut *point;
-    let from = LanePoint { at: &mut state.at, x: &mut state.x, jump: &mut state.jump, carried, impact };
+    let from =
+        LanePoint { at: &mut state.at, x: &mut state.x, jump: &mut state.jump, carried, arcs: counters.arcs, impact };
     let lap = lane.run(from, bound, options.max_events - before, &mut host);
     let ended = host.ended;
     if lap == Lap::default() {

@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     event::{Conditioning, Located},
-    hybrid::{GuardId, GuardSet, Instant, JetField, JetRequest, Leap, Passage},
+    hybrid::{GuardId, GuardSet, Instant, JetField, JetRequest, Leap, Made, Passage},
     integrate::{Arc, Integrator, TOLERANCE, Taylor, advances, gathered, is_over},
     poly::{FirstRoot, first_root},
 };
@@ -61,7 +61,8 @@ impl Leaps {
             let (at, span) = (state.at, clock.between(state.at, bound));
             let request = JetRequest { at, x: &state.x, low, pinned, still, carried, span, tolerance: TOLERANCE };
             let shown = observer.wants_steps(&state.jump.mode);
-            if is_over(&clock, at, span) || !motion.leap(&request, self.count, shown, &mut self.leap) {
+            let made = Made { leaps: self.count, arcs: core.counters.arcs };
+            if is_over(&clock, at, span) || !motion.leap(&request, made, shown, &mut self.leap) {
                 return Ok(None);
             }
             let end = if self.leap.is_bound { bound } else { clock.advance(at, self.leap.time) };

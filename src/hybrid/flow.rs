@@ -25,6 +25,15 @@ pub struct JetRequest<'a> {
     pub tolerance: f64,
 }
 
+/// What a run has made where a [`JetField`] is asked for a leap.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Made {
+    /// Leaps of the arc.
+    pub leaps: u32,
+    /// Arcs of the run: what takes long to form is worth its time after some hundred.
+    pub arcs: u64,
+}
+
 /// The smooth motion in one mode, which knows its own Taylor series.
 #[allow(unused_variables, reason = "defaults that do nothing")]
 pub trait JetField {
@@ -35,8 +44,8 @@ pub trait JetField {
     /// The way to the next event at once, into `leap`: to the one guard that falls, to the end of `request.span`, or as far as the field
     /// knows it. `false` where it does not know, or where more than one guard may have to do with it: the series decide then.
     ///
-    /// `made` is how many leaps the arc has made. Where `shown`, the steps are looked at, and nothing is won by leaping as they do.
-    fn leap(&self, request: &JetRequest<'_>, made: u32, shown: bool, leap: &mut Leap) -> bool {
+    /// `made` is what the run has made so far. Where `shown`, the steps are looked at, and nothing is won by leaping as they do.
+    fn leap(&self, request: &JetRequest<'_>, made: Made, shown: bool, leap: &mut Leap) -> bool {
         false
     }
 

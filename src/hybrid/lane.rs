@@ -35,6 +35,8 @@ pub struct LanePoint<'a> {
     pub jump: &'a mut Jump,
     /// As of [`JetField::carry`](super::JetField::carry).
     pub carried: &'a mut Vec<f64>,
+    /// Arcs that the run has made.
+    pub arcs: u64,
     /// The guard of an impact there, of which the rebound is not known yet.
     pub impact: Option<GuardId>,
 }

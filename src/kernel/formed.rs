@@ -13,9 +13,22 @@ use crate::system::{Elasticity, Force, Spring, Watch, Wave};
 /// Degrees of freedom up to which a product with all columns is cheaper than a recurrence.
 const MOST_FREEDOMS: usize = 3;
 
+/// Arcs after which a run forms the propagator of a mode whose stiffness follows the forcing: that takes as long as some hundred of its arcs by
+/// series. A rule for runs, not for threads: what others have formed changes no bit of this one.
+pub(super) const WORTH: u64 = 128;
+
 impl Motion<'_> {
+    /// The propagator of the mode, for a run that has made so many `arcs`.
+    #[inline(always)]
+    pub(super) fn propagator(&self, arcs: u64) -> Option<&Propagator> {
+        if self.is_varying && arcs < WORTH {
+            return None;
+        }
+        self.propagator.get_or_init(|| self.propagate()).as_deref()
+    }
+
     /// The propagator of the mode, where it pays: few degrees of freedom, linear laws, constant stiffnesses, nothing at rest.
-    pub(super) fn propagate(&self) -> Option<Rc<Propagator>> {
+    fn propagate(&self) -> Option<Rc<Propagator>> {
         let s = self.structure;
         let few = s.n <= MOST_FREEDOMS && s.oscillators.len() <= MOST_INPUTS && s.symmetry.is_empty();
         let is_simple = self.is_linear && self.held.is_none() && !s.is_conservative;

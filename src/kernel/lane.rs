@@ -3,14 +3,7 @@
 //! What happens is what the engine does with the same leaps, and the numbers are the same to the last bit. A lane makes no record and shows
 //! no step. Where a leap is not decided, where numbers do not agree, or where a contact comes to rest, it stops, and an engine goes on.
 
-use std::rc::Rc;
-
-use super::{
-    Motion,
-    guards::ROUNDING,
-    leap::MOST_LEAPS,
-    propagator::{MOST_INPUTS, Propagator},
-};
+use super::{Motion, formed::WORTH, guards::ROUNDING, leap::MOST_LEAPS, propagator::MOST_INPUTS};
 use crate::{
     gear::contact::Law,
     hybrid::{self, GuardSet, HybridSystem, Instant, Jump, LaneHost, LanePoint, Lap, LapEnd, Mode, Rebound},
@@ -71,9 +64,6 @@ pub(super) struct Gait<'s> {
     number: u8,
     state: ContactMode,
     pub motion: Motion<'s>,
-    pub propagator: Option<Rc<Propagator>>,
-    /// The span of that, s.
-    span: f64,
     /// Its flow is asked for.
     pub is_exact: bool,
     /// What each guard leads to, as of the first time, where it depends on nothing else.
@@ -206,10 +196,8 @@ impl<'s> Lane<'s> {
         let number = mode.get(0);
         self.gaits.iter().position(|gait| gait.number == number).unwrap_or_else(|| {
             let motion = Motion::new(self.structure, mode);
-            let propagator = motion.propagate();
             let (state, is_exact) = (contact_mode(mode, 0), host.is_exact(mode));
-            let span = propagator.as_ref().map_or(0.0, |propagator| propagator.span);
-            self.gaits.push(Gait { number, state, motion, propagator, span, is_exact, edges: [None; 3] });
+            self.gaits.push(Gait { number, state, motion, is_exact, edges: [None; 3] });
             self.gaits.len() - 1
         })
     }
@@ -240,8 +228,16 @@ impl<'s> Lane<'s> {
     /// Runs to the start of the next cycle. `false` where it cannot decide what comes, and stands before it.
     pub fn cycle(&mut self, noted: &mut Noted) -> bool {
         let bound = self.structure.clock.at(self.stand.at.cycle + 1, 0.0);
-        let ride =
-            Ride { lane: self, bound, events: MOST_EVENTS, noted, host: &mut NoHost, impact: None, returns: false };
+        let ride = Ride {
+            lane: self,
+            bound,
+            events: MOST_EVENTS,
+            noted,
+            host: &mut NoHost,
+            arcs: WORTH,
+            impact: None,
+            returns: false,
+        };
         ride.lane.structure.instructions.run(ride).end == LapEnd::Bound
     }
 
@@ -306,10 +302,10 @@ impl<'s> Lane<'s> {
 
 impl hybrid::Lane for Lane<'_> {
     fn run(&mut self, point: LanePoint<'_>, bound: Instant, events: u64, host: &mut dyn LaneHost) -> Lap {
-        let LanePoint { at, x, jump, carried, impact } = point;
+        let LanePoint { at, x, jump, carried, arcs, impact } = point;
         self.enter(*at, [x[0], x[1]], jump, carried.first().copied().unwrap_or(f64::NAN), host);
         let noted = &mut Noted::default();
-        let ride = Ride { lane: self, bound, events, noted, host, impact, returns: true };
+        let ride = Ride { lane: self, bound, events, noted, host, arcs, impact, returns: true };
         let lap = ride.lane.structure.instructions.run(ride);
         if lap != Lap::default() {
             (*at, *jump) = (self.stand.at, self.jump());
@@ -336,6 +332,8 @@ struct Ride<'a, 's> {
     events: u64,
     noted: &'a mut Noted,
     host: &'a mut dyn LaneHost,
+    /// Arcs that the run has made.
+    arcs: u64,
     /// The guard of an impact where it starts.
     impact: Option<hybrid::GuardId>,
     /// From what is not decided it returns to the start of the last arc of which something was.
@@ -347,7 +345,7 @@ impl Work for Ride<'_, '_> {
 
     #[inline(always)]
     fn on<P: Path>(self, path: P) -> Lap {
-        let Self { lane, bound, events, noted, host, mut impact, returns } = self;
+        let Self { lane, bound, events, noted, host, arcs, mut impact, returns } = self;
         let (s, clock) = (lane.structure, lane.structure.clock);
         let mut lap = Lap::default();
         // The start of the last arc of which something was decided, and what was done up to there.
@@ -360,9 +358,11 @@ impl Work for Ride<'_, '_> {
                     None => None,
                     Some(switch) => Some(switch).filter(|switch| clock.between(*switch, bound) >= 0.0),
                 };
+                let Gait { motion, is_exact, .. } = &lane.gaits[lane.stand.gait];
+                let Some(propagator) = motion.propagator(arcs + lap.arcs).filter(|_| *is_exact) else { break 'arcs };
                 // Far from the bound no more is to be known than that.
                 let mut span = clock.roughly(at, switch.unwrap_or(bound));
-                if span < FAR * lane.gaits[lane.stand.gait].span {
+                if span < FAR * propagator.span {
                     span = clock.between(at, switch.unwrap_or(bound));
                 }
                 if span <= 0.0 && switch.is_none() {
@@ -371,7 +371,7 @@ impl Work for Ride<'_, '_> {
                 if span <= 0.0 || leaps == MOST_LEAPS {
                     break 'arcs;
                 }
-                let Some(stride) = lane.stride(path, span, impact.is_some(), noted.columns.as_mut()) else {
+                let Some(stride) = lane.stride(path, propagator, span, impact.is_some(), noted.columns.as_mut()) else {
                     break 'arcs;
                 };
                 let is_late = switch.is_some() && span - stride.time <= BEFORE_SWITCH * stride.time;

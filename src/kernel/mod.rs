@@ -42,7 +42,7 @@ use leap::MOST_LEAPS;
 use motion::Motion;
 use pressed::Pressed;
 
-use crate::hybrid::{GuardId, GuardSet, Instant, Jet, JetField, JetRequest, Leap, Power, Samples, Shown};
+use crate::hybrid::{GuardId, GuardSet, Instant, Jet, JetField, JetRequest, Leap, Made, Power, Samples, Shown};
 use crate::system::{ContactMode, Elasticity, Force, Structure, Watch, Wave, dot, guard_id};
 use crate::vectors::{Path, Work};
 
@@ -185,8 +185,7 @@ impl Work for Expand<'_> {
 struct Forward<'a> {
     motion: &'a Motion<'a>,
     request: &'a JetRequest<'a>,
-    /// Leaps that the arc has made.
-    made: u32,
+    made: Made,
     /// Steps are looked at.
     shown: bool,
     leap: &'a mut Leap,
@@ -200,10 +199,10 @@ impl Work for Forward<'_> {
         let Self { motion, request, made, shown, leap } = self;
         (leap.is_series, leap.splits, leap.twins) = (false, 0, GuardSet::default());
         // No closure around what is to be compiled for P: it would be a function of its own.
-        match motion.propagator.get_or_init(|| motion.propagate()) {
-            Some(propagator) => made < MOST_LEAPS && propagator.leap(path, motion, request, leap),
+        match motion.propagator(made.arcs) {
+            Some(propagator) => made.leaps < MOST_LEAPS && propagator.leap(path, motion, request, leap),
             None => match motion.pressed.get_or_init(|| Pressed::new(motion)) {
-                Some(pressed) => made < MOST_LEAPS && pressed.leap::<P>(motion, request, leap),
+                Some(pressed) => made.leaps < MOST_LEAPS && pressed.leap::<P>(motion, request, leap),
                 None => !shown && motion.bare(path, request, leap),
             },
         }
@@ -251,7 +250,7 @@ impl JetField for Motion<'_> {
         self.structure.instructions.run(Expand { motion: self, request, out });
     }
 
-    fn leap(&self, request: &JetRequest<'_>, made: u32, shown: bool, leap: &mut Leap) -> bool {
+    fn leap(&self, request: &JetRequest<'_>, made: Made, shown: bool, leap: &mut Leap) -> bool {
         self.structure.instructions.run(Forward { motion: self, request, made, shown, leap })
     }
 

@@ -328,24 +328,41 @@ fn add(sum: &mut [Wide], degree: usize, cosine: Wide, sine: Wide) {
     }
 }
 
+/// The same of doubles.
+fn add_coarse(sum: &mut [Wide], degree: usize, cosine: f64, sine: f64) {
+    if degree == 0 {
+        sum[0].hi += cosine;
+    } else if 2 * degree < sum.len() {
+        sum[2 * degree - 1].hi += cosine;
+        sum[2 * degree].hi += sine;
+    }
+}
+
 /// Adds `(α cos hφ + β sin hφ) p` to `sum`, as far as it has degrees.
 fn add_product(sum: &mut [Wide], p: &[Wide], [alpha, beta]: [Wide; 2], (h, amplitude): (usize, f64)) {
     let size = |wide: &Wide| wide.hi.abs();
     let least = UNSEEN * p.iter().map(size).fold(0.0, f64::max);
-    let is_small = size(&alpha).max(size(&beta)) <= SMALL * amplitude;
-    let product = |a: Wide, b: Wide, is_coarse: bool| if is_coarse { Wide::from(a.hi * b.hi) } else { a * b };
-    add(sum, h, product(alpha, p[0], is_small), product(beta, p[0], is_small));
+    let factor = size(&alpha).max(size(&beta));
+    if factor <= UNSEEN * amplitude {
+        return;
+    }
+    let is_small = factor <= SMALL * amplitude;
+    add(sum, h, alpha * p[0], beta * p[0]);
     for m in 1..=(p.len() - 1) / 2 {
-        let (a, b) = (p[2 * m - 1] * 0.5, p[2 * m] * 0.5);
+        let (a, b) = (p[2 * m - 1], p[2 * m]);
         if size(&a).max(size(&b)) <= least {
             continue;
         }
-        let is_coarse = is_small || m >= COARSE;
-        let [aa, bb, ab, ba] =
-            [(alpha, a), (beta, b), (alpha, b), (beta, a)].map(|(factor, p)| product(factor, p, is_coarse));
-        add(sum, m + h, aa - bb, ab + ba);
         // `sin` of a negative angle is negative.
-        let sine = ab - ba;
-        add(sum, m.abs_diff(h), aa + bb, if m >= h { sine } else { sine * -1.0 });
+        let turned = if m >= h { 0.5 } else { -0.5 };
+        if is_small || m >= COARSE {
+            let ([aa, ab], [ba, bb]) = ([alpha.hi * a.hi, alpha.hi * b.hi], [beta.hi * a.hi, beta.hi * b.hi]);
+            add_coarse(sum, m + h, 0.5 * (aa - bb), 0.5 * (ab + ba));
+            add_coarse(sum, m.abs_diff(h), 0.5 * (aa + bb), turned * (ab - ba));
+        } else {
+            let ([aa, ab], [ba, bb]) = ([alpha * a, alpha * b], [beta * a, beta * b]);
+            add(sum, m + h, (aa - bb) * 0.5, (ab + ba) * 0.5);
+            add(sum, m.abs_diff(h), (aa + bb) * 0.5, (ab - ba) * turned);
+        }
     }
 }

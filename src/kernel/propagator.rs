@@ -355,9 +355,14 @@ impl Propagator {
             });
         }
         let displacements = (0..s.n).map(Input::Displacement).chain((0..s.n).map(Input::Velocity));
-        let carried = (0..s.contacts.len()).filter(|j| motion.parts[*j].carried_linear().is_some());
+        // A stiffness that varies makes a force of the stretch at the start, carried or only watched.
+        let feels = |j: &usize| {
+            let part = &motion.parts[*j];
+            part.carried_linear().is_some() || motion.is_varying && matches!(part.force(), Some(Force::Linear { .. }))
+        };
+        let felt = (0..s.contacts.len()).filter(feels);
         let waves = (0..s.oscillators.len()).flat_map(|i| [Input::Cosine(i), Input::Sine(i)]);
-        let own = displacements.chain(carried.map(Input::Stretch));
+        let own = displacements.chain(felt.map(Input::Stretch));
         let mut modulation = Modulation::new(motion)?;
         let inputs: Vec<Input> = match &modulation {
             None => own.chain([Input::Load]).chain(waves).collect(),

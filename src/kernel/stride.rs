@@ -5,9 +5,9 @@ use smallvec::SmallVec;
 use super::{
     SMALL_STRETCH,
     guards::ROUNDING,
-    lane::{Gait, Lane},
+    lane::Lane,
     leap::{AFRESH, Given, Guard, SHORTEST, combine, first_fall},
-    propagator::{Component, Input, MOST_TERMS, load_size},
+    propagator::{Component, Input, MOST_TERMS, Propagator, load_size},
 };
 use crate::{
     poly::{self, Pattern, Place, Row},
@@ -34,13 +34,13 @@ impl Lane<'_> {
     pub(super) fn stride<P: Path>(
         &self,
         path: P,
+        by: &Propagator,
         span: f64,
         after_impact: bool,
         columns: Option<&mut Columns>,
     ) -> Option<Stride> {
         let Self { structure: s, gaits, stand, waves: oscillators, .. } = self;
-        let Gait { motion, propagator, is_exact, .. } = &gaits[stand.gait];
-        let by = propagator.as_deref().filter(|_| *is_exact)?;
+        let motion = &gaits[stand.gait].motion;
         let (x, c) = (&stand.x[..], &s.contacts[0]);
         let size = s.deflection_size(c, x);
         let given = Given { at: stand.at, x, size, zeros: stand.zeros, carried: stand.carried };
