@@ -12,11 +12,23 @@ use serde_json::json;
 
 /// The dimensionless pair.
 fn pair(damping: f64, in_gap: bool, load: f64, amplitude: f64, frequency: f64) -> Simulation {
+    pair_of(damping, in_gap, load, amplitude, frequency, json!({ "kind": "constant", "value": 1.0 }))
+}
+
+/// With another stiffness.
+fn pair_of(
+    damping: f64,
+    in_gap: bool,
+    load: f64,
+    amplitude: f64,
+    frequency: f64,
+    stiffness: serde_json::Value,
+) -> Simulation {
     let scene = json!({
         "flank": 1,
         "train": {
             "kind": "gear-pair-dimensionless", "damping_ratio": damping, "damping_in_gap": in_gap, "mean_load": load,
-            "transmission_error": [{ "amplitude": amplitude, "frequency": frequency }],
+            "transmission_error": [{ "amplitude": amplitude, "frequency": frequency }], "stiffness": stiffness,
         },
         "initial": { "q": [1.1] },
         "run": { "cycles": 10 },
@@ -44,13 +56,28 @@ fn ends_on_an_orbit(simulation: &Simulation) -> bool {
 #[test]
 fn a_lane_decides_as_an_engine_does() {
     let (mut periodic, mut chaotic) = (0, 0);
-    for (damping, in_gap, amplitude) in [(0.05, true, 0.2), (0.08, false, 0.25), (0.03, true, 0.4)] {
+    for (damping, in_gap, amplitude, kind) in [
+        (0.05, true, 0.2, "constant"),
+        (0.08, false, 0.25, "constant"),
+        (0.03, true, 0.4, "constant"),
+        (0.05, true, 0.2, "harmonic"),
+        (0.05, true, 0.2, "rectangular"),
+    ] {
         for i in 0..6 {
             for j in 0..5 {
                 let (frequency, load) = (0.45 + 0.27 * f64::from(i), 0.058 * f64::from(j));
-                let pair = pair(damping, in_gap, load, amplitude, frequency);
+                let stiffness = match kind {
+                    "harmonic" => {
+                        json!({ "kind": kind, "mean": 1.0, "harmonics": [{ "amplitude": 0.2, "frequency": frequency }] })
+                    }
+                    "rectangular" => {
+                        json!({ "kind": kind, "high": 1.2, "low": 0.7, "duty": 0.6, "period": std::f64::consts::TAU / frequency })
+                    }
+                    _ => json!({ "kind": kind, "value": 1.0 }),
+                };
+                let pair = pair_of(damping, in_gap, load, amplitude, frequency, stiffness);
                 let (lane, engine) = (decide(&pair), decide_generally(&pair));
-                let place = format!("{damping} {in_gap} {amplitude} {frequency} {load}");
+                let place = format!("{kind} {damping} {in_gap} {amplitude} {frequency} {load}");
                 if lane.motion.period.is_none() || engine.motion.period.is_none() {
                     // Rounding decides on the way of an irregular motion; of its kind both must think the same, unless one cannot tell, or the
                     // irregular motion of one is a transient to the orbit of the other.

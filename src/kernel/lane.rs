@@ -127,8 +127,8 @@ impl LaneHost for NoHost {
 }
 
 impl<'s> Lane<'s> {
-    /// A lane for motions of `structure`; `None` for trains that are more than one degree of freedom and one contact with a linear law of
-    /// constant stiffnesses or a rigid one, under a forcing of one period.
+    /// A lane for motions of `structure`; `None` for trains that are more than one degree of freedom and one contact with a linear law or a
+    /// rigid one, under a forcing of one period.
     pub fn new(structure: &'s Structure) -> Option<Self> {
         let [c] = &structure.contacts[..] else { return None };
         let (salts, is_rigid) = match c.spec.law {
@@ -157,11 +157,6 @@ impl<'s> Lane<'s> {
             stand,
             waves: [[0.0; 2]; MOST_INPUTS],
         })
-    }
-
-    /// Whether stiffness changes at known times.
-    pub fn is_scheduled(&self) -> bool {
-        self.is_scheduled
     }
 
     /// Goes on from `x` at `at`, in the mode and with the exact zeros of `jump`; `false` if it cannot.

@@ -10,7 +10,7 @@ use super::{
     Motion, SMALL_STRETCH,
     guards::ROUNDING,
     motion::Watched,
-    propagator::{Component, Input, MOST_INPUTS, MOST_TERMS, Propagator, load_size},
+    propagator::{Component, MOST_INPUTS, MOST_TERMS, Propagator},
 };
 use crate::{
     hybrid::{Instant, JetRequest, Known, Leap, Passage},
@@ -286,16 +286,7 @@ impl Propagator {
         let mut z: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
         let angles = self.angles(motion, request.at);
         for (input, wave) in &self.terms {
-            let value = match *input {
-                Input::Displacement(i) => x[i],
-                Input::Velocity(i) => x[n + i],
-                Input::Stretch(j) => starts[j].stretch,
-                Input::Load => load_size(&s.load),
-                Input::Forcing => 1.0,
-                Input::Cosine(i) => oscillators[i][0],
-                Input::Sine(i) => oscillators[i][1],
-            };
-            z.push(value * angles[*wave]);
+            z.push(input.value(s, x, |j| starts[j].stretch, &oscillators) * angles[*wave]);
         }
         let z = &z[..];
         let mut rows: SmallVec<[(Row<P>, f64); FEW]> = SmallVec::new();

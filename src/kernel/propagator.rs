@@ -21,7 +21,7 @@ use super::{
 use crate::{
     hybrid::{Instant, Wide},
     poly::COUNT,
-    system::{Acting, Contact, Elasticity, Force, Watch, Wave},
+    system::{Acting, Contact, Elasticity, Force, Structure, Watch, Wave},
 };
 
 /// Powers of θ in the Taylor series that a row is made from. The rest is below 2e-21 of the first,
@@ -115,6 +115,22 @@ pub(super) enum Input {
     Sine(usize),
     /// One: all loads and errors together, where the stiffness follows the forcing.
     Forcing,
+}
+
+impl Input {
+    /// Its value where a span starts: of `x`, n displacements and n velocities, of the `stretches`, and of the oscillators.
+    #[inline(always)]
+    pub fn value(self, s: &Structure, x: &[f64], stretch: impl Fn(usize) -> f64, waves: &[[f64; 2]]) -> f64 {
+        match self {
+            Self::Displacement(i) => x[i],
+            Self::Velocity(i) => x[s.n + i],
+            Self::Stretch(j) => stretch(j),
+            Self::Load => load_size(&s.load),
+            Self::Cosine(i) => waves[i][0],
+            Self::Sine(i) => waves[i][1],
+            Self::Forcing => 1.0,
+        }
+    }
 }
 
 /// What is propagated besides the state.

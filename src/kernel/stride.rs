@@ -7,7 +7,7 @@ use super::{
     guards::ROUNDING,
     lane::Lane,
     leap::{AFRESH, Given, Guard, SHORTEST, combine, first_fall},
-    propagator::{Component, Input, MOST_TERMS, Propagator, load_size},
+    propagator::{Component, Input, MOST_TERMS, Propagator},
 };
 use crate::{
     poly::{self, Pattern, Place, Row},
@@ -57,16 +57,7 @@ impl Lane<'_> {
         let mut z: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
         let angles = by.angles(motion, stand.at);
         for (input, wave) in &by.terms {
-            let value = match *input {
-                Input::Displacement(_) => x[0],
-                Input::Velocity(_) => x[1],
-                Input::Stretch(_) => start.stretch,
-                Input::Load => load_size(&s.load),
-                Input::Forcing => 1.0,
-                Input::Cosine(i) => oscillators[i][0],
-                Input::Sine(i) => oscillators[i][1],
-            };
-            z.push(value * angles[*wave]);
+            z.push(input.value(s, x, |_| start.stretch, oscillators) * angles[*wave]);
         }
         let z = &z[..];
         let error = |row: usize| by.rows[row].errors.iter().zip(z).fold(0.0, |sum, (e, z)| sum + e * z.abs());

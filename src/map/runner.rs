@@ -158,7 +158,7 @@ impl<'s> Runner<'s> {
         let (clock, start) = (simulation.clock(), simulation.instants()[0]);
         let is_between = clock.between(clock.at(start.cycle, 0.0), start) > 0.0;
         let is_rigid = simulation.structure.contacts()[0].spec.law.is_rigid();
-        let fits = !is_between && !is_rigid && !lane.is_scheduled() && !simulation.settings.verify;
+        let fits = !is_between && !is_rigid && !simulation.settings.verify;
         Ok(fits.then(|| Self { simulation, map, lane, engine: None }))
     }
 

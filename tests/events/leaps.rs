@@ -145,6 +145,16 @@ fn l38_an_arc_of_a_modulated_contact_is_one_step() {
     assert!(last.pieces <= last.contacts + 2, "{} {}", last.pieces, last.contacts);
 }
 
+/// A force that is watched and not carried grows with the stiffness: it feels the stretch that its contact starts with.
+#[test]
+fn l38_a_watched_force_feels_the_stretch_at_the_start() {
+    let system = modulated(laws()[2], [0.2, 0.04], 0.375, 1.217, 1.494, 2.434);
+    let run = run(&system, &[0.0], &[0.3], 300.0);
+    let detached = |mode: &Mode| contact_mode(mode, 0) == ContactMode::DriveDetached;
+    // Each of these arcs is tested at its end, by the force of the state.
+    assert!(run.records.iter().skip(FORMED).filter(|record| detached(&record.from)).count() > 20);
+}
+
 /// One arc from the start, by series of another order and step rule.
 fn by_series(system: &Structure, q: f64, v: f64, end: f64) -> Option<EventRecord> {
     let mut first = First(None);
