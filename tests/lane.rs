@@ -121,7 +121,7 @@ fn impact_oscillators_of_all_kinds_end_alike() {
         random = (random * 3.999_999).mul_add(1.0 - random, 0.0);
         low + (high - low) * random
     };
-    for i in 0..60 {
+    for i in 0..200 {
         let scene = scene("W5c")
             .with("/train/load_harmonics/0/frequency_rad_per_s", json!(next(0.2, 3.0)))
             .and_then(|scene| scene.with("/train/wall/position_m", json!(next(-0.1, 0.5))))

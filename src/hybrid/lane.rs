@@ -52,6 +52,8 @@ pub struct Lap {
     pub events: u64,
     /// Known switching times passed.
     pub switches: u64,
+    /// What has happened at the instant where it started is complete, and the host has been told of its rebound.
+    pub closes: bool,
     /// Where it ends.
     pub end: LapEnd,
 }
@@ -60,7 +62,7 @@ pub struct Lap {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LapEnd {
     /// Where it could not decide what comes next: at the start of that arc, of which nothing is done. What has happened there is done, and
-    /// belongs on record; unless no arc was made, then all is as it was.
+    /// belongs on record. Unless the start is closed all is as it was.
     #[default]
     Undecided,
     /// At its bound.

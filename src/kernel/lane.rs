@@ -3,7 +3,7 @@
 //! What happens is what the engine does with the same leaps, and the numbers are the same to the last bit. A lane makes no record and shows
 //! no step. Where a leap is not decided, where numbers do not agree, or where a contact comes to rest, it stops, and an engine goes on.
 
-use super::{Motion, formed::WORTH, guards::ROUNDING, leap::MOST_LEAPS, propagator::MOST_INPUTS};
+use super::{Motion, formed::WORTH, guards::ROUNDING, leap::MOST_LEAPS, propagator::MOST_INPUTS, stride::Bound};
 use crate::{
     gear::contact::Law,
     hybrid::{self, GuardSet, HybridSystem, Instant, Jump, LaneHost, LanePoint, Lap, LapEnd, Mode, Rebound},
@@ -23,8 +23,6 @@ const STATES: [ContactMode; 5] = [
 ];
 /// Times its error, and the rounding of the state, that a guard may be off zero by the state where it falls.
 const AGREED: f64 = 10.0;
-/// Least time between an event and a switch after it, relative to the leap: nearer ones may be one instant.
-const BEFORE_SWITCH: f64 = 1e-9;
 /// Spans that a bound is away at least where it has no say.
 const FAR: f64 = 4.0;
 
@@ -363,20 +361,13 @@ impl Work for Ride<'_, '_> {
                 if span <= 0.0 && switch.is_none() {
                     return Lap { end: LapEnd::Bound, ..lap };
                 }
-                if span <= 0.0 || leaps == MOST_LEAPS {
+                if span <= 0.0 || leaps == MOST_LEAPS || leaps == 0 && lap.events == events {
                     break 'arcs;
                 }
-                let Some(stride) = lane.stride(path, propagator, span, impact.is_some(), noted.columns.as_mut()) else {
-                    break 'arcs;
-                };
-                let is_late = switch.is_some() && span - stride.time <= BEFORE_SWITCH * stride.time;
-                if stride.falls.is_some() && is_late {
-                    break 'arcs;
-                }
+                let bound_by = Bound { span, is_switch: switch.is_some() };
+                let stride = lane.stride(path, propagator, bound_by, impact.is_some(), noted.columns.as_mut());
+                let Some(stride) = stride else { break 'arcs };
                 if leaps == 0 {
-                    if lap.events == events {
-                        break 'arcs;
-                    }
                     if let Some(guard) = impact.take() {
                         let (derivatives, rounding) = stride.rebound[usize::from(guard.0)];
                         let left = clock.between(at, switch.unwrap_or(bound));
@@ -384,6 +375,7 @@ impl Work for Ride<'_, '_> {
                             return Lap { arcs: lap.arcs + 1, steps: lap.steps + 1, end: LapEnd::Sequence, ..lap };
                         }
                     }
+                    lap.closes = true;
                     (last, done) = (lane.stand, lap);
                     lap.arcs += 1;
                 }

@@ -15,6 +15,18 @@ use crate::{
     vectors::Path,
 };
 
+/// Least time between an event and a switch after it, relative to the leap: nearer ones may be one instant.
+const BEFORE_SWITCH: f64 = 1e-9;
+
+/// What a leap leads up to.
+#[derive(Clone, Copy)]
+pub(super) struct Bound {
+    /// How far it is, s.
+    pub span: f64,
+    /// A known switching time.
+    pub is_switch: bool,
+}
+
 /// Where a leap leads.
 pub(super) struct Stride {
     /// s.
@@ -29,13 +41,13 @@ pub(super) struct Stride {
 }
 
 impl Lane<'_> {
-    /// As [`Propagator::leap`], and without what an engine wants to know besides: up to `span`, s, from where it stands.
+    /// As [`Propagator::leap`], and without what an engine wants to know besides: from where it stands.
     #[inline(always)]
     pub(super) fn stride<P: Path>(
         &self,
         path: P,
         by: &Propagator,
-        span: f64,
+        to: Bound,
         after_impact: bool,
         columns: Option<&mut Columns>,
     ) -> Option<Stride> {
@@ -94,8 +106,12 @@ impl Lane<'_> {
             }
         }
         let part = Guard::sharpen(path, &mut guards);
-        let bound = span / by.span;
+        let bound = to.span / by.span;
         let (fall, end) = first_fall(path, &guards, part, bound).filter(|(_, end)| *end >= SHORTEST)?;
+        let time = end * by.span;
+        if to.is_switch && fall.is_some() && to.span - time <= BEFORE_SWITCH * time {
+            return None;
+        }
         let place = Place::new(path, end);
         let weight = end * place.weight();
         let added = |row: &Row<P>| weight * place.value(path, row);
@@ -141,7 +157,7 @@ impl Lane<'_> {
             }
         }
         Some(Stride {
-            time: end * by.span,
+            time,
             x: after,
             falls: fall.map(|fall| (numbers[fall.index], fall.error)),
             is_bound: fall.is_none() && bound <= part,
