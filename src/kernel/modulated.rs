@@ -1,7 +1,7 @@
 //! Modes of one degree of freedom whose stiffness follows the forcing: what a propagator is formed of.
 //!
-//! With `φ` the angle of the slowest wave at the start of a span, the stiffness over the span is a trigonometric polynomial in φ, and so is
-//! every Taylor coefficient of the motion: of degree h for each time a wave of order h has had a part in it. So the motion is still a
+//! With `φ` the angle at the start of a span of which those of all waves are multiples, the stiffness over the span is a trigonometric
+//! polynomial in φ, and so is every Taylor coefficient of the motion: of degree h more for each time a wave of degree h has had a part in it. So the motion is still a
 //! matrix polynomial, now of where the span starts times `1, cos φ, sin φ, cos 2φ, …`. Each part of the stiffness that varies adds a degree
 //! and two powers of time: the degrees that count are few.
 //!
@@ -33,7 +33,7 @@ const SUMMED: usize = 120;
 /// Share of a span that is tried next.
 const SHORTER: f64 = 0.8;
 
-/// A wave: its order in units of the slowest, rad/s, and its parts.
+/// A wave: its angle in units of φ, rad/s, and its parts.
 #[derive(Clone, Copy, Debug)]
 struct Swing {
     degree: usize,
@@ -52,7 +52,7 @@ struct Spun {
 /// The stiffnesses of a mode, as functions of φ.
 #[derive(Debug)]
 pub(super) struct Modulation {
-    /// The order of the slowest wave, and rad/s.
+    /// The order of φ in the clock, and rad/s.
     pub order: u32,
     pub omega: f64,
     /// By contact, where one acts.

@@ -163,7 +163,7 @@ pub(super) struct Propagator {
     pub span: f64,
     /// What it is a sum of: an input times one of `1, cos φ, sin φ, cos 2φ, …`.
     pub terms: Box<[(Input, usize)]>,
-    /// Where the stiffness follows the forcing: rad/s and order of the wave of angle φ, and the largest degree.
+    /// Where the stiffness follows the forcing: rad/s and order of φ, and the largest degree.
     pub modulation: Option<(f64, u32, usize)>,
     /// The state.
     pub state: Box<[Component]>,
