@@ -1,9 +1,9 @@
 //! Modes of one degree of freedom whose stiffness follows the forcing: what a propagator is formed of.
 //!
 //! With `φ` the angle at the start of a span of which those of all waves are multiples, the stiffness over the span is a trigonometric
-//! polynomial in φ, and so is every Taylor coefficient of the motion: of degree h more for each time a wave of degree h has had a part in it. So the motion is still a
-//! matrix polynomial, now of where the span starts times `1, cos φ, sin φ, cos 2φ, …`. Each part of the stiffness that varies adds a degree
-//! and two powers of time: the degrees that count are few.
+//! polynomial in φ, and so is every Taylor coefficient of the motion: of degree h more for each time a wave of degree h has had a part in
+//! it. So the motion is still a matrix polynomial, now of where the span starts times `1, cos φ, sin φ, cos 2φ, …`. Each part of the
+//! stiffness that varies adds a degree and two powers of time: the degrees that count are few.
 //!
 //! What is cut, in time and in φ, is bounded by the same recurrence with the sizes of all numbers, those of waves of order h times `rʰ`:
 //! what it sums to bounds `Σ |c_m| r^m`, and so all degrees beyond m by `r^−(m+1)` of it.
