@@ -114,6 +114,7 @@ impl<P: Path> Guard<P> {
         if is_clear(guards) { 1.0 } else { Self::halve_all(path, guards) }
     }
 
+    #[inline(always)]
     fn halve_all(path: P, guards: &mut [Self]) -> f64 {
         let mut part = 1.0;
         let mut all: SmallVec<[([f64; COUNT + 1], usize); FEW]> =
@@ -121,12 +122,11 @@ impl<P: Path> Guard<P> {
         for _ in 0..HALVINGS {
             part *= 0.5;
             for (guard, (b, count)) in guards.iter_mut().zip(&mut all).filter(|(g, _)| g.pattern != Pattern::Clear) {
-                let b = &mut b[..*count];
-                // A coefficient is a mean of means, each rounded by half a unit of the largest.
-                let largest = b.iter().fold(0.0, |m: f64, b| m.max(b.abs()));
-                guard.errors[1] += 0.5 * f64::EPSILON * (*count - 1) as f64 * largest;
-                poly::halve(b);
-                let (pattern, guess) = poly::pattern_of(b, guard.errors[0] + guard.errors[1]);
+                // A coefficient is a mean of so many, and each addition is rounded by half a unit of the largest.
+                let largest = b[..*count].iter().fold(0.0, |m: f64, b| m.max(b.abs()));
+                guard.errors[1] += 0.5 * f64::EPSILON * *count as f64 * largest;
+                poly::halve(path, b);
+                let (pattern, guess) = poly::pattern_of(&b[..*count], guard.errors[0] + guard.errors[1]);
                 (guard.pattern, guard.guess) = (pattern, part * guess);
             }
             if guards.iter().all(|g| g.pattern != Pattern::Unclear) {

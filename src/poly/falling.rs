@@ -169,13 +169,34 @@ fn control_fall(b: &[f64]) -> f64 {
     ((i - 1) as f64 + b[i - 1] / (b[i - 1] - b[i])) / (b.len() - 1) as f64
 }
 
+/// `C(i, j)/2ⁱ` by j: what coefficient j adds to coefficient i of the left half.
+const HALVES: [[f64; COUNT + 4]; COUNT + 1] = {
+    let mut columns = [[0.0; COUNT + 4]; COUNT + 1];
+    let mut i = 0;
+    while i <= COUNT {
+        let (mut j, mut value) = (0, 1.0 / (1u64 << i) as f64);
+        while j <= i {
+            columns[j][i] = value;
+            value = value * (i - j) as f64 / (j + 1) as f64;
+            j += 1;
+        }
+        i += 1;
+    }
+    columns
+};
+
 /// Replaces the Bernstein coefficients on `[0, 1]` by those on `[0, ½]`.
-pub(crate) fn halve(b: &mut [f64]) {
-    for j in 1..b.len() {
-        for i in (j..b.len()).rev() {
-            b[i] = 0.5 * (b[i] + b[i - 1]);
+#[inline(always)]
+pub(crate) fn halve<P: Path>(path: P, b: &mut [f64; COUNT + 1]) {
+    let mut sums = [path.all(0.0); FOURS + 1];
+    for j in 0..=COUNT {
+        let (by, column) = (path.all(b[j]), HALVES[j].as_chunks::<4>().0);
+        for k in j / 4..=FOURS {
+            sums[k] = path.fused(path.four(column[k]), by, sums[k]);
         }
     }
+    let sums = sums.map(|sum| path.numbers(sum));
+    b.copy_from_slice(&sums.as_flattened()[..=COUNT]);
 }
 
 /// A place in `[0, 1]` by its distances from the nearer end and from the other one.
