@@ -8,7 +8,7 @@ use flank::{
     Simulation,
     engine::{Counters, Engine, Observer, Options, Outcome, State},
     event::EventRecord,
-    hybrid::Mode,
+    hybrid::{HybridSystem, LaneHost, LanePoint, LapEnd, Mode, Rebound},
     scene::Scene,
 };
 use serde_json::json;
@@ -118,7 +118,7 @@ fn a_budget_of_events_ends_both() {
 fn impact_oscillators_of_all_kinds_end_alike() {
     let (mut random, mut events) = (0.37_f64, 0);
     let mut next = |low: f64, high: f64| {
-        random = (random * 3.999_999).mul_add(1.0 - random, 0.0);
+        random = 3.999_999 * random * (1.0 - random);
         low + (high - low) * random
     };
     for i in 0..200 {
@@ -145,4 +145,49 @@ fn pairs_of_all_kinds_end_alike() {
         events += compare(name, &simulation, &start(&simulation, 6.0 * share), &ENDS, Options::default());
     }
     assert!(events > 6000, "{events}");
+}
+
+/// Leaves all modes to the lane, and ends no sequence.
+struct Free;
+
+impl LaneHost for Free {
+    fn is_exact(&mut self, _: &Mode) -> bool {
+        true
+    }
+
+    fn ends(&mut self, _: &Rebound) -> bool {
+        false
+    }
+}
+
+/// A lane passes steady motions by itself: it goes to the end without giving an arc back, and its events are those of the run.
+#[test]
+fn a_lane_passes_steady_motions_by_itself() {
+    for (name, has_lane) in
+        [("W1a-ds", true), ("W1b-ds", true), ("W1c-ds", true), ("W5b-p", true), ("W2b", false), ("W3", false)]
+    {
+        let simulation = Simulation::from_scene(scene(name)).unwrap();
+        let Some(mut lane) = simulation.structure.lane() else {
+            assert!(!has_lane, "{name}");
+            continue;
+        };
+        assert!(has_lane, "{name}");
+        let start = simulation.start_at(&simulation.q0, &simulation.v0).unwrap();
+        let (clock, mut watching) = (simulation.clock(), Watching::default());
+        let mut engine = engine(&simulation, start, Options::default());
+        engine.run(clock.at(50, 0.0), &mut watching).unwrap();
+        let (before, State { mut at, mut x, mut jump }) = (engine.counters(), engine.state().clone());
+        engine.run(clock.at(100, 0.0), &mut watching).unwrap();
+        let (mut carried, end) = (Vec::new(), clock.at(100, 0.0));
+        let point = LanePoint {
+            at: &mut at,
+            x: &mut x,
+            jump: &mut jump,
+            carried: &mut carried,
+            arcs: before.arcs,
+            impact: None,
+        };
+        let lap = lane.run(point, end, u64::MAX, &mut Free);
+        assert_eq!((lap.end, lap.events), (LapEnd::Bound, engine.counters().events - before.events), "{name}");
+    }
 }

@@ -62,6 +62,10 @@ pub(super) fn go_on<'s>(
     let longest = system.clock().between(point.state.at, bound);
     let mut host = Host { system: *system, integrator, chatter, options, longest, ended: None };
     let fired = iteration.fired();
+    // Several impacts at once are for the instant to sort out.
+    if is_open && fired.len() > 1 {
+        return None;
+    }
     let impact = fired.iter().find(|id| system.restitution(*id).is_some()).filter(|_| is_open);
     let Point { state, carried, .. } = &mut *point;
     let from =

@@ -28,8 +28,9 @@ pub(super) const COARSE: usize = 3;
 /// Factors this small beside the amplitude of their wave multiply in doubles, and degrees this small beside the largest not at all.
 const SMALL: f64 = 1e-6;
 const UNSEEN: f64 = 1e-28;
-/// Terms of the sums of sizes: beyond 4.5 rad they fall from the fifth on, and the last ones are below 1e-60.
+/// Terms of the sums of sizes, and what the last of them may be relative to its sum.
 const SUMMED: usize = 120;
+const LAST: f64 = 1e-20;
 /// Share of a span that is tried next.
 const SHORTER: f64 = 0.8;
 
@@ -207,6 +208,10 @@ impl Modulation {
                 for (sum, value) in sums.iter_mut().zip([q, v].into_iter().chain(rows)) {
                     sum[0] += value;
                     sum[1] += if order > ORDERS { value } else { 0.0 };
+                    // Where the terms have not died away the sum says nothing.
+                    if order == SUMMED && value > LAST * sum[0] {
+                        *sum = [f64::INFINITY; 2];
+                    }
                 }
             }
             let share = span / (order + 1) as f64;

@@ -41,7 +41,7 @@ pub(crate) const SHARES: [f64; COUNT] = {
     shares
 };
 
-/// `C(19, i)`, and times i and `i²` of the nearer end: `i` from the left, `19 − i` from the right.
+/// `C(19, i)`.
 const BINOMIALS: [f64; COUNT] = {
     let mut row = [0.0; COUNT];
     let mut i = 0;
@@ -51,6 +51,7 @@ const BINOMIALS: [f64; COUNT] = {
     }
     row
 };
+/// i, the power of `u` from the left end.
 const LEFT: [f64; COUNT] = {
     let mut row = [0.0; COUNT];
     let mut i = 0;
@@ -60,6 +61,7 @@ const LEFT: [f64; COUNT] = {
     }
     row
 };
+/// `19 − i`, that from the right end.
 const RIGHT: [f64; COUNT] = {
     let mut row = [0.0; COUNT];
     let mut i = 0;
