@@ -116,7 +116,7 @@ impl<'a> Ensemble<'a> {
                     engine.restart(self.simulation.integrator()?.0, state);
                     engine
                 }
-                None => engine.insert(self.simulation.engine(state)?),
+                None => engine.insert(self.simulation.limited(state, self.simulation.settings.event_budget)?.0),
             };
             Ok(follow(i, engine))
         };

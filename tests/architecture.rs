@@ -197,7 +197,7 @@ const BUDGET: usize = 400;
 
 /// Lines that a room may have, comments included: its size of today, so that growth is a decision.
 const ROOMS: &[(&str, usize)] = &[
-    ("accuracy", 2550),
+    ("accuracy", 2600),
     ("analysis", 2000),
     ("baseline", 1500),
     ("branch", 2850),

@@ -88,6 +88,8 @@ fn a_wrong_value_is_reported_where_it_stands() {
         (WALL, "/run/integrator", json!({ "method": "rk4" }), "/run/integrator/method"),
         (WALL, "/run/integrator", json!({ "tolerance": 0 }), "/run/integrator/tolerance"),
         (WALL, "/run/event_budget", json!(1.5), "/run/event_budget"),
+        (STAGE, "/run/event_tolerance", json!(0.01), "/run/event_tolerance"),
+        (WALL, "/run/event_tolerance", json!(1e-6), "/run/event_tolerance"),
         (BOUNCE, "/train/law/exponent", json!(1.23456), "/train/law/exponent"),
         (BOUNCE, "/train/law/exponent", json!("3/0"), "/train/law/exponent"),
         (BOUNCE, "/train/law/exponent", json!(0.5), "/train/law/exponent"),

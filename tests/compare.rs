@@ -262,8 +262,8 @@ fn the_command_compares_and_repeats_itself() {
     let json: Value = serde_json::from_str(&read(a, "compare.json")).unwrap();
     assert_eq!(json["reference"]["window_cycles"], 5);
     let rows = json["rows"].as_array().unwrap();
-    // Flank once, two methods at 47, 101, 223, 471, 1011 steps a cycle: six thousand steps in five cycles.
-    assert_eq!(rows.len(), 1 + 2 * 5);
+    // Flank at four tolerances and at full precision, two methods at 47, 101, 223, 471, 1011 steps a cycle: six thousand steps in five cycles.
+    assert_eq!(rows.len(), 5 + 2 * 5);
     // An integrator that has nothing in common with the reference's confirms it, where there is one.
     let independent = json["reference"]["independent_difference_periods"].as_f64();
     assert_eq!(independent.is_some(), cfg!(feature = "diffsol"));

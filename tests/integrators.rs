@@ -631,7 +631,8 @@ fn slivers_of_arcs_and_late_times_are_as_good_as_any() {
                 pinned: &GuardSet::default(),
                 still: &GuardSet::default(),
                 bound: clock.advance(from.at, span),
-                before: (0, &[]),
+                tolerance: flank::hybrid::FULL_PRECISION,
+                before: flank::integrate::Before::default(),
             };
             let mut visits = 0;
             let done = integrator.integrate_arc(&s, &arc, &mut end, &mut [], &mut |step| {

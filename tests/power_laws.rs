@@ -295,6 +295,7 @@ fn the_defect_bounds_the_error() {
             still: GuardSet::none(),
             span: random.decades(-2.0, 1.0),
             tolerance,
+            left_out: [0.0; 2],
         };
         let mut jet = Jet::default();
         let motion = s.motion(&mode).unwrap();
@@ -319,7 +320,8 @@ fn the_defect_bounds_the_error() {
             pinned: &pinned,
             still: GuardSet::none(),
             bound: end,
-            before: (0, &[]),
+            tolerance: flank::hybrid::FULL_PRECISION,
+            before: flank::integrate::Before::default(),
         };
 
         let outcome = Taylor::default().integrate_arc(&s, &arc, &mut truth, &mut [], &mut |step| {
@@ -484,7 +486,8 @@ fn guards_have_derivatives_in_time() {
                 pinned: &pinned,
                 still: GuardSet::none(),
                 bound: s.clock().instant(1e-2),
-                before: (0, &[]),
+                tolerance: flank::hybrid::FULL_PRECISION,
+                before: flank::integrate::Before::default(),
             };
             let mut found = None;
             let mut visit = |step: &dyn flank::integrate::DenseStep| {

@@ -8,8 +8,9 @@ use super::{AccuracyError, Problem, problem::Passages};
 use crate::{
     analysis::Contacts,
     baseline::{Alpha, Counters, Crossing, Crossings, Grid, Interpolation, Method, Penalty, Ramp, Sample, Watch},
+    engine::Engine,
     gear::contact::Law,
-    integrate::Choice,
+    integrate::{Choice, IntegrateError},
     system::{ContactSpec, Structure},
 };
 
@@ -45,6 +46,8 @@ pub enum Setting {
     StepsPerCycle(u64),
     /// Relative tolerance.
     Tolerance(f64),
+    /// Error of an event's time that each arc may add, of the forcing period.
+    EventTolerance(f64),
     /// To round-off: nothing to set.
     RoundOff,
 }
@@ -54,6 +57,7 @@ impl fmt::Display for Setting {
         match self {
             Self::StepsPerCycle(n) => write!(f, "{n} steps"),
             Self::Tolerance(t) => write!(f, "tol {t:e}"),
+            Self::EventTolerance(t) => write!(f, "event tol {t:e}"),
             Self::RoundOff => f.write_str("round-off"),
         }
     }
@@ -75,6 +79,9 @@ pub struct Performance {
     /// Why it stopped before the end, if it did.
     pub stopped: Option<String>,
 }
+
+/// What the engine is run at, coarse to fine.
+const EVENT_TOLERANCES: [f64; 4] = [1e-3, 1e-5, 1e-7, 1e-9];
 
 const WORDS: &str = "rk4, newmark, hht[=ALPHA], generalized-alpha[=RHO], euler, verlet, tsit45, esdirk34, bdf, flank, \
                      flank-explicit, flank-sdirk, flank-bdf; after a baseline +cubic, +tanh=SIGMA, +sqrt=SIGMA, +poly=SIGMA";
@@ -171,7 +178,9 @@ impl Contender {
                 .take_while(|n| n.saturating_mul(cycles) <= most)
                 .map(Setting::StepsPerCycle)
                 .collect(),
-            Kind::Engine(Choice::Auto | Choice::Taylor) => vec![Setting::RoundOff],
+            Kind::Engine(Choice::Auto | Choice::Taylor) => {
+                EVENT_TOLERANCES.map(Setting::EventTolerance).into_iter().chain([Setting::RoundOff]).collect()
+            }
             Kind::Adaptive(_) | Kind::Engine(_) => (1..=6).map(|i| Setting::Tolerance(10f64.powi(-2 * i))).collect(),
         }
     }
@@ -182,7 +191,7 @@ impl Contender {
     /// [`AccuracyError`] if the engine fails; a baseline that breaks down says so in its [`Performance`].
     pub fn perform(&self, problem: &Problem<'_>, cycles: u64, setting: Setting) -> Result<Performance, AccuracyError> {
         if let Kind::Engine(choice) = self.kind {
-            return engine(problem, cycles, other(choice, setting));
+            return engine(problem, cycles, choice, setting);
         }
         let model = Penalty::new(problem.structure(), self.ramp);
         let mut crossings = Crossings::new(&model, self.interpolation);
@@ -203,7 +212,7 @@ impl Contender {
     pub fn solve(&self, problem: &Problem<'_>, cycles: u64, setting: Setting) -> Result<usize, AccuracyError> {
         if let Kind::Engine(choice) = self.kind {
             let mut passages = Passages::new(problem);
-            let mut engine = problem.engine(problem.start.clone(), other(choice, setting))?;
+            let mut engine = within(problem, choice, setting)?;
             engine.run(problem.section(cycles), &mut passages)?;
             return Ok(passages.found.len());
         }
@@ -243,15 +252,21 @@ impl Contender {
     }
 }
 
-fn other(choice: Choice, setting: Setting) -> Option<(Choice, f64)> {
-    if let Setting::Tolerance(tolerance) = setting { Some((choice, tolerance)) } else { None }
+/// The engine with a setting.
+fn within<'s>(problem: &Problem<'s>, choice: Choice, setting: Setting) -> Result<Engine<'s>, IntegrateError> {
+    let (event_tolerance, other) = match setting {
+        Setting::Tolerance(tolerance) => (0.0, Some((choice, tolerance))),
+        Setting::EventTolerance(tolerance) => (tolerance, None),
+        _ => (0.0, None),
+    };
+    problem.engine_within(event_tolerance, problem.start.clone(), other)
 }
 
-fn engine(problem: &Problem<'_>, cycles: u64, other: Option<(Choice, f64)>) -> Result<Performance, AccuracyError> {
+fn engine(problem: &Problem<'_>, cycles: u64, choice: Choice, setting: Setting) -> Result<Performance, AccuracyError> {
     let n = problem.structure().freedoms();
     let model = Penalty::new(problem.structure(), Ramp::Sharp);
     let mut watch = (Passages::new(problem), Contacts::new(problem.structure(), None).keep(0));
-    let mut engine = problem.engine(problem.start.clone(), other)?;
+    let mut engine = within(problem, choice, setting)?;
     let mut run = Performance::default();
     for k in 0..=cycles {
         let at = problem.section(k);

@@ -55,12 +55,23 @@ impl<'s> Problem<'s> {
         (&self.start.x[..n], &self.start.x[n..2 * n])
     }
 
-    /// An engine at `start`, with another integrator and its tolerance if one is named.
+    /// An engine at `start` at full precision, with another integrator and its tolerance if one is named.
     pub(super) fn engine(&self, start: State, other: Option<(Choice, f64)>) -> Result<Engine<'s>, IntegrateError> {
+        self.engine_within(0.0, start, other)
+    }
+
+    /// The same with events of which each may be off by `event_tolerance`, see [`Options::event_tolerance`].
+    pub(super) fn engine_within(
+        &self,
+        event_tolerance: f64,
+        start: State,
+        other: Option<(Choice, f64)>,
+    ) -> Result<Engine<'s>, IntegrateError> {
         let run = &self.simulation.settings;
         let (choice, tolerance) = other.unwrap_or((run.method, run.tolerance));
         let (integrator, _) = build(choice, tolerance, self.structure())?;
-        Ok(Engine::new(self.structure(), integrator, Options::default(), start))
+        let options = Options { event_tolerance, ..Options::default() };
+        Ok(Engine::new(self.structure(), integrator, options, start))
     }
 
     /// The start of cycle `k`, counted from the start; on a clock of the same period exactly.

@@ -14,6 +14,8 @@ use crate::{
 
 /// Errors at which costs are compared, periods.
 pub(super) const TARGETS: [f64; 3] = [1e-3, 1e-6, 1e-9];
+/// The word of Flank itself.
+const FLANK: &str = "flank";
 /// Flank is run this long in each repetition, s, so that a clock can tell.
 const MEASURABLE: f64 = 3e-3;
 /// Longest time for one setting, repetitions and all, s.
@@ -28,7 +30,8 @@ pub struct ContenderSummary {
     pub order: Option<Order>,
     /// Steps a cycle below which it is unstable with every mesh closed, if it is anywhere.
     pub stable: Option<f64>,
-    /// For each of the errors 1e-3, 1e-6 and 1e-9 T: cost over Flank's, and whether it was reached.
+    /// For each of the errors 1e-3, 1e-6 and 1e-9 T: cost over that of Flank for this error, or at full precision where it does not
+    /// take part, and whether it was reached.
     pub ratios: [Option<(f64, bool)>; 3],
 }
 
@@ -151,7 +154,7 @@ impl<'a> WorkPrecision<'a> {
         repetitions: u16,
         clock: &dyn Fn() -> f64,
     ) -> Result<RunTime, AccuracyError> {
-        let (flank, cycles) = (Contender::parse("flank")?, self.truth.window.cycles);
+        let (flank, cycles) = (Contender::parse(FLANK)?, self.truth.window.cycles);
         let once = |contender: &Contender, setting: Setting| -> Result<f64, AccuracyError> {
             let (start, mut runs) = (clock(), 0u32);
             while runs == 0 || clock() - start < MEASURABLE {
@@ -194,7 +197,13 @@ impl<'a> WorkPrecision<'a> {
             let ratios = TARGETS.map(|target| reached(&costs, target, slope));
             ContenderSummary { name: contender.name.clone(), order, stable: self.stable_steps(contender), ratios }
         };
-        self.contenders.iter().map(of).collect()
+        let mut all: Vec<ContenderSummary> = self.contenders.iter().map(of).collect();
+        // Beside what Flank takes for the same error.
+        let own = all.iter().find(|s| s.name == FLANK).map_or([None; 3], |s| s.ratios);
+        for ratios in all.iter_mut().map(|s| &mut s.ratios) {
+            ratios.iter_mut().zip(own).for_each(|(r, own)| *r = r.map(|(c, at)| (c / own.map_or(1.0, |o| o.0), at)));
+        }
+        all
     }
 
     /// Steps a cycle at the stability limit of a method, with every mesh closed; none for a method without one.
@@ -300,7 +309,7 @@ impl<'a> WorkPrecision<'a> {
                 self.setting(row),
                 match s.event_time {
                     // The reference beside itself: its error is what it states.
-                    Some(e) if row.contender.kind == Kind::Engine(Choice::Auto) => {
+                    Some(e) if row.contender.kind == Kind::Engine(Choice::Auto) && row.setting == Setting::RoundOff => {
                         format!("≤ {}", small(e.max(self.truth.error)))
                     }
                     e => e.map_or("-".to_owned(), small),

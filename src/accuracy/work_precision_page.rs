@@ -96,7 +96,7 @@ impl WorkPrecision<'_> {
     fn report(&self, summaries: &[ContenderSummary], figures: [Figure; 2]) -> Report {
         let simulation = self.problem.simulation;
         let runs = self.run_table().titled("Runs", self.failures().join("; "));
-        let note = "Costs are times over Flank's; in brackets: not reached, extrapolated with the order seen.";
+        let note = "Costs are times over those of Flank for the same error; in brackets: not reached, extrapolated with the order seen.";
         let orders = self.order_table(summaries).titled("Orders and costs", note);
         Report {
             title: format!("Accuracy against work: {}", simulation.title()),

@@ -86,18 +86,19 @@ impl Balance {
     }
 
     /// Largest [`closure`](Self::closure) that rounding explains after `steps` Taylor steps, `(64 + 8 n) ε`: a step rounds the
-    /// state by 4 ε of its size at most, an energy by twice that, and the sums of a step's powers by some 64 ε in all.
+    /// state by 4 ε of its size at most, an energy by twice that, and the sums of a step's powers by some 64 ε in all. On request a step
+    /// also leaves out the share `left_out` of the energy.
     #[must_use]
-    pub fn rounding(steps: u64) -> f64 {
+    pub fn rounding(steps: u64, left_out: f64) -> f64 {
         // OK to convert: a run has fewer than 2⁵³ steps.
-        (64.0 + 8.0 * steps as f64) * f64::EPSILON
+        (64.0 + 8.0 * steps as f64) * f64::EPSILON + left_out * steps as f64
     }
 
     /// Whether the residual is more than the rounding of the throughput and of `energy`, J
     /// ([`Structure::rounded_energy`](crate::system::Structure::rounded_energy)).
     #[must_use]
-    pub fn is_open(&self, energy: f64, steps: u64) -> bool {
-        self.residual.abs() > Self::rounding(steps) * (self.throughput + energy)
+    pub fn is_open(&self, energy: f64, steps: u64, left_out: f64) -> bool {
+        self.residual.abs() > Self::rounding(steps, left_out) * (self.throughput + energy)
     }
 }
 

@@ -7,8 +7,8 @@ use super::{
     forcing::{Forcing, Moment},
 };
 use crate::{
-    hybrid::{Clock, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, VectorField},
-    integrate::{Arc, Choice, DenseStep, IntegrateError, build},
+    hybrid::{Clock, FULL_PRECISION, GuardId, GuardSet, HybridSystem, Instant, Jump, Mode, ModelError, VectorField},
+    integrate::{Arc, Before, Choice, DenseStep, IntegrateError, build},
 };
 
 /// A penalty train as one smooth mode, which it is not: the solver has to find out.
@@ -128,7 +128,8 @@ impl Penalty {
             pinned: &none,
             still: &none,
             bound,
-            before: (0, &[]),
+            tolerance: FULL_PRECISION,
+            before: Before::default(),
         };
         let (mut integrator, _) = build(solver, rtol, &through)?;
         let (mut x, mut next) = (start.clone(), 1);

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     hybrid::{GuardSet, HybridSystem, Instant, JetField, Lane, Mode},
-    integrate::{Arc, Integrator},
+    integrate::{Arc, Before, Integrator},
 };
 
 /// Motions that are kept: some kilobytes each, and more modes than most trains come back to.
@@ -151,7 +151,7 @@ impl<'s> Engine<'s> {
         }
         let met = &motions[mode];
         let motion = &met.motion;
-        let mut before = (0, &[][..]);
+        let mut before = Before::default();
         if let Some(motion) = motion.as_deref().filter(|_| met.leaps) {
             if let Some(end) = leaps.arc(core, motion, point, bound, arrival, observer)? {
                 return Ok(end);
@@ -160,7 +160,7 @@ impl<'s> Engine<'s> {
         }
         let Point { state, low, carried } = point;
         let mode = &state.jump.mode;
-        core.counters.arcs += u64::from(before.0 == 0);
+        core.counters.arcs += u64::from(before.steps == 0);
         // Stands if the arc ends before its first step.
         core.left.carried.clone_from(carried);
         let arc = Arc {
@@ -173,11 +173,12 @@ impl<'s> Engine<'s> {
             pinned: &state.jump.pinned,
             still: &state.jump.still,
             bound,
+            tolerance: core.options.truncation(),
             before,
         };
         let place = Place { state, bound, arrival };
         // Where leaps have led here, they began the arc.
-        let (mut ended, mut first) = (Ok(None), before.0 == 0);
+        let (mut ended, mut first) = (Ok(None), before.steps == 0);
         integrator
             .integrate_arc(core.system, &arc, end, end_low, &mut |step| {
                 ended = core.visit(step, place, std::mem::take(&mut first), observer);

@@ -122,10 +122,10 @@ impl Core<'_> {
         located: &Located,
         observer: &mut dyn Observer,
     ) -> Result<(), EngineError> {
-        let Self { system, alarm, iteration, .. } = self;
+        let Self { system, alarm, iteration, tolerance, .. } = self;
         iteration.open(&point.state);
         let EventIteration { record, cascade, strikes, fastest, .. } = iteration;
-        let Point { state: State { at, x, jump }, low, .. } = point;
+        let Point { state: State { at, x, jump }, low, carried } = point;
         record.fired |= &located.fired;
         if located.conditioning.time >= record.conditioning.time {
             record.conditioning = located.conditioning;
@@ -156,6 +156,10 @@ impl Core<'_> {
         };
         *jump = after.map_err(|source| EngineError::Model { t: system.clock().time(*at).value(), source })?;
         alarm.moved(*system, *at, &located.fired, jump.projected)?;
+        if *tolerance > 0.0 && jump.projected > 0.0 {
+            // The move is more than rounding then, and what was carried is of the state before it.
+            carried.clear();
+        }
         if let Some((from, x_minus)) = &before {
             let (x_plus, fired) = (x.as_slice(), &located.fired);
             observer.jump(&Jumped { at: *at, from, to: jump, fired, x_minus, x_plus, settles });
@@ -213,14 +217,14 @@ impl Core<'_> {
     pub fn close(&mut self, state: &State, observer: &mut dyn Observer) -> Option<Outcome> {
         let is_silent = self.iteration.is_silent;
         let record = self.iteration.close(state)?;
-        self.counters.add(record);
+        self.counters.add(record, self.tolerance);
         (!is_silent && observer.event(record).is_break()).then_some(Outcome::StoppedByObserver)
     }
 
     /// A lane has gone on from the instant, if one was open, to `state`: its record is complete, and nothing carries over.
     pub fn go_past(&mut self, state: &State) {
         if let Some(record) = self.iteration.close(state) {
-            self.counters.add(record);
+            self.counters.add(record, self.tolerance);
         }
         self.iteration.stage = Stage::Past;
         self.alarm.go_past();
@@ -286,9 +290,9 @@ impl Place<'_> {
     /// then do, does not wait.
     pub fn waits(&self, step: &dyn DenseStep, located: &Located, left: f64) -> bool {
         let is_zero = |i: usize| {
-            let (tail, rounding) = step.guard_error(i);
-            step.plain_span().is_none()
-                || step.guard(i).iter().sum::<f64>().abs() <= WAITING * (tail + rounding + step.gathered(i, 1.0, 0))
+            let ((tail, rounding), left_out) = (step.guard_error(i), step.left_out(i));
+            let error = tail - left_out + rounding + step.gathered(i, 1.0, 0);
+            step.plain_span().is_none() && left_out == 0.0 || step.guard(i).iter().sum::<f64>().abs() <= WAITING * error
         };
         let fired = |i: &usize| located.fired.contains(step.guards()[*i]);
         self.arrival == Arrival::Switch

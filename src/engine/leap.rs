@@ -15,8 +15,8 @@ use super::{
 };
 use crate::{
     event::{Conditioning, Located},
-    hybrid::{GuardId, GuardSet, Instant, JetField, JetRequest, Leap, Made, Passage},
-    integrate::{Arc, Integrator, TOLERANCE, Taylor, advances, gathered, is_over},
+    hybrid::{FULL_PRECISION, GuardId, GuardSet, Instant, JetField, JetRequest, Leap, Made, Passage},
+    integrate::{Arc, Before, Integrator, Taylor, advances, gathered, is_over},
     poly::{FirstRoot, first_root},
 };
 
@@ -31,6 +31,8 @@ pub(super) struct Leaps {
     extent: Vec<f64>,
     /// Leaps of the arc so far.
     count: u32,
+    /// What they have left out.
+    left_out: [f64; 2],
     /// Shows observers the steps that a leap has not made.
     shown: Taylor,
     end: [Vec<f64>; 2],
@@ -49,7 +51,8 @@ impl Leaps {
         observer: &mut dyn Observer,
     ) -> Result<Option<End>, EngineError> {
         let clock = *core.system.clock();
-        self.count = 0;
+        (self.count, self.left_out) = (0, [0.0; 2]);
+        let tolerance = core.options.truncation();
         self.extent.clear();
         self.extent.resize(point.state.x.len(), 0.0);
         if arrival == Arrival::Record || !point.state.jump.still.is_empty() {
@@ -59,7 +62,8 @@ impl Leaps {
             let Point { state, low, carried } = &mut *point;
             let (pinned, still) = (&state.jump.pinned, &state.jump.still);
             let (at, span) = (state.at, clock.between(state.at, bound));
-            let request = JetRequest { at, x: &state.x, low, pinned, still, carried, span, tolerance: TOLERANCE };
+            let left_out = self.left_out;
+            let request = JetRequest { at, x: &state.x, low, pinned, still, carried, span, tolerance, left_out };
             let shown = observer.wants_steps(&state.jump.mode);
             let made = Made { leaps: self.count, arcs: core.counters.arcs };
             if is_over(&clock, at, span) || !motion.leap(&request, made, shown, &mut self.leap) {
@@ -115,6 +119,8 @@ impl Leaps {
                 }
             };
             self.count += 1;
+            self.left_out =
+                if self.leap.is_series { self.leap.jet.left_out } else { drifted(left_out, self.leap.time) };
             let Point { state, carried, .. } = &mut *point;
             state.at = end;
             std::mem::swap(&mut state.x, &mut self.leap.x);
@@ -154,8 +160,9 @@ impl Leaps {
     }
 
     /// What the last arc has behind it, for the steps that go on with it.
-    pub fn before(&self) -> (u32, &[f64]) {
-        if self.count == 0 { (0, &[]) } else { (self.count, &self.extent) }
+    pub fn before(&self) -> Before<'_> {
+        let (steps, left_out) = (self.count, self.left_out);
+        if steps == 0 { Before::default() } else { Before { steps, extent: &self.extent, left_out } }
     }
 
     /// Shows the observer the motion up to `end`.
@@ -182,7 +189,8 @@ impl Leaps {
             pinned: &jump.pinned,
             still: &jump.still,
             bound,
-            before: (0, &[]),
+            tolerance: FULL_PRECISION,
+            before: Before::default(),
         };
         let [x, rest] = &mut self.end;
         x.clone_from(&state.x);
@@ -212,6 +220,11 @@ impl Leaps {
         (state.jump.pinned, state.jump.still) = Default::default();
         Ok(Some(End::Stop(Outcome::StoppedByObserver)))
     }
+}
+
+/// What has been left out, `time` s later: an error of the velocities moves the bodies.
+fn drifted([moved, speed]: [f64; 2], time: f64) -> [f64; 2] {
+    [moved + speed * time, speed]
 }
 
 /// The event at the end of `leap`.

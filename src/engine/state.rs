@@ -2,8 +2,12 @@
 
 use crate::{
     event::EventRecord,
-    hybrid::{Instant, Jump},
+    hybrid::{FULL_PRECISION, Instant, Jump},
 };
+
+/// Shares of its tolerance that an arc gives to a step: for the steps it takes, times how much faster than its guard the fastest body may
+/// be. That is no bound, events tell what they have; and it is cheap, as a step is longer by the 25th root only.
+const SHARES: f64 = 4096.0;
 
 /// Where a run stands.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,13 +42,16 @@ pub struct Options {
     pub max_events: u64,
     /// A chatter is summed when the rebound speed has fallen to this fraction of the fastest in the sequence, `(0, 1)`.
     pub chatter_fraction: f64,
+    /// Largest error of the time of an event that its arc may add, of the forcing period, `[0, 0.001]`; 0 is full precision. What is
+    /// known less well counts as a [near touch](Counters::near_touches).
+    pub event_tolerance: f64,
     /// It is summed as well when the rebound speed has fallen below this, in the guards' units per second; 0 for never.
     pub chatter_speed: f64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { max_events: u64::MAX, chatter_fraction: 1e-10, chatter_speed: 0.0 }
+        Self { max_events: u64::MAX, chatter_fraction: 1e-10, event_tolerance: 0.0, chatter_speed: 0.0 }
     }
 }
 
@@ -64,14 +71,33 @@ pub struct Counters {
     pub switches: u64,
     /// Touches without crossing.
     pub grazes: u64,
+    /// Events whose time is less certain than [`Options::event_tolerance`], touches included: a dip of a guard that is shorter may have
+    /// been taken for none. Zero at full precision.
+    pub near_touches: u64,
     /// Impact sequences summed to their accumulation point.
     pub accumulations: u64,
     /// Interval subdivisions of the root isolation.
     pub splits: u64,
 }
 
+impl Options {
+    /// Truncation of a step, relative to the rates.
+    pub(super) fn truncation(&self) -> f64 {
+        FULL_PRECISION.max(self.event_tolerance / SHARES)
+    }
+
+    /// What a step leaves out on request, relative to the rates: zero at full precision.
+    #[must_use]
+    pub fn left_out(&self) -> f64 {
+        self.truncation() - FULL_PRECISION
+    }
+}
+
 impl Counters {
-    pub(super) fn add(&mut self, record: &EventRecord) {
+    /// Counts a record; `tolerance` is that of its time, s, 0 at full precision.
+    pub(super) fn add(&mut self, record: &EventRecord, tolerance: f64) {
+        let is_near = record.graze || record.conditioning.time > tolerance;
+        self.near_touches += u64::from(is_near && tolerance > 0.0);
         self.grazes += u64::from(record.graze);
         self.accumulations += u64::from(record.accumulation.is_some());
         if !record.fired.is_empty() && !record.start && !record.graze {

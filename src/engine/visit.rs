@@ -10,8 +10,8 @@ use super::{
     state::{Counters, Options, Point, State},
 };
 use crate::{
-    event::{Accumulation, EventRecord, Located, Locator},
-    hybrid::{GuardId, GuardSet, HybridSystem, Instant},
+    event::{Accumulation, EventRecord, Located, Locator, Touch},
+    hybrid::{GuardSet, HybridSystem, Instant, Wide},
     integrate::DenseStep,
 };
 
@@ -19,6 +19,8 @@ use crate::{
 pub(super) struct Core<'s> {
     pub system: &'s dyn HybridSystem,
     pub options: Options,
+    /// The largest error of an event's time that is asked for, s; 0 at full precision.
+    pub tolerance: f64,
     pub counters: Counters,
     pub locator: Locator,
     pub chatter: Chatter,
@@ -68,6 +70,7 @@ impl<'s> Core<'s> {
         Self {
             system,
             options,
+            tolerance: options.event_tolerance * system.clock().period().map_or(0.0, Wide::value),
             counters: Counters::default(),
             locator: Locator::default(),
             chatter: Chatter::default(),
@@ -97,8 +100,8 @@ impl Core<'_> {
         if first && let Some(end) = self.resolve(step, place, &mut located, left, observer) {
             return self.end_at(step, place, 0.0, end);
         }
-        if let Some((theta, guard)) = touch
-            && self.graze(step, theta, guard, place, observer).is_break()
+        if let Some(touch) = touch
+            && self.graze(step, touch, place, observer).is_break()
         {
             return Ok(Some(End::Stop(Outcome::StoppedByObserver)));
         }
@@ -149,24 +152,24 @@ impl Core<'_> {
     fn graze(
         &mut self,
         step: &dyn DenseStep,
-        theta: f64,
-        guard: GuardId,
+        touch: Touch,
         place: Place<'_>,
         observer: &mut dyn Observer,
     ) -> ControlFlow<()> {
-        self.leave(step, theta);
+        self.leave(step, touch.theta);
         let (mode, State { at, x, .. }) = (&place.state.jump.mode, &self.left.state);
         let record = EventRecord {
             at: *at,
-            fired: GuardSet::from_iter([guard]),
+            fired: GuardSet::from_iter([touch.guard]),
             from: mode.clone(),
             to: mode.clone(),
             x_minus: x.clone(),
             x_plus: x.clone(),
+            conditioning: touch.conditioning,
             graze: true,
             ..EventRecord::default()
         };
-        self.counters.add(&record);
+        self.counters.add(&record, self.tolerance);
         observer.event(&record)
     }
 }

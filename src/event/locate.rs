@@ -39,6 +39,31 @@ fn lowest(p: &[f64], x: f64, end: f64) -> Option<f64> {
     (lowest > 0.0 && lowest <= end).then_some(lowest)
 }
 
+/// A guard that comes within its error of zero, and does not cross.
+pub struct Touch {
+    /// Where it is lowest, in θ.
+    pub theta: f64,
+    /// Which.
+    pub guard: GuardId,
+    /// How well its time is known.
+    pub conditioning: Conditioning,
+}
+
+impl Touch {
+    fn new(step: &dyn DenseStep, i: usize, theta: f64) -> Self {
+        let (p, (tail, rounding), rate) = (step.guard(i), step.guard_error(i), step.rate(theta).abs());
+        let (residual, slope) = poly::eval_with_slope(p, theta);
+        let width = (2.0 * (tail + rounding) / poly::curvature(p, theta).abs()).sqrt().min(1.0);
+        let conditioning = Conditioning {
+            residual,
+            slope: if rate > 0.0 { slope / rate } else { 0.0 },
+            time: f64::EPSILON * step.time(theta) + width * rate,
+            estimated: step.is_estimate(),
+        };
+        Self { theta, guard: step.guards()[i], conditioning }
+    }
+}
+
 /// Iterations that find a lowest point from within the uncertainty of zero: two suffice, more serve touches of high order.
 const NEWTON: usize = 8;
 
@@ -77,12 +102,7 @@ impl Locator {
     ///
     /// `starts` says that the step is the first of its arc: a row that stays within twice its error up to the touch has just
     /// left its flank, and is no graze. `closed_end` makes an event exactly at the end of the step belong to it (the end of a run).
-    pub fn first(
-        &mut self,
-        step: &dyn DenseStep,
-        starts: bool,
-        closed_end: bool,
-    ) -> (Option<Located>, Option<(f64, GuardId)>) {
+    pub fn first(&mut self, step: &dyn DenseStep, starts: bool, closed_end: bool) -> (Option<Located>, Option<Touch>) {
         let mut first: Option<(f64, usize)> = None;
         let mut touch: Option<(f64, usize)> = None;
         // Rows that are not clearly positive.
@@ -124,33 +144,19 @@ impl Locator {
         }
         let end = first.map_or(1.0, |(theta, _)| theta);
         let touch = touch.filter(|(t, i)| *t < end && is_tangent(step, *i, *t, end));
-        let touch = touch.and_then(|(t, i)| Some((lowest(step.guard(i), t, end)?, step.guards()[i])));
+        let touch = touch.and_then(|(t, i)| Some(Touch::new(step, i, lowest(step.guard(i), t, end)?)));
         (first.map(|(theta, lead)| self.batch(step, starts, theta, lead, doubtful)), touch)
     }
 
     /// All guards that fire at `theta` together with guard `lead`: some of `doubtful`.
     fn batch(&self, step: &dyn DenseStep, starts: bool, theta: f64, lead: usize, doubtful: GuardSet) -> Located {
-        let series = deflated(step, lead);
-        let (value, deflated_slope) = poly::eval_with_slope(series.p, theta);
-        let (residual, slope) = match series.order as i32 {
-            0 => (value, deflated_slope),
-            m => (value * theta.powi(m), theta.powi(m - 1) * (f64::from(m) * value + theta * deflated_slope)),
-        };
-        let (curvature, own_error) = (poly::curvature(series.p, theta).abs(), series.error_at(theta));
-        // To first order the error over the slope; where the slope vanishes, the curvature takes over.
-        let width = |gathered: f64| {
-            // A guard that is exactly zero at the start and leaves does so at once: no uncertainty.
-            if theta == 0.0 && series.order > 0 {
-                return 0.0;
-            }
-            let error = own_error + gathered / theta.powi(series.order as i32);
-            (error / deflated_slope.abs()).min((2.0 * error / curvature).sqrt()).min(1.0)
-        };
-        let reach = if theta == 0.0 { 0.0 } else { width(0.0) };
+        let (conditioning, [slope, width]) = conditioning(step, lead, theta);
+        let reach = if theta == 0.0 { 0.0 } else { width };
         let standstill = stands_still(step, theta, theta);
         let (mut fired, mut zero, mut near) = (GuardSet::default(), GuardSet::default(), GuardSet::default());
         for (i, guard) in step.guards().iter().enumerate().filter(|(_, guard)| doubtful.contains(**guard)) {
-            let series = deflated(step, i);
+            let (tail, rounding) = step.guard_error(i);
+            let series = Deflated::new(step.guard(i), tail - step.left_out(i), rounding);
             let fires = if i == lead {
                 true
             } else if theta == 0.0 {
@@ -178,26 +184,47 @@ impl Locator {
                 }
             }
         }
-        // All of it in time and in the guard's own units; at the end of a contact a root clock stands still.
-        let rate = step.rate(theta).abs();
-        let gathered = step.gathered(lead, theta, series.order);
-        // The place of the root is a double.
-        let place = f64::EPSILON * step.time(theta);
-        let estimated = step.is_estimate();
-        let conditioning = match step.guard_in_time(lead, theta) {
-            Some((in_time, error)) => Conditioning {
-                residual: if slope == 0.0 { 0.0 } else { residual / slope * rate * in_time },
-                slope: in_time,
-                time: place + if in_time == 0.0 { width(0.0) * rate } else { (error + gathered) / in_time.abs() },
-                estimated,
-            },
-            None => Conditioning {
-                residual,
-                slope: if rate > 0.0 { slope / rate } else { 0.0 },
-                time: place + width(gathered) * rate,
-                estimated,
-            },
-        };
         Located { theta, fired, zero, near, conditioning }
     }
+}
+
+/// How well the fall of guard `i` at `theta` is known; and by θ its slope, and its width without the rounding of steps before.
+fn conditioning(step: &dyn DenseStep, i: usize, theta: f64) -> (Conditioning, [f64; 2]) {
+    let series = deflated(step, i);
+    let (value, deflated_slope) = poly::eval_with_slope(series.p, theta);
+    let (residual, slope) = match series.order as i32 {
+        0 => (value, deflated_slope),
+        m => (value * theta.powi(m), theta.powi(m - 1) * (f64::from(m) * value + theta * deflated_slope)),
+    };
+    let (curvature, own_error) = (poly::curvature(series.p, theta).abs(), series.error_at(theta));
+    // To first order the error over the slope; where the slope vanishes, the curvature takes over.
+    let width = |gathered: f64| {
+        // A guard that is exactly zero at the start and leaves does so at once: no uncertainty.
+        if theta == 0.0 && series.order > 0 {
+            return 0.0;
+        }
+        let error = own_error + gathered / theta.powi(series.order as i32);
+        (error / deflated_slope.abs()).min((2.0 * error / curvature).sqrt()).min(1.0)
+    };
+    // All of it in time and in the guard's own units; at the end of a contact a root clock stands still.
+    let rate = step.rate(theta).abs();
+    let gathered = step.gathered(i, theta, series.order);
+    // The place of the root is a double.
+    let place = f64::EPSILON * step.time(theta);
+    let estimated = step.is_estimate();
+    let conditioning = match step.guard_in_time(i, theta) {
+        Some((in_time, error)) => Conditioning {
+            residual: if slope == 0.0 { 0.0 } else { residual / slope * rate * in_time },
+            slope: in_time,
+            time: place + if in_time == 0.0 { width(0.0) * rate } else { (error + gathered) / in_time.abs() },
+            estimated,
+        },
+        None => Conditioning {
+            residual,
+            slope: if rate > 0.0 { slope / rate } else { 0.0 },
+            time: place + width(gathered) * rate,
+            estimated,
+        },
+    };
+    (conditioning, [slope, width(0.0)])
 }

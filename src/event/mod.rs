@@ -3,5 +3,5 @@
 mod locate;
 mod record;
 
-pub use locate::{Located, Locator};
+pub use locate::{Located, Locator, Touch};
 pub use record::{Accumulation, Conditioning, EventRecord};

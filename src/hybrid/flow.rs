@@ -4,6 +4,9 @@ use super::{GuardId, GuardSet, Instant, Mode, Wide};
 /// the last place.
 pub(crate) const ARRIVED: f64 = 8.0 * f64::EPSILON;
 
+/// Truncation at full precision, relative to the size of the rates: half a unit in the last place.
+pub const FULL_PRECISION: f64 = 1e-16;
+
 /// What a [`JetField`] is asked for.
 #[derive(Clone, Copy, Debug)]
 pub struct JetRequest<'a> {
@@ -21,8 +24,10 @@ pub struct JetRequest<'a> {
     pub carried: &'a [f64],
     /// Wanted span of the step, s: the field may return a shorter one.
     pub span: f64,
-    /// Truncation wanted, relative to the size of each component.
+    /// Truncation wanted, relative to the size of each component: [`FULL_PRECISION`], or more on request.
     pub tolerance: f64,
+    /// What the steps of the arc before have left out, as [`Jet::left_out`] tells it.
+    pub left_out: [f64; 2],
 }
 
 /// What a run has made where a [`JetField`] is asked for a leap.
@@ -243,6 +248,9 @@ pub struct Jet {
     pub guard_rates: Vec<f64>,
     /// And the error of its value in its physical units; negative where there is no such row.
     pub guard_errors: Vec<f64>,
+    /// What the arc's steps have left out by the end of this one, of displacements and velocities over `1/√M_ii`; zero at full
+    /// precision, where it is less than rounding.
+    pub left_out: [f64; 2],
     /// The errors of the guards are estimates, no proven bounds.
     pub is_estimate: bool,
     /// Working space of the field.

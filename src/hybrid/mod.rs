@@ -14,7 +14,9 @@ mod system;
 
 pub use contact::{ContactMode, ContactView, Watch};
 pub(crate) use flow::{ARRIVED, normalise};
-pub use flow::{Jet, JetField, JetRequest, Known, Leap, Made, Passage, Power, SAMPLES, Samples, Shown, VectorField};
+pub use flow::{
+    FULL_PRECISION, Jet, JetField, JetRequest, Known, Leap, Made, Passage, Power, SAMPLES, Samples, Shown, VectorField,
+};
 pub use guard::{GuardId, GuardSet};
 pub use instant::{Clock, Instant, Wide};
 pub use lane::{Lane, LaneHost, LanePoint, Lap, LapEnd, Rebound};

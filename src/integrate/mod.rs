@@ -21,7 +21,7 @@ pub use choice::{Choice, PerMode, build};
 pub use radau::Tableau;
 use relay::Relay;
 pub use taylor::Taylor;
-pub(crate) use taylor::{TOLERANCE, advances, gathered, is_over};
+pub(crate) use taylor::{advances, gathered, is_over};
 
 /// One accepted step with its dense output, in the step's own clock `θ ∈ [0, 1]`.
 #[allow(unused_variables, reason = "defaults that do nothing")]
@@ -50,6 +50,11 @@ pub trait DenseStep {
     /// Bounds on the error of guard `i`: of its polynomial on `[0, 1]`, and of rounding where a value is
     /// computed from scratch.
     fn guard_error(&self, i: usize) -> (f64, f64);
+    /// The part of the first of these bounds that has been left out on request. Equal contacts leave out the same: it makes no two
+    /// events one.
+    fn left_out(&self, i: usize) -> f64 {
+        0.0
+    }
     /// Rounding of guard `i` where its value is formed from the state alone.
     fn guard_rounding(&self, i: usize) -> f64 {
         self.guard_error(i).1
@@ -118,8 +123,22 @@ pub struct Arc<'a> {
     pub still: &'a GuardSet,
     /// Where it ends unless the visitor stops it.
     pub bound: Instant,
-    /// Steps that the same arc has made before, and the largest size of each component at their starts; empty without any.
-    pub before: (u32, &'a [f64]),
+    /// Truncation of a step, relative to the size of each component: [`FULL_PRECISION`](crate::hybrid::FULL_PRECISION), or more on
+    /// request.
+    pub tolerance: f64,
+    /// What the same arc has made before.
+    pub before: Before<'a>,
+}
+
+/// The steps that an arc has made before the part at hand.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Before<'a> {
+    /// Their number.
+    pub steps: u32,
+    /// The largest size of each component at their starts; empty without any.
+    pub extent: &'a [f64],
+    /// What they have left out, as [`Jet::left_out`](crate::hybrid::Jet::left_out) tells it.
+    pub left_out: [f64; 2],
 }
 
 /// Why an arc could not be integrated.

@@ -8,7 +8,7 @@ use super::{
     radau::{From, HIDDEN, RESOLVED, Radau},
 };
 use crate::{
-    hybrid::{GuardSet, HybridSystem, Instant, Mode},
+    hybrid::{FULL_PRECISION, GuardSet, HybridSystem, Instant, Mode},
     poly::CHEBYSHEV,
 };
 
@@ -138,10 +138,11 @@ impl Integrator for Relay {
         taylor.blur.clear();
         unsure.clear();
         unsure.resize(arc.x.len(), 0.0);
+        let mut before = arc.before;
         loop {
             let (mut steps, mut elapsed, mut taken, mut ended) = (0, 0.0, None, false);
             leg_start.clone_from(x);
-            let leg = Arc { at, x: leg_start, low: own, carried, pinned, still, ..*arc };
+            let leg = Arc { at, x: leg_start, low: own, carried, pinned, still, before, ..*arc };
             taylor.integrate_arc(system, &leg, end, low, &mut |step| {
                 if visit(step).is_break() {
                     ended = true;
@@ -162,12 +163,15 @@ impl Integrator for Relay {
             })?;
             let Some(mut step) = taken.filter(|_| !ended) else { return Ok(()) };
             relieved.insert(arc.mode.clone());
+            before.left_out = taylor.left_out;
             (own, carried) = (&[], &[]);
             low.fill(0.0);
             let shortest = worth * elapsed / steps as f64;
             loop {
                 let left = clock.between(step.at, arc.bound);
-                unsure.iter_mut().zip(&*sizes).for_each(|(u, s)| *u = u.max(HIDDEN * RESOLVED * s));
+                // What is left out of the Taylor steps on request is there as well.
+                let hidden = HIDDEN * RESOLVED + steps as f64 * (arc.tolerance - FULL_PRECISION);
+                unsure.iter_mut().zip(&*sizes).for_each(|(u, s)| *u = u.max(hidden * s));
                 let leg = Arc { at: step.at, x, low: own, pinned: GuardSet::none(), still: GuardSet::none(), ..*arc };
                 let to = (step.h < left).then_some(step.h);
                 let place = Place { system, arc: &leg, rtol: RTOL, from: 0.0, to, unsure };

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 
 use super::{Arc, DenseStep, IntegrateError, Integrator, in_plain_time};
 use crate::hybrid::{
-    ARRIVED, Clock, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Power, Samples, Shown,
-    Wide,
+    ARRIVED, Clock, FULL_PRECISION, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Power,
+    Samples, Shown, Wide,
 };
 
 /// Taylor steps of a [`JetField`](crate::hybrid::JetField).
@@ -20,6 +20,8 @@ pub struct Taylor {
     /// The largest size of each component at the starts of the arc's steps so far.
     extent: Vec<f64>,
     varied: bool,
+    /// What the arc has left out so far.
+    pub(super) left_out: [f64; 2],
     /// Uncertainties of guards that come from before the arc's present part.
     pub(super) blur: Vec<(GuardId, f64)>,
 }
@@ -46,8 +48,8 @@ fn holds(jet: &Jet) -> f64 {
         let term = |k: usize| jet.state[k * jet.dim + i].abs() * jet.reach.powi(k as i32);
         let size = (0..4).map(term).fold(0.0, f64::max);
         for k in (VARIED_ORDER..=jet.order).filter(|_| size > 0.0) {
-            if term(k) > TOLERANCE * size {
-                part = part.min(libm::pow(TOLERANCE * size / term(k), 1.0 / k as f64));
+            if term(k) > FULL_PRECISION * size {
+                part = part.min(libm::pow(FULL_PRECISION * size / term(k), 1.0 / k as f64));
             }
         }
     }
@@ -74,9 +76,6 @@ fn vary(jet: &mut Jet, part: f64) {
     }
     jet.state[(VARIED_ORDER + 1) * jet.dim..row * jet.dim].fill(0.0);
 }
-
-/// Truncation relative to the size of the rates: half a unit in the last place.
-pub(crate) const TOLERANCE: f64 = 1e-16;
 
 /// Rounding of an instant relative to the time since the start.
 const RESOLUTION: f64 = 4.0 * f64::EPSILON * f64::EPSILON;
@@ -158,6 +157,9 @@ impl DenseStep for Step<'_> {
         let blur = if self.jet.time.is_empty() { self.blur(i) } else { 0.0 };
         (self.jet.remainder[i] + blur, self.jet.rounding[i])
     }
+    fn left_out(&self, i: usize) -> f64 {
+        if self.jet.left_out == [0.0; 2] { 0.0 } else { self.jet.remainder[i] }
+    }
     fn guard_in_time(&self, i: usize, theta: f64) -> Option<(f64, f64)> {
         self.jet.guard_in_time(i, theta).map(|(rate, error)| (rate, error + self.blur(i)))
     }
@@ -212,7 +214,7 @@ impl Integrator for Taylor {
     ) -> Result<(), IntegrateError> {
         let field = arc.motion.ok_or(IntegrateError::NoJet)?;
         let clock = system.clock();
-        let Self { jet, x, carried, extent, blur, varied } = self;
+        let Self { jet, x, carried, extent, blur, varied, left_out } = self;
         let mut cuts = *varied;
         carried.clear();
         carried.extend_from_slice(arc.carried);
@@ -221,9 +223,10 @@ impl Integrator for Taylor {
         low.fill(0.0);
         low[..arc.low.len()].copy_from_slice(arc.low);
         let (mut at, mut pinned, mut still) = (arc.at, arc.pinned, arc.still);
-        let (mut count, before) = arc.before;
+        let mut count = arc.before.steps;
+        *left_out = arc.before.left_out;
         extent.clear();
-        extent.extend_from_slice(before);
+        extent.extend_from_slice(arc.before.extent);
         extent.resize(x.len(), 0.0);
         loop {
             let span = clock.between(at, arc.bound);
@@ -231,8 +234,10 @@ impl Integrator for Taylor {
                 end.copy_from_slice(x);
                 return Ok(());
             }
-            let tolerance = TOLERANCE;
-            field.jet(&JetRequest { at, x, low, pinned, still, carried, span, tolerance }, jet);
+            let request =
+                JetRequest { at, x, low, pinned, still, carried, span, tolerance: arc.tolerance, left_out: *left_out };
+            field.jet(&request, jet);
+            *left_out = jet.left_out;
             if !jet.reach.is_finite() || !jet.is_finite() {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }

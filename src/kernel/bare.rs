@@ -21,8 +21,8 @@ use crate::{
 
 /// Rounding of a sum of the terms of a series relative to their sizes.
 const SUMMED: f64 = ROW as f64 * f64::EPSILON;
-/// Widest fall that counts as decided, relative to the step.
-const SHARP: f64 = 1e-11;
+/// Widest fall that counts as decided, relative to the step: at full precision, in units of the truncation, and at most.
+const SHARP: [f64; 3] = [1e-11, 1e5, 1e-2];
 /// Times its width, or its error, that everything else is away from a fall.
 const APART: f64 = 8.0;
 /// The change of a slope over the width of a fall, relative to it: beyond, the fall is tangential.
@@ -63,11 +63,13 @@ struct Fall {
 
 impl Fall {
     /// The fall of a guard at `theta`; `None` where it is tangential, or wide.
-    fn new(place: usize, series: &Deflated<'_>, theta: f64) -> Option<Self> {
+    fn new(place: usize, series: &Deflated<'_>, theta: f64, truncation: f64) -> Option<Self> {
         let (value, slope) = poly::eval_with_slope(series.p, theta);
         let (error, curvature) = (series.error_at(theta), poly::curvature(series.p, theta));
         let width = error / slope.abs();
-        let is_sharp = slope < 0.0 && width <= SHARP && curvature.abs() * width <= TANGENTIAL * slope.abs();
+        let [full, units, most] = SHARP;
+        let sharp = full.max((units * truncation).min(most));
+        let is_sharp = slope < 0.0 && width <= sharp && curvature.abs() * width <= TANGENTIAL * slope.abs();
         // θ^m p̃ and its slope.
         let m = series.order as i32;
         let power = theta.powi(m);
@@ -261,7 +263,7 @@ impl Motion<'_> {
                 _ if found.touch.is_some() => return false,
                 FirstRoot::None => {}
                 FirstRoot::At(theta) => {
-                    let fall = Fall::new(place, series, theta);
+                    let fall = Fall::new(place, series, theta, request.tolerance);
                     if theta <= 0.0 || fall.is_none() {
                         return false;
                     }

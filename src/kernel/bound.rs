@@ -13,7 +13,7 @@
 
 use super::{Elasticity, Expansion, Force, LANES, ORDER, ROW, defect::Defect, motion::Part};
 use crate::{
-    hybrid::Jet,
+    hybrid::{FULL_PRECISION, Jet},
     system::{Contact, Oscillator, Sticking, Structure},
 };
 
@@ -402,6 +402,23 @@ impl Expansion<'_> {
         // A slope is the term k₁, which meets orders `from − 1` and more.
         let last = |k: usize| self.stretch(j, k, &out.work).abs() * reach.powi(k as i32);
         sum + if slope == 0.0 { 0.0 } else { slope * (from - 1..=ORDER).map(last).sum::<f64>() }
+    }
+
+    /// The tail, and what the arc's steps before have left out: an error of the velocities moves the bodies for as long as the step
+    /// takes. At full precision this is less than their rounding, and does not count.
+    pub(super) fn with_left_out(&self, mut tail: Tail, out: &mut Jet) -> Tail {
+        out.left_out = [0.0; 2];
+        if self.request.tolerance > FULL_PRECISION {
+            let [moved, speed] = self.request.left_out;
+            let (stretch, rate) = match &mut tail.rooted {
+                Some(defect) => (&mut defect.stretch, &mut defect.rate),
+                None => (&mut tail.displacement, &mut tail.velocity),
+            };
+            *stretch += moved + speed * out.time_at(1.0);
+            *rate += speed;
+            out.left_out = [*stretch, *rate];
+        }
+        tail
     }
 
     /// What the tail adds to the deflection of contact `j`, m.

@@ -5,7 +5,7 @@
 
 use super::{Expansion, Force, Watch, linear::LARGEST, motion::Part};
 use crate::{
-    hybrid::{Jet, Wide},
+    hybrid::{FULL_PRECISION, Jet, Wide},
     system::PerContact,
 };
 
@@ -20,10 +20,12 @@ fn residual(h: f64, y: Wide, k: f64, next: f64, inverse: f64) -> f64 {
 }
 
 impl Expansion<'_> {
-    /// Whether the state has a low part: not while a power law is closed, where small penetrations are carried instead.
+    /// Whether the state has a low part: not while a power law is closed, where small penetrations are carried instead, and not where
+    /// more than rounding is left out.
     pub(super) fn keeps_low(&self) -> bool {
         let is_power = |part: &Part| matches!(part.force(), Some(Force::Power { .. }));
-        self.s.is_conservative && !self.request.low.is_empty() && !self.motion.parts.iter().any(is_power)
+        let is_full = self.request.tolerance <= FULL_PRECISION;
+        is_full && self.s.is_conservative && !self.request.low.is_empty() && !self.motion.parts.iter().any(is_power)
     }
 
     /// `δ − σ b` of contact `j` at the start, by the state unless it is exactly zero.

@@ -362,6 +362,7 @@ impl Motion<'_> {
             };
             if let Some((reach, tail)) = reach.filter(|(reach, _)| *reach > 0.0) {
                 out.reach = reach;
+                let tail = e.with_left_out(tail, out);
                 return Some((e, clock, tail));
             }
             // The scale overshot so far that the last coefficients overflowed.

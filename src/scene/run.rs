@@ -48,6 +48,8 @@ pub struct Run {
     pub transient_cycles: u64,
     /// Most events before the run is stopped.
     pub event_budget: u64,
+    /// Largest error of the time of an event that its arc may add, of the forcing period; 0 is full precision.
+    pub event_tolerance: f64,
     /// Integrator.
     pub method: Choice,
     /// Its tolerance, relative to the scale of the motion.
@@ -83,6 +85,7 @@ impl Run {
             start_cycle: 0,
             transient_cycles: 0,
             event_budget: 10_000_000,
+            event_tolerance: 0.0,
             method: Choice::Auto,
             tolerance: 1.0e-13,
             instructions: Instructions::best(),
@@ -156,6 +159,11 @@ pub(super) fn read(node: &Node, spec: &Spec) -> Run {
             "run longer, or leave fewer cycles out of the measures",
         );
     }
+    let event_tolerance = node.at("event_tolerance");
+    if event_tolerance.clone().written().is_some_and(|tolerance| tolerance.number() > 0.0) && spec.omega.is_none() {
+        event_tolerance
+            .refuse("0, as this train has no forcing period that it could be a fraction of", "leave the key out");
+    }
     let (integrator, output) = (node.at("integrator"), node.at("output"));
     let method = METHODS.iter().find(|(name, _)| *name == integrator.at("method").text());
     Run {
@@ -164,6 +172,7 @@ pub(super) fn read(node: &Node, spec: &Spec) -> Run {
         start_cycle,
         transient_cycles,
         event_budget: node.at("event_budget").whole(),
+        event_tolerance: event_tolerance.written().map_or(0.0, |tolerance| tolerance.number()),
         method: method.map_or(Choice::Auto, |(_, method)| *method),
         tolerance: integrator.at("tolerance").number(),
         instructions: instructions(&integrator.at("instructions")),

@@ -110,7 +110,9 @@ impl<'a> Job<'a> {
         let start = simulation.start()?;
         let mut check = self.verify.then(|| simulation.verifier(&start));
         let amplified = Cell::new(None);
-        let mut inherited = run.inherited_uncertainty.then(|| Inherited::new(structure, &start, &amplified));
+        let left_out = simulation.options().left_out();
+        let inherit = || Inherited::new(structure, &start, left_out, &amplified);
+        let mut inherited = run.inherited_uncertainty.then(inherit);
         let (mut engine, why) = simulation.limited(start, self.max_events)?;
 
         let sampled = self.trajectory && folder.is_some();
@@ -163,6 +165,7 @@ impl<'a> Job<'a> {
             integrator: IntegratorUsed {
                 asked: run.method.name(),
                 tolerance: run.tolerance,
+                event_tolerance: run.event_tolerance,
                 instructions: run.instructions.name(),
                 why,
                 modes: engine.integrator().chosen().into_iter().map(name).collect(),
@@ -184,7 +187,7 @@ impl<'a> Job<'a> {
         let step = clock.between(from, state.at) / summary.work.steps.max(1) as f64;
         // A difference comes before what follows from it; a run that failed says so itself.
         let failure = verified.err().map(SimulationError::from).or_else(|| match result {
-            Ok(_) => alarm(simulation, &summary, step),
+            Ok(_) => alarm(simulation, &summary, step, left_out),
             Err(error) => Some(error.into()),
         });
         Ok(RunRecord { summary, events, failure })
@@ -198,9 +201,9 @@ impl RunRecord {
     }
 }
 
-/// What the numbers of a run say against it; `step` is the mean step, s.
-fn alarm(simulation: &Simulation, summary: &Summary, step: f64) -> Option<SimulationError> {
-    // The ledger takes K as symmetric, and knows rounding only.
+/// What the numbers of a run say against it; `step` is the mean step, s, that leaves out `left_out` of the rates.
+fn alarm(simulation: &Simulation, summary: &Summary, step: f64, left_out: f64) -> Option<SimulationError> {
+    // The ledger takes K as symmetric, and knows rounding and truncation only.
     let (spec, steps) = (simulation.structure.spec(), summary.work.steps);
     let modes = &summary.integrator.modes;
     // A method that was asked for by its name lists no modes.
@@ -209,9 +212,11 @@ fn alarm(simulation: &Simulation, summary: &Summary, step: f64) -> Option<Simula
     let is_symmetric = spec.stiffness == spec.stiffness.transpose();
     let throughput = summary.energy.throughput;
     let energy = simulation.structure.rounded_energy(step, throughput);
-    if is_exact && is_symmetric && summary.energy.is_open(energy, steps) {
+    // Of each degree of freedom a kinetic energy and that of springs: products of two factors, each off by twice the truncation.
+    let left_out = 8.0 * spec.freedoms.len() as f64 * left_out;
+    if is_exact && is_symmetric && summary.energy.is_open(energy, steps, left_out) {
         let share = if throughput > 0.0 { energy / throughput } else { 0.0 };
-        let rounding = Balance::rounding(steps) * (1.0 + share);
+        let rounding = Balance::rounding(steps, left_out) * (1.0 + share);
         return Some(SimulationError::Energy { closure: summary.energy.closure(), rounding });
     }
     summary.overflow().map(SimulationError::Overflow)

@@ -272,23 +272,36 @@ impl Simulation {
         Ok(State { at, x: start.x, jump: start.jump })
     }
 
-    /// An engine at `state`, with the integrator and the limits of the run.
+    /// An engine at `state` at full precision, with the integrator and the other limits of the run: what orbits, exponents and maps ask
+    /// for.
     ///
     /// # Errors
     /// [`SimulationError::Integrator`].
     pub fn engine(&self, state: State) -> Result<Engine<'_>, SimulationError> {
-        Ok(self.limited(state, self.settings.event_budget)?.0)
+        let options = Options { event_tolerance: 0.0, ..self.options() };
+        Ok(Engine::new(&self.structure, self.integrator()?.0, options, state))
     }
 
-    /// The same with another limit on events, and the reason for its integrator.
+    /// The engine of a run, with another limit on events, and the reason for its integrator.
     ///
     /// # Errors
     /// [`SimulationError::Integrator`].
     pub fn limited(&self, state: State, max_events: u64) -> Result<(Engine<'_>, String), SimulationError> {
-        let chatter_speed = self.settings.chatter_speed.unwrap_or(0.0);
         let (integrator, why) = self.integrator()?;
-        let options = Options { max_events, chatter_speed, ..Options::default() };
+        let options = Options { max_events, ..self.options() };
         Ok((Engine::new(&self.structure, integrator, options, state), why))
+    }
+
+    /// What a run is allowed.
+    #[must_use]
+    pub fn options(&self) -> Options {
+        let run = &self.settings;
+        Options {
+            max_events: run.event_budget,
+            event_tolerance: run.event_tolerance,
+            chatter_speed: run.chatter_speed.unwrap_or(0.0),
+            ..Options::default()
+        }
     }
 
     /// The integrator of the run, and the reason for it.

@@ -23,6 +23,8 @@ const DIFFERENCE: f64 = 1e-6;
 /// an estimate, no bound.
 pub struct Inherited<'s> {
     structure: &'s Structure,
+    /// What a step leaves out on request, relative to the state.
+    left_out: f64,
     tangent: Tangent<'s>,
     /// Steps since errors were added last.
     steps: f64,
@@ -35,13 +37,13 @@ pub struct Inherited<'s> {
 }
 
 impl<'s> Inherited<'s> {
-    /// From a start that is exact; `told` hears of the uncertainty of each instant.
+    /// From a start that is exact, in steps that leave out the share `left_out` of the rates on request; `told` hears of the uncertainty of each instant.
     #[must_use]
-    pub fn new(structure: &'s Structure, start: &State, told: &'s Cell<Option<f64>>) -> Self {
+    pub fn new(structure: &'s Structure, start: &State, left_out: f64, told: &'s Cell<Option<f64>>) -> Self {
         let dim = HybridSystem::dim(structure);
         let mut tangent = Tangent::of(structure, Columns { count: dim, values: vec![0.0; dim * dim] });
         tangent.start(start);
-        Self { structure, tangent, steps: 0.0, shift: vec![0.0; dim], time: None, told }
+        Self { structure, left_out, tangent, steps: 0.0, shift: vec![0.0; dim], time: None, told }
     }
 
     /// `√(Σ (h_x s_l)²)/|ḣ|` of a guard, for the columns s_l: how far its zero may have moved.
@@ -147,14 +149,16 @@ impl Observer for Inherited<'_> {
         self.told.set(self.time.take().filter(is_known));
         let n = self.structure.freedoms();
         let largest = |range: std::ops::Range<usize>| record.x_plus[range].iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        let (q, v, steps) = (largest(0..n), largest(n..2 * n), (self.steps + 1.0).sqrt());
+        let (q, v, steps) = (largest(0..n), largest(n..2 * n), self.steps + 1.0);
+        // Roundings add by their squares; what steps leave out may have one sign.
+        let error = ROUNDED * steps.sqrt() + self.left_out * steps;
         let size = |i: usize| match i {
             i if i < n => q,
             i if i < 2 * n => v,
             i => record.x_plus[i].abs(),
         };
         let shift = if record.conditioning.time.is_finite() { record.conditioning.time } else { 0.0 };
-        self.add(&record.to, |i| ROUNDED * steps * size(i), shift);
+        self.add(&record.to, |i| error * size(i), shift);
         ControlFlow::Continue(())
     }
 }

@@ -10,6 +10,8 @@ use crate::{
 const ROUNDING: f64 = 32.0;
 /// Terms of the exponential: couplings from a coordinate to a guard that are seen.
 const COUPLINGS: usize = 6;
+/// Time of a touch as a part of the time unit: the root of the relative error of a guard.
+const TOUCH: f64 = 1e-7;
 /// Relative change of a coordinate in a difference quotient, and one for coordinates that are zero and stay so.
 const CHANGE: f64 = 1e-3;
 const SMALLEST: f64 = 1e-9;
@@ -73,9 +75,22 @@ impl<'a> Arc<'a> {
         self.lane.pending.iter().fold(GuardSet::default(), |set, record| &set | &record.fired)
     }
 
-    /// What two instants may differ by and still be one to the check by values, s.
+    /// What two instants may differ by and still be one to the check by values, s; at its end the run's own uncertainty counts.
     pub fn tolerance(&self) -> f64 {
-        TOLERANCE * self.unit + self.resolution()
+        let stated = self.lane.pending.iter().fold(0.0, |m: f64, record| m.max(record.conditioning.time));
+        TOLERANCE * self.unit + self.resolution() + stated
+    }
+
+    /// Whether one of `touches` is of a guard in `set`, and `at` is in it: it cannot be told from a dip.
+    pub fn is_touched<'r>(
+        &self,
+        touches: impl IntoIterator<Item = &'r EventRecord>,
+        set: &GuardSet,
+        at: Instant,
+    ) -> bool {
+        let half = |touch: &EventRecord| TOUCH * self.unit + 2.0 * touch.conditioning.time;
+        let holds = |touch: &EventRecord| self.system.clock().between(at, touch.at).abs() <= half(touch);
+        touches.into_iter().any(|touch| holds(touch) && !(&touch.fired & set).is_empty())
     }
 
     /// Rounding of the two instants that the arc lies between, s.

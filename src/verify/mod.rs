@@ -16,7 +16,7 @@ use self::{arc::Arc, collocation::Collocation};
 use crate::{
     engine::{Observer, State},
     event::EventRecord,
-    hybrid::{ContactMode, ContactView, GuardId, GuardSet, HybridSystem, Instant, Mode, Watch},
+    hybrid::{ContactMode, ContactView, GuardId, HybridSystem, Instant, Mode, Watch},
     integrate::{Choice, PerMode},
 };
 
@@ -93,7 +93,7 @@ struct Lane {
     /// Events at its end; without any, nothing happens on it.
     pending: Vec<EventRecord>,
     /// Touches on it.
-    touches: Vec<(Instant, GuardSet)>,
+    touches: Vec<EventRecord>,
 }
 
 /// Watches a run and checks it. The run has to start where the verifier does.
@@ -201,7 +201,7 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
     /// Takes in a record: what belongs to the instant that waits, or settles it.
     fn take(&mut self, check: usize, record: &EventRecord) {
         if record.graze {
-            return self.lanes[check].touches.push((record.at, record.fired.clone()));
+            return self.lanes[check].touches.push(record.clone());
         }
         let given = record.start || record.accumulation.is_some();
         let lane = &self.lanes[check];
@@ -209,7 +209,8 @@ impl<'s, S: HybridSystem + ContactView> Verifier<'s, S> {
             let apart = self.system.clock().between(first.at, record.at);
             let arc = Arc::new(self.system, lane, first.at, self.period);
             let [ours, next] = [first, record].map(|record| arc.uncertainty(record, STEPS));
-            apart > if check == SERIES { 2.0 * (ours + next) } else { TOLERANCE * arc.unit }
+            let stated = first.conditioning.time + record.conditioning.time;
+            apart > if check == SERIES { 2.0 * (ours + next) } else { TOLERANCE * arc.unit + stated }
         });
         if given || later {
             self.settle(check);

@@ -2,23 +2,21 @@
 
 use std::ops::ControlFlow;
 
-use super::{TOLERANCE, Verdict, arc::Arc, fired};
+use super::{Verdict, arc::Arc, fired};
 use crate::{
     engine::{Engine, Observer, Options},
     event::EventRecord,
-    hybrid::{GuardSet, Instant, Mode},
+    hybrid::{GuardSet, Mode},
     integrate::{DenseStep, Taylor},
 };
 
 /// Steps an arc may take.
 const STEPS: u64 = 1_000_000;
-/// Time of a touch as a part of the time unit: the root of the relative error of a guard.
-const TOUCH: f64 = 1e-7;
 
 /// Takes down what a replay finds.
 struct Found {
     records: Vec<EventRecord>,
-    touches: Vec<(Instant, GuardSet)>,
+    touches: Vec<EventRecord>,
     steps: u64,
     most: usize,
 }
@@ -31,7 +29,7 @@ impl Observer for Found {
 
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
         if record.graze {
-            self.touches.push((record.at, record.fired.clone()));
+            self.touches.push(record.clone());
         } else if !(record.start && record.fired.is_empty()) {
             self.records.push(record.clone());
         }
@@ -44,7 +42,7 @@ pub(super) fn check(arc: &Arc<'_>) -> (Verdict, u64) {
     let (clock, pending) = (arc.system.clock(), &arc.lane.pending);
     let end = clock.advance(arc.lane.last.at, arc.length);
     let last = pending.last().map_or(end, |record| record.at);
-    let until = if pending.is_empty() { last } else { clock.advance(last, TOLERANCE * arc.unit) };
+    let until = if pending.is_empty() { last } else { clock.advance(last, arc.tolerance()) };
     let mut engine = Engine::new(arc.system, Box::new(Taylor::varied()), Options::default(), arc.lane.last.clone());
     // What is one instant to the run may be as many to the replay as guards fire.
     let most = pending.len().max(arc.fired().len());
@@ -55,7 +53,7 @@ pub(super) fn check(arc: &Arc<'_>) -> (Verdict, u64) {
         return (Verdict::NotJudged, found.steps);
     }
     let uncertainty = |record| arc.uncertainty(record, found.steps);
-    let margin = pending.first().map_or(0.0, uncertainty) + first.map_or(0.0, uncertainty);
+    let margin = pending.iter().map(uncertainty).fold(0.0, f64::max) + first.map_or(0.0, uncertainty);
     let (ours, theirs) = (pending.first().map(|r| r.at), first.map(|r| r.at));
     let apart = theirs.map(|at| clock.between(at, ours.unwrap_or(last)));
     let in_time = apart.is_some_and(|apart| apart.abs() <= margin);
@@ -71,11 +69,9 @@ pub(super) fn check(arc: &Arc<'_>) -> (Verdict, u64) {
         return (Verdict::Same, found.steps);
     }
     let unlike = if guards { set } else { &(&set - &met) | &(&met - &set) };
-    let near =
-        |at| [ours, theirs].into_iter().flatten().any(|other| clock.between(at, other).abs() <= TOUCH * arc.unit);
-    let touched =
-        arc.lane.touches.iter().chain(&found.touches).any(|(at, set)| !(set & &unlike).is_empty() && near(*at));
-    if touched || failed {
+    let touches = || arc.lane.touches.iter().chain(&found.touches);
+    let mut times = [ours, theirs].into_iter().flatten();
+    if times.any(|at| arc.is_touched(touches(), &unlike, at)) || failed {
         return (Verdict::NotJudged, found.steps);
     }
     (Verdict::Differs(first.into_iter().flat_map(fired).collect(), apart.filter(|_| !(guards && in_time))), found.steps)

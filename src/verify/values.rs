@@ -3,7 +3,7 @@
 use std::array::from_fn;
 
 use super::{
-    Verdict,
+    Seen, Verdict,
     arc::Arc,
     collocation::{Collocation, DEGREE, Nodal, RTOL, tail, value},
 };
@@ -26,8 +26,16 @@ pub(super) fn check(arc: &Arc<'_>, collocation: &mut Collocation) -> (Verdict, u
     let Verdict::Differs(..) = verdict else { return (verdict, steps) };
     // A difference has to stand with steps of half the length: the method may have erred itself.
     let mut walk = Walk::new(arc, collocation, most);
-    match walk.verdict() {
-        again @ Verdict::Differs(..) => (again, steps + walk.steps),
+    let again = walk.verdict();
+    // A dip that the run calls a touch.
+    let is_touch = |found: &[Seen], late: f64| {
+        let at = arc.system.clock().advance(arc.lane.last.at, arc.length - late);
+        arc.is_touched(&arc.lane.touches, &found.iter().map(|(_, guard)| *guard).collect(), at)
+    };
+    match again {
+        Verdict::Differs(found, late) if !is_touch(&found, late.unwrap_or(0.0)) => {
+            (Verdict::Differs(found, late), steps + walk.steps)
+        }
         _ => (Verdict::NotJudged, steps + walk.steps),
     }
 }

@@ -110,7 +110,7 @@ pub fn arcs(value: &Value, most: usize) -> Vec<Arc> {
     let Ok(case) = Simulation::from_scene(&scene) else { return out };
     let (Ok(start), m) = (case.start(), Model::new(case.structure.spec(), Tweak::NONE)) else { return out };
     let end = case.instants()[2];
-    let Ok(mut engine) = case.engine(start) else { return out };
+    let Ok((mut engine, _)) = case.limited(start, u64::MAX) else { return out };
     let deadline = Instant::now() + Duration::from_secs(20);
     let mut fresh = false;
     while out.len() < most {

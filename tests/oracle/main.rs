@@ -82,6 +82,26 @@ fn nightly_arcs() {
     assert!(bad.is_empty(), "arcs beyond their uncertainty: {}", bad.join("; "));
 }
 
+/// Accuracy on request: over an arc no event is off by more than it states.
+#[test]
+fn arcs_on_request() {
+    for tolerance in [1e-3, 1e-6, 1e-9] {
+        let plan = nightly::Plan {
+            classes: ["D", "E", "F", "J", "K", "L", "S"].iter().map(ToString::to_string).collect(),
+            count: 4,
+            seed: 5,
+            budget: 12,
+            limit: Duration::from_secs(20),
+            tell: true,
+            tolerance,
+        };
+        let table = nightly::arcs(&plan);
+        assert!(table.iter().map(|a| a.count).sum::<usize>() > 100);
+        let bad: Vec<_> = table.iter().filter(|a| a.beyond + a.other > 0).map(|a| a.letter).collect();
+        assert!(bad.is_empty(), "{tolerance:e}: {bad:?}");
+    }
+}
+
 /// A few scenes of every class. The oracle tells what is right; what Flank gets wrong is counted by `.ci/nightly`.
 #[test]
 fn sample() {
@@ -93,6 +113,7 @@ fn sample() {
         budget: 20,
         limit: Duration::from_secs(20),
         tell: true,
+        tolerance: 0.0,
     };
     let table = nightly::nightly(&plan);
     let ambiguous: usize = table.iter().map(|(_, l)| l.ambiguous).sum();

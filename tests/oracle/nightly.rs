@@ -26,10 +26,12 @@ pub struct Plan {
     pub limit: Duration,
     /// Whether failing scenes are printed.
     pub tell: bool,
+    /// `run.event_tolerance` of all scenes that are compared arc by arc.
+    pub tolerance: f64,
 }
 
 impl Plan {
-    /// From `FLANK_ORACLE_CLASS`, `_COUNT`, `_SEED` and `_INDEX`.
+    /// From `FLANK_ORACLE_CLASS`, `_COUNT`, `_SEED`, `_INDEX` and `_TOLERANCE`.
     pub fn from_environment() -> Self {
         let number = |name: &str, default: u64| {
             std::env::var(format!("FLANK_ORACLE_{name}")).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
@@ -42,6 +44,7 @@ impl Plan {
             budget: 30,
             limit: Duration::from_secs(60),
             tell: true,
+            tolerance: std::env::var("FLANK_ORACLE_TOLERANCE").ok().and_then(|v| v.parse().ok()).unwrap_or(0.0),
         }
     }
 }
@@ -182,7 +185,10 @@ pub fn arcs(plan: &Plan) -> Vec<Arcs> {
     say("class   arcs  beyond  other  median  worst  of error over stated uncertainty");
     for class in chosen(plan) {
         let all = Mutex::new(Vec::new());
-        each(class, plan, |index, scene| {
+        each(class, plan, |index, mut scene| {
+            if plan.tolerance > 0.0 {
+                scene["run"]["event_tolerance"] = plan.tolerance.into();
+            }
             let found = super::arcs::arcs(&scene, plan.budget);
             if let Some(bad) = found.iter().find(|a| !a.is_held()).filter(|_| plan.tell) {
                 let words = format!("off by {:.2e}, stated {:.2e}", bad.error, bad.stated);

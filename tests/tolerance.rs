@@ -1,0 +1,95 @@
+//! `run.event_tolerance`: what an arc may add to the time of an event, and what it costs.
+
+#![allow(clippy::unwrap_used, reason = "a test stops at what it did not expect")]
+
+use std::ops::ControlFlow;
+
+use flank::{
+    Simulation,
+    engine::{Counters, Observer},
+    event::EventRecord,
+    hybrid::Mode,
+    scene::Scene,
+    verify::Verifier,
+};
+use serde_json::json;
+
+/// The trains that are moved by series: linear contacts and power laws of many degrees of freedom.
+const SCENES: [(&str, u64); 3] = [("W3", 100), ("W4", 60), ("reference-light", 120)];
+
+fn simulation(name: &str, cycles: u64, tolerance: f64) -> Simulation {
+    let scene = Scene::from_file(format!("{}/examples/scenes/{name}.json", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let scene = scene.with("/run/cycles", cycles.into()).unwrap().with("/run/transient_cycles", 0.into()).unwrap();
+    Simulation::from_scene(scene.with("/run/event_tolerance", tolerance.into()).unwrap()).unwrap()
+}
+
+/// Takes down how well each event is known, s.
+#[derive(Default)]
+struct Stated(Vec<f64>);
+
+impl Observer for Stated {
+    fn wants_steps(&self, _: &Mode) -> bool {
+        false
+    }
+
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        self.0.push(record.conditioning.time);
+        ControlFlow::Continue(())
+    }
+}
+
+/// A run that is checked arc by arc: its work, and what its events state.
+fn verified(simulation: &Simulation) -> (Counters, Vec<f64>) {
+    let start = simulation.start().unwrap();
+    let mut verifier: Verifier<'_, _> = simulation.verifier(&start);
+    let mut engine = simulation.limited(start, u64::MAX).unwrap().0;
+    let mut stated = Stated::default();
+    engine.run(simulation.instants()[2], &mut (&mut verifier, &mut stated)).unwrap();
+    verifier.finish(engine.state().at).unwrap();
+    let tally = verifier.verification();
+    assert_eq!(tally.difference, None);
+    assert!(tally.series.compared > 10 * tally.series.not_judged, "{tally:?}");
+    (engine.counters(), stated.0)
+}
+
+/// Every event is where a run at full precision from the same instant has it, within what it states. What it states is within the
+/// tolerance, or counted. Looser runs take fewer steps.
+#[test]
+fn events_keep_their_tolerance() {
+    for (name, cycles) in SCENES {
+        let mut before = u64::MAX;
+        for tolerance in [0.0, 1e-9, 1e-6, 1e-3] {
+            let simulation = simulation(name, cycles, tolerance);
+            let (work, stated) = verified(&simulation);
+            let limit = tolerance * simulation.clock().period().unwrap().value();
+            let beyond = stated.iter().filter(|time| tolerance > 0.0 && **time > limit).count();
+            assert_eq!(work.near_touches, beyond as u64);
+            assert!(100 * beyond <= stated.len(), "{name} {tolerance:e}: {beyond} of {}", stated.len());
+            assert!(work.steps < before, "{name} {tolerance:e}: {} steps", work.steps);
+            before = work.steps;
+        }
+    }
+}
+
+/// Four masses that do not feel each other. The first swings as `sin 2t` and misses both its flanks by 1e-11: a near touch where what is
+/// left out is more than that, and nothing at full precision.
+#[test]
+fn near_touches_are_counted() {
+    let scene = json!({ "flank": 1,
+        "train": { "kind": "matrices", "freedoms": ["a", "b", "c", "d"], "mass_kg": [1, 1, 1, 1],
+            "stiffness_n_per_m": [4, 9, 16, 25], "contacts": [
+                { "name": "flank", "direction": [1, 0, 0, 0], "half_backlash_m": 0.9 * (1.0 + 1e-11), "stiffness": 10,
+                    "error": [{ "amplitude_m": 0.1, "frequency_rad_per_s": 2, "phase_rad": -std::f64::consts::FRAC_PI_2 }],
+                    "law": { "kind": "kelvin-voigt", "damping_n_s_per_m": 0.1, "release": "deflection" } }] },
+        "initial": { "q": [0, 0, 0, 0], "v": [2, 0, 0, 0] }, "run": { "cycles": 3 } });
+    let scene = Scene::from_value(scene, "four masses").unwrap();
+    // It comes near six times. Of two touches in one step the first is on record.
+    for (tolerance, touches) in [(0.0, 0..=0), (1e-12, 0..=0), (1e-3, 3..=6)] {
+        let simulation = Simulation::from_scene(scene.with("/run/event_tolerance", tolerance.into()).unwrap()).unwrap();
+        let (mut engine, _) = simulation.limited(simulation.start().unwrap(), u64::MAX).unwrap();
+        engine.run(simulation.instants()[2], &mut Stated::default()).unwrap();
+        let work = engine.counters();
+        assert_eq!((work.events, work.near_touches), (0, work.grazes), "{tolerance:e}");
+        assert!(touches.contains(&work.grazes), "{tolerance:e}: {}", work.grazes);
+    }
+}
