@@ -33,7 +33,7 @@ pub struct Locator {
 /// after has it, or there is none.
 fn lowest(p: &[f64], x: f64, end: f64) -> Option<f64> {
     let lowest = (0..NEWTON).try_fold(x, |x, _| {
-        let (slope, curvature) = (poly::eval_with_slope(p, x).1, poly::curvature(p, x));
+        let [_, slope, curvature] = poly::eval_with_derivatives(p, x);
         (slope == 0.0 || curvature > 0.0).then(|| if slope == 0.0 { x } else { x - slope / curvature })
     })?;
     (lowest > 0.0 && lowest <= end).then_some(lowest)
@@ -51,9 +51,9 @@ pub struct Touch {
 
 impl Touch {
     fn new(step: &dyn DenseStep, i: usize, theta: f64) -> Self {
-        let (p, (tail, rounding), rate) = (step.guard(i), step.guard_error(i), step.rate(theta).abs());
-        let (residual, slope) = poly::eval_with_slope(p, theta);
-        let width = (2.0 * (tail + rounding) / poly::curvature(p, theta).abs()).sqrt().min(1.0);
+        let ((tail, rounding), rate) = (step.guard_error(i), step.rate(theta).abs());
+        let [residual, slope, curvature] = poly::eval_with_derivatives(step.guard(i), theta);
+        let width = (2.0 * (tail + rounding) / curvature.abs()).sqrt().min(1.0);
         let conditioning = Conditioning {
             residual,
             slope: if rate > 0.0 { slope / rate } else { 0.0 },
@@ -102,7 +102,12 @@ impl Locator {
     ///
     /// `starts` says that the step is the first of its arc: a row that stays within twice its error up to the touch has just
     /// left its flank, and is no graze. `closed_end` makes an event exactly at the end of the step belong to it (the end of a run).
-    pub fn first(&mut self, step: &dyn DenseStep, starts: bool, closed_end: bool) -> (Option<Located>, Option<Touch>) {
+    pub fn first(
+        &mut self,
+        step: &dyn DenseStep,
+        starts: bool,
+        closed_end: bool,
+    ) -> (Option<Located>, Option<Touch>) {
         let mut first: Option<(f64, usize)> = None;
         let mut touch: Option<(f64, usize)> = None;
         // Rows that are not clearly positive.
@@ -150,8 +155,23 @@ impl Locator {
 
     /// All guards that fire at `theta` together with guard `lead`: some of `doubtful`.
     fn batch(&self, step: &dyn DenseStep, starts: bool, theta: f64, lead: usize, doubtful: GuardSet) -> Located {
-        let (conditioning, [slope, width]) = conditioning(step, lead, theta);
-        let reach = if theta == 0.0 { 0.0 } else { width };
+        let series = deflated(step, lead);
+        let [value, deflated_slope, curvature] = poly::eval_with_derivatives(series.p, theta);
+        let (residual, slope) = match series.order as i32 {
+            0 => (value, deflated_slope),
+            m => (value * theta.powi(m), theta.powi(m - 1) * (f64::from(m) * value + theta * deflated_slope)),
+        };
+        let (curvature, own_error) = (curvature.abs(), series.error_at(theta));
+        // To first order the error over the slope; where the slope vanishes, the curvature takes over.
+        let width = |gathered: f64| {
+            // A guard that is exactly zero at the start and leaves does so at once: no uncertainty.
+            if theta == 0.0 && series.order > 0 {
+                return 0.0;
+            }
+            let error = own_error + gathered / theta.powi(series.order as i32);
+            (error / deflated_slope.abs()).min((2.0 * error / curvature).sqrt()).min(1.0)
+        };
+        let reach = if theta == 0.0 { 0.0 } else { width(0.0) };
         let standstill = stands_still(step, theta, theta);
         let (mut fired, mut zero, mut near) = (GuardSet::default(), GuardSet::default(), GuardSet::default());
         for (i, guard) in step.guards().iter().enumerate().filter(|(_, guard)| doubtful.contains(**guard)) {
@@ -184,47 +204,26 @@ impl Locator {
                 }
             }
         }
+        // All of it in time and in the guard's own units; at the end of a contact a root clock stands still.
+        let rate = step.rate(theta).abs();
+        let gathered = step.gathered(lead, theta, series.order);
+        // The place of the root is a double.
+        let place = f64::EPSILON * step.time(theta);
+        let estimated = step.is_estimate();
+        let conditioning = match step.guard_in_time(lead, theta) {
+            Some((in_time, error)) => Conditioning {
+                residual: if slope == 0.0 { 0.0 } else { residual / slope * rate * in_time },
+                slope: in_time,
+                time: place + if in_time == 0.0 { width(0.0) * rate } else { (error + gathered) / in_time.abs() },
+                estimated,
+            },
+            None => Conditioning {
+                residual,
+                slope: if rate > 0.0 { slope / rate } else { 0.0 },
+                time: place + width(gathered) * rate,
+                estimated,
+            },
+        };
         Located { theta, fired, zero, near, conditioning }
     }
-}
-
-/// How well the fall of guard `i` at `theta` is known; and by θ its slope, and its width without the rounding of steps before.
-fn conditioning(step: &dyn DenseStep, i: usize, theta: f64) -> (Conditioning, [f64; 2]) {
-    let series = deflated(step, i);
-    let (value, deflated_slope) = poly::eval_with_slope(series.p, theta);
-    let (residual, slope) = match series.order as i32 {
-        0 => (value, deflated_slope),
-        m => (value * theta.powi(m), theta.powi(m - 1) * (f64::from(m) * value + theta * deflated_slope)),
-    };
-    let (curvature, own_error) = (poly::curvature(series.p, theta).abs(), series.error_at(theta));
-    // To first order the error over the slope; where the slope vanishes, the curvature takes over.
-    let width = |gathered: f64| {
-        // A guard that is exactly zero at the start and leaves does so at once: no uncertainty.
-        if theta == 0.0 && series.order > 0 {
-            return 0.0;
-        }
-        let error = own_error + gathered / theta.powi(series.order as i32);
-        (error / deflated_slope.abs()).min((2.0 * error / curvature).sqrt()).min(1.0)
-    };
-    // All of it in time and in the guard's own units; at the end of a contact a root clock stands still.
-    let rate = step.rate(theta).abs();
-    let gathered = step.gathered(i, theta, series.order);
-    // The place of the root is a double.
-    let place = f64::EPSILON * step.time(theta);
-    let estimated = step.is_estimate();
-    let conditioning = match step.guard_in_time(i, theta) {
-        Some((in_time, error)) => Conditioning {
-            residual: if slope == 0.0 { 0.0 } else { residual / slope * rate * in_time },
-            slope: in_time,
-            time: place + if in_time == 0.0 { width(0.0) * rate } else { (error + gathered) / in_time.abs() },
-            estimated,
-        },
-        None => Conditioning {
-            residual,
-            slope: if rate > 0.0 { slope / rate } else { 0.0 },
-            time: place + width(gathered) * rate,
-            estimated,
-        },
-    };
-    (conditioning, [slope, width(0.0)])
 }

@@ -1,6 +1,7 @@
 //! Bernstein form on `[0, 1]`.
 
 use super::MAX_DEGREE;
+use crate::vectors::{Baseline, Path};
 
 /// Degree of the cheap first test.
 const LOW: usize = 6;
@@ -28,6 +29,7 @@ static LOW_BASIS: [[f64; 8]; LOW + 1] = {
 };
 
 /// The quick "no": the Bernstein coefficients of the low-degree part exceed all the rest can take away.
+#[inline(always)]
 pub(super) fn certainly_positive(p: &[f64], uncertainty: f64) -> bool {
     let (low, high) = p.split_at(p.len().min(LOW + 1));
     let mut sums = [0.0; 4];
@@ -97,27 +99,79 @@ static BINOMIALS: [[[f64; 4]; MAX_DEGREE + 1]; FOURS] = {
     table
 };
 
-impl Bernstein {
-    /// From power coefficients on `[0, 1]`.
-    ///
-    /// `b_i = Σ_{k≤i} C(i,k)/C(n,k) p_k`; binomials are exact and every factor is at most one, so the rounding error of each coefficient is
-    /// at most `n ε Σ|p_k|`.
-    pub fn from_power(p: &[f64]) -> Self {
-        let n = p.len() - 1;
-        let mut scaled = [0.0; MAX_DEGREE + 1];
-        scaled.iter_mut().zip(p).zip(&INVERSE_BINOMIALS[n]).for_each(|((s, c), inverse)| *s = c * inverse);
-        let mut fours = [[0.0; 4]; FOURS];
-        for (i, four) in fours[..=n / 4].iter_mut().enumerate() {
-            let mut sums = [0.0; 4];
-            for (c, binomials) in scaled[..=n.min(4 * i + 3)].iter().zip(&BINOMIALS[i]) {
-                for l in 0..4 {
-                    sums[l] += c * binomials[l];
-                }
-            }
-            *four = sums;
+/// What the signs of all Bernstein coefficients tell.
+pub(super) enum Signs {
+    /// All are above the uncertainty.
+    Above,
+    /// They change once, and the last one is below its negative: one zero, and it is a fall. Where the control polygon crosses zero.
+    Fall(f64),
+    /// Anything else.
+    Mixed,
+}
+
+/// Fours of the longest polynomial whose coefficients are formed all at once.
+const FEW: usize = 7;
+
+/// The Bernstein coefficients on `[0, limit]` of `p`, which has power coefficients and a degree below 4 N. Beyond its degree there are none.
+///
+/// `b_i = Σ_{k≤i} C(i,k)/C(n,k) p_k`; binomials are exact and every factor is at most one, so the rounding error of each coefficient is
+/// at most `n ε Σ|p_k|`. No product is fused: all sets of instructions give the same bits.
+#[inline(always)]
+fn sums<P: Path, const N: usize>(path: P, p: &[f64], limit: f64) -> [P::Four; N] {
+    let (mut sums, mut power) = ([path.all(0.0); N], 1.0);
+    for (k, (c, inverse)) in p.iter().zip(&INVERSE_BINOMIALS[p.len() - 1]).enumerate() {
+        let scaled = path.all(c * power * inverse);
+        power *= limit;
+        for (sum, binomials) in sums.iter_mut().zip(&BINOMIALS) {
+            *sum = path.plus(*sum, path.times(scaled, path.four(binomials[k])));
         }
-        let mut b = [0.0; MAX_DEGREE + 1];
-        b[..=n].copy_from_slice(&fours.as_flattened()[..=n]);
+    }
+    sums
+}
+
+/// The signs of the coefficients of `p` on `[0, limit]`.
+#[inline(always)]
+pub(super) fn signs<P: Path>(path: P, p: &[f64], limit: f64, uncertainty: f64) -> Signs {
+    let n = p.len() - 1;
+    if n >= 4 * FEW {
+        return Signs::Mixed;
+    }
+    let sums: [P::Four; FEW] = sums(path, p, limit);
+    let (high, zero, low) = (path.all(uncertainty), path.all(0.0), path.all(-uncertainty));
+    let [mut above, mut positive, mut negative, mut below] = [0u32; 4];
+    let mut b = [[0.0; 4]; FEW];
+    for (i, (sum, b)) in sums.into_iter().zip(&mut b).enumerate() {
+        above |= path.above(sum, high) << (4 * i);
+        positive |= path.above(sum, zero) << (4 * i);
+        negative |= path.above(zero, sum) << (4 * i);
+        below |= path.above(low, sum) << (4 * i);
+        *b = path.numbers(sum);
+    }
+    let all = u32::MAX >> (31 - n);
+    (positive, negative) = (positive & all, negative & all);
+    if above & all == all {
+        return Signs::Above;
+    }
+    let first = negative.trailing_zeros();
+    if negative == 0 || positive == 0 || positive.ilog2() > first || below >> n & 1 == 0 {
+        return Signs::Mixed;
+    }
+    Signs::Fall(crossing(&b.as_flattened()[..=n], first as usize))
+}
+
+/// Where the control polygon crosses zero, in `[0, 1]`, between the coefficient `first ≥ 1` and the one before it.
+fn crossing(b: &[f64], first: usize) -> f64 {
+    let fall = b[first - 1] - b[first];
+    let within = if fall > 0.0 { b[first - 1] / fall } else { 0.5 };
+    ((first - 1) as f64 + within) / (b.len() - 1) as f64
+}
+
+impl Bernstein {
+    /// From power coefficients on `[0, limit]`.
+    pub fn from_power(p: &[f64], limit: f64) -> Self {
+        let (n, mut b) = (p.len() - 1, [0.0; MAX_DEGREE + 1]);
+        let sums: [[f64; 4]; FOURS] = sums(Baseline, p, limit);
+        b[..=n].copy_from_slice(&sums.as_flattened()[..=n]);
         Self { n, b }
     }
 
@@ -158,10 +212,7 @@ impl Bernstein {
     /// Where the control polygon first crosses zero, in `[0, 1]`: a first guess of a single root.
     pub fn crossing(&self) -> f64 {
         let b = self.coefficients();
-        let i = b.iter().position(|c| *c < 0.0).unwrap_or(self.n).max(1);
-        let fall = b[i - 1] - b[i];
-        let within = if fall > 0.0 { b[i - 1] / fall } else { 0.5 };
-        ((i - 1) as f64 + within) / self.n as f64
+        crossing(b, b.iter().position(|c| *c < 0.0).unwrap_or(self.n).max(1))
     }
 
     pub fn first_sign(&self) -> f64 {

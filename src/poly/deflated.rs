@@ -35,8 +35,9 @@ impl<'a> Deflated<'a> {
     }
 
     /// Whether both are the same all the way, as those of equal contacts are.
+    #[inline(always)]
     pub fn is_twin(&self, other: &Self) -> bool {
-        self.p == other.p && self.error == other.error
+        self.error == other.error && self.p == other.p
     }
 
     /// The value at `theta`.

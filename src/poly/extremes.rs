@@ -42,7 +42,7 @@ pub fn extremes(p: &[f64]) -> [f64; 2] {
     }
     let mut curvature = [0.0; MAX_DEGREE + 1];
     if !has_one_sign(derivative(slope, &mut curvature)) {
-        search.look(Bernstein::from_power(p), 0.0, 1.0, 0);
+        search.look(Bernstein::from_power(p, 1.0), 0.0, 1.0, 0);
     } else if slope[0] * eval(slope, 1.0) < 0.0 {
         search.take(eval(p, search.turn(0.0, 1.0, -slope[0])));
     }
@@ -63,7 +63,7 @@ pub fn minima(p: &[f64]) -> Vec<f64> {
     if p.len() > 2 {
         let slope = derivative(p, &mut slope);
         let search = Search { p, slope, found: [0.0; 2], rounding: 0.0 };
-        search.rises(Bernstein::from_power(slope), 0.0, 1.0, 0, &mut found);
+        search.rises(Bernstein::from_power(slope, 1.0), 0.0, 1.0, 0, &mut found);
     }
     found
 }

@@ -1,10 +1,10 @@
 //! The first point of `[0, reach]` at which a polynomial falls below zero.
 
 use super::{
-    MAX_DEGREE,
-    bernstein::{self, Bernstein},
-    eval_with_slope,
+    bernstein::{self, Bernstein, Signs},
+    eval_with_derivatives, eval_with_slope,
 };
+use crate::vectors::{Baseline, Path};
 
 /// Where a polynomial that starts positive first falls through zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,9 +47,25 @@ const MAX_DEPTH: u32 = 52;
 /// If `p` is empty or has a degree above [`MAX_DEGREE`].
 #[must_use]
 pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
+    first_root_on(Baseline, p, limit, uncertainty)
+}
+
+/// As [`first_root`], compiled for the set of `path`: the same bits by every set.
+#[inline(always)]
+pub(crate) fn first_root_on<P: Path>(path: P, p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
     if bernstein::certainly_positive(p, uncertainty) {
         return Isolation::CLEAR;
     }
+    let root = match bernstein::signs(path, p, limit, uncertainty) {
+        Signs::Above => FirstRoot::None,
+        Signs::Fall(guess) => FirstRoot::At(polish(p, 0.0, limit, guess * limit)),
+        Signs::Mixed => return search(p, limit, uncertainty),
+    };
+    Isolation { root, is_clear: false, ..Isolation::CLEAR }
+}
+
+/// The same where the signs of all coefficients together do not decide.
+fn search(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
     // Trailing terms that together stay far below the uncertainty only make the polynomial longer.
     let (mut n, mut dropped) = (p.len() - 1, 0.0);
     while n > 1 && dropped + p[n].abs() <= 0.125 * uncertainty {
@@ -58,17 +74,7 @@ pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
     }
     let (all, p) = (p, &p[..=n]);
     let mut search = Search { p, limit, uncertainty: uncertainty + dropped, shallow: None, touch: None, splits: 0 };
-    let start = if limit == 1.0 {
-        Bernstein::from_power(p)
-    } else {
-        let mut scaled = [0.0; MAX_DEGREE + 1];
-        let mut power = 1.0;
-        for (s, c) in scaled.iter_mut().zip(p) {
-            *s = c * power;
-            power *= limit;
-        }
-        Bernstein::from_power(&scaled[..=n])
-    };
+    let start = Bernstein::from_power(p, limit);
     // What went below zero and never came back has crossed, however little.
     let root = search.first(start, 0.0, limit, 0).or(search.shallow);
     if let (Some(t), Some(x)) = (search.touch, root)
@@ -134,7 +140,7 @@ impl Search<'_> {
         if changes == 1 {
             let is_deep = b.coefficients().iter().any(|c| *c < -self.uncertainty);
             if b.b[b.n] < -self.uncertainty || !is_deep {
-                let root = self.polish(lo, hi, lo + b.crossing() * (hi - lo));
+                let root = polish(self.p, lo, hi, lo + b.crossing() * (hi - lo));
                 return self.fallen(root, &b);
             }
         }
@@ -201,27 +207,30 @@ impl Search<'_> {
         }
         self.halves(b, lo, hi, depth)
     }
+}
 
-    /// The single sign change in `[lo, hi]`: Newton's method kept inside a shrinking bracket.
-    fn polish(&self, mut lo: f64, mut hi: f64, start: f64) -> f64 {
-        let mut x = start;
-        for _ in 0..100 {
-            let (f, d) = eval_with_slope(self.p, x);
-            if f == 0.0 {
-                return x;
-            }
-            if f > 0.0 {
-                lo = x;
-            } else {
-                hi = x;
-            }
-            let newton = x - f / d;
-            let next = if newton >= lo && newton <= hi { newton } else { 0.5 * (lo + hi) };
-            if (next - x).abs() <= f64::EPSILON * x || hi - lo <= f64::EPSILON * hi {
-                return next;
-            }
-            x = next;
+/// The single zero in `[lo, hi]`, where `p` falls: Halley's method kept inside a shrinking bracket.
+#[inline(always)]
+fn polish(p: &[f64], mut lo: f64, mut hi: f64, start: f64) -> f64 {
+    let mut x = start;
+    for _ in 0..100 {
+        let [f, slope, bent] = eval_with_derivatives(p, x);
+        if f == 0.0 {
+            return x;
         }
-        x
+        if f > 0.0 {
+            lo = x;
+        } else {
+            hi = x;
+        }
+        // By ratios: products of small values vanish.
+        let newton = -f / slope;
+        let step = newton / (1.0 + 0.5 * newton * (bent / slope));
+        let next = if x + step >= lo && x + step <= hi { x + step } else { 0.5 * (lo + hi) };
+        if (next - x).abs() <= f64::EPSILON * x || hi - lo <= f64::EPSILON * hi {
+            return next;
+        }
+        x = next;
     }
+    x
 }

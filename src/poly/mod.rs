@@ -16,6 +16,7 @@ pub use extremes::{extremes, minima};
 pub(crate) use falling::{
     COUNT, LAST, Pattern, Place, Row, SHARES, coefficients, fall, fours, halve, numbers, pattern, pattern_of,
 };
+pub(crate) use first_root::first_root_on;
 pub use first_root::{FirstRoot, Isolation, first_root};
 
 /// `p(x)` by Horner's rule.
@@ -29,15 +30,46 @@ pub(crate) fn terms(p: &[f64], x: f64) -> f64 {
     p.iter().rev().fold(0.0, |s, c| s * x + c.abs())
 }
 
+/// The coefficients beyond the last whole four.
+#[inline(always)]
+fn top(p: &[f64]) -> [f64; 4] {
+    match *p.as_chunks::<4>().1 {
+        [a, b, c] => [a, b, c, 0.0],
+        [a, b] => [a, b, 0.0, 0.0],
+        [a] => [a, 0.0, 0.0, 0.0],
+        _ => [0.0; 4],
+    }
+}
+
+/// `p(x)`, `p′(x)` and `p″(x)`, four coefficients side by side: `p = Σ_l xˡ s_l(x⁴)`. By Horner's rule each operation would wait for the one
+/// before. No product is fused: all sets of instructions give the same bits, and so do a step and the leap that stands for it.
+#[inline(always)]
+pub(crate) fn eval_with_derivatives(p: &[f64], x: f64) -> [f64; 3] {
+    let (square, cube) = (x * x, x * x * x);
+    let (fourth, mut s, mut slopes, mut bends) = (square * square, top(p), [0.0; 4], [0.0; 4]);
+    for four in p.as_chunks::<4>().0.iter().rev() {
+        for l in 0..4 {
+            bends[l] = bends[l] * fourth + slopes[l];
+            slopes[l] = slopes[l] * fourth + s[l];
+            s[l] = s[l] * fourth + four[l];
+        }
+    }
+    // xˡ and its derivatives; the second derivative of s is twice `bends`.
+    let (w, w1, w2) = ([1.0, x, square, cube], [0.0, 1.0, 2.0 * x, 3.0 * square], [0.0, 0.0, 2.0, 6.0 * x]);
+    let mut terms = [[0.0; 4]; 3];
+    for l in 0..4 {
+        terms[0][l] = w[l] * s[l];
+        terms[1][l] = w1[l] * s[l] + 4.0 * cube * (w[l] * slopes[l]);
+        let by_slope = 8.0 * cube * w1[l] + 12.0 * square * w[l];
+        terms[2][l] = w2[l] * s[l] + by_slope * slopes[l] + 32.0 * (cube * cube) * (w[l] * bends[l]);
+    }
+    terms.map(|[a, b, c, d]| (a + b) + (c + d))
+}
+
 /// `(p(x), p′(x))` by Horner's rule.
 #[must_use]
 pub fn eval_with_slope(p: &[f64], x: f64) -> (f64, f64) {
     p.iter().rev().fold((0.0, 0.0), |(s, d), c| (s * x + c, d * x + s))
-}
-
-/// `p″(x)`.
-pub(crate) fn curvature(p: &[f64], x: f64) -> f64 {
-    p.iter().enumerate().skip(2).rev().fold(0.0, |s, (k, c)| s * x + (k * (k - 1)) as f64 * c)
 }
 
 /// Highest degree these routines accept.
