@@ -42,8 +42,8 @@ impl Motion<'_> {
         let c = &s.contacts[j];
         let (deflection, rate) = (s.deflection_size(c, x), s.rate_size(c, x));
         // Flanks are reached to the rounding of the deflection, once: the springs of the bodies feel it.
-        let springs = |i: u32| s.rows[i as usize].iter().map(|(_, k, _)| k.abs()).sum::<f64>();
-        let displaced: f64 = c.direction.iter().map(|(i, g)| g.abs() * springs(*i)).sum::<f64>() * deflection;
+        let displaced: f64 =
+            c.direction.iter().map(|(i, g)| g.abs() * s.pulls[*i as usize][1]).sum::<f64>() * deflection;
         let acceleration = s.acceleration_size(j, &self.mode, x, force) + ONCE * displaced;
         let k = c.stiffest;
         match (watch, self.parts[j].force()) {
@@ -153,9 +153,10 @@ impl Expansion<'_> {
     pub(super) fn position(&self, watched: &Watched, work: &[f64]) -> f64 {
         let &Watched { contact: j, watch, sign, .. } = watched;
         match self.motion.parts[j].side {
-            0.0 => self.gap(j, watch, work).unwrap_or_else(|| {
-                watched.along() * work[self.layout.deflection(j, 0)] + sign * self.s.contacts[j].gap()
-            }),
+            0.0 => match self.gap(j, watch, work) {
+                Some(gap) => gap,
+                None => watched.along() * work[self.layout.deflection(j, 0)] + sign * self.s.contacts[j].gap(),
+            },
             side => side * work[self.layout.stretches + j],
         }
     }
@@ -163,9 +164,12 @@ impl Expansion<'_> {
     /// A guard of position as a series in θ.
     #[inline(always)]
     pub(super) fn position_row(&self, watched: &Watched, powers: &Powers, work: &[f64], series: &mut [f64]) {
-        let along = watched.along();
-        let deflections = work[self.layout.deflection(watched.contact, 0)..].iter().step_by(LANES);
-        series.iter_mut().zip(deflections).zip(powers).for_each(|((s, d), p)| *s = along * d * p);
+        let (along, j) = (watched.along(), watched.contact);
+        let first = self.layout.deflection(j - j % LANES, 0);
+        let deflections = work[first..first + ROW * LANES].as_chunks::<LANES>().0;
+        for ((s, four), p) in series.iter_mut().zip(deflections).zip(powers) {
+            *s = along * four[j % LANES] * p;
+        }
         series[0] = self.position(watched, work);
         if self.is_released(watched.contact, watched.watch) {
             series[..3].fill(0.0);
@@ -219,6 +223,7 @@ impl Expansion<'_> {
     }
 
     /// Released from rest: the gap's value, rate and acceleration are exactly zero.
+    #[inline(always)]
     pub(super) fn is_released(&self, j: usize, watch: Watch) -> bool {
         !self.request.still.is_empty()
             && self.motion.parts[j].state == ContactMode::Separated
@@ -247,6 +252,7 @@ impl Expansion<'_> {
 
     /// Size of the terms a stretch is the sum of: taken from the state those of the deflection; where it is known better,
     /// carried on from the last step or given by an exact zero, only itself.
+    #[inline(always)]
     pub(super) fn stretch_size(&self, j: usize, clock: Option<&StepClock>, size: f64, work: &[f64]) -> f64 {
         let carried = self.request.carried.get(j).is_some_and(|stretch| !stretch.is_nan());
         let state = self.motion.parts[j].state;

@@ -6,6 +6,7 @@
 use super::{
     assemble::{Contact, Spring, Structure},
     contact_mode::{ContactMode, Watch, contact_mode, piece},
+    schedule::Schedule,
 };
 use crate::{
     gear::contact::{Law, PowerLaw, Release},
@@ -77,16 +78,31 @@ impl Acting {
 }
 
 impl Structure {
+    /// The side of the flank that the law of contact `j` is on in `mode`, and whether its force is carried; `None` where there is no force.
+    fn pressing(&self, mode: &Mode, j: usize) -> Option<(f64, bool)> {
+        let state = contact_mode(mode, j);
+        match self.contacts[j].spec.law {
+            Law::Bilateral(_) => Some((0.0, true)),
+            Law::Rigid(_) if !state.is_closed() => None,
+            _ if state == ContactMode::Separated => None,
+            _ => Some((state.side(), state.is_closed())),
+        }
+    }
+
+    /// The schedule that the force of contact `j` follows in `mode`. A switch of any other changes nothing.
+    pub(super) fn followed(&self, mode: &Mode, j: usize) -> Option<&Schedule> {
+        match &self.contacts[j].spring {
+            Spring::Scheduled(schedule) if !self.contacts[j].spec.law.is_rigid() => {
+                self.pressing(mode, j).map(|_| schedule)
+            }
+            _ => None,
+        }
+    }
+
     /// What contact `j` does in `mode`, if anything.
     pub(crate) fn acting(&self, mode: &Mode, j: usize) -> Option<Acting> {
+        let (side, is_carried) = self.pressing(mode, j)?;
         let c = &self.contacts[j];
-        let state = contact_mode(mode, j);
-        let (side, is_carried) = match c.spec.law {
-            Law::Bilateral(_) => (0.0, true),
-            Law::Rigid(_) if !state.is_closed() => return None,
-            _ if state == ContactMode::Separated => return None,
-            _ => (state.side(), state.is_closed()),
-        };
         let force = match c.spec.law {
             Law::Bilateral(l) | Law::KelvinVoigt(l, _) => {
                 Force::Linear { stiffness: c.elasticity(piece(mode, j)), damping: l.damping }

@@ -108,6 +108,8 @@ pub struct Contact {
     /// `1/√(gᵀM⁻¹g)`: makes the contact's rate comparable with weighted rates.
     pub(crate) weight: f64,
     pub(crate) spring: Spring,
+    /// `gᵀ M⁻¹ g_j` of every contact j, 1/kg: the acceleration of this one by a force of one on that one.
+    pub(crate) couplings: Vec<f64>,
     /// Where the latched approach speed is kept in the state.
     pub(crate) latch: Option<usize>,
 }
@@ -259,6 +261,8 @@ pub struct Structure {
     pub(crate) oscillators: Vec<Oscillator>,
     /// `M⁻¹ f₀`.
     pub(crate) load: Vec<f64>,
+    /// Of each degree of freedom the sum of the sizes of its loads over M, m/s², and of its stiffnesses over M, 1/s².
+    pub(crate) pulls: Vec<[f64; 2]>,
     pub(crate) load_waves: Vec<LoadWave>,
     /// Columns of M, of the symmetric part of C (the other does no work), and of K.
     pub(crate) forms: [Vec<Sparse>; 3],
@@ -345,13 +349,22 @@ impl Structure {
                     _ => (0.0, 0.0),
                 },
                 spring,
+                couplings: Vec::new(),
                 latch,
                 stiffest: c.stiffness.maximum(),
                 spec: c.clone(),
             });
         }
+        let pushes: Vec<Sparse> = contacts.iter().map(|c| c.push.clone()).collect();
+        for contact in &mut contacts {
+            let along = |push: &Sparse| {
+                let at = |row: u32| push.iter().find(|(r, _)| *r == row).map_or(0.0, |(_, p)| *p);
+                contact.direction.iter().map(|(row, g)| g * at(*row)).sum()
+            };
+            contact.couplings = pushes.iter().map(along).collect();
+        }
         let (k, c) = (cholesky.solve(&spec.stiffness), cholesky.solve(&spec.damping));
-        let rows = (0..n)
+        let rows: Vec<Vec<(u32, f64, f64)>> = (0..n)
             .map(|i| {
                 (0..n)
                     .filter(|j| k[(i, *j)] != 0.0 || c[(i, *j)] != 0.0)
@@ -360,8 +373,13 @@ impl Structure {
             })
             .collect();
         let load = over_mass(&spec.load);
+        let pull = |i: usize| {
+            let waves: f64 = load_waves.iter().map(|w| w.cosine[i].abs() + w.sine[i].abs()).sum();
+            [load[i].abs() + waves, rows[i].iter().map(|(_, k, _)| k.abs()).sum()]
+        };
         let structure = Self {
             columns: Columns::new(&k, &c, &contacts, (&load, &load_waves, &weights)),
+            pulls: (0..n).map(pull).collect(),
             load,
             rows,
             n,

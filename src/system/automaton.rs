@@ -4,9 +4,8 @@ use smallvec::SmallVec;
 
 use super::{
     acting::Force,
-    assemble::{Contact, PerContact, Spring, Structure, Wave, dot, zeros},
+    assemble::{Contact, PerContact, Structure, Wave, dot, zeros},
     contact_mode::{ContactMode, Watch, contact_mode, guard_id, guard_of, guards_of, piece, set_contact, set_piece},
-    schedule::Schedule,
     symmetry::Equal,
 };
 use crate::{
@@ -215,14 +214,6 @@ impl Structure {
         if !low.is_empty() {
             self.symmetry.share(displacements, &x[..self.n], &mut low[..self.n]);
             self.symmetry.share(velocities, &x[self.n..2 * self.n], &mut low[self.n..2 * self.n]);
-        }
-    }
-
-    /// The schedule that the force of contact `j` follows in `mode`. A switch of any other changes nothing.
-    fn followed(&self, mode: &Mode, j: usize) -> Option<&Schedule> {
-        match &self.contacts[j].spring {
-            Spring::Scheduled(schedule) if self.acting(mode, j).is_some_and(|a| !a.is_held()) => Some(schedule),
-            _ => None,
         }
     }
 

@@ -93,10 +93,9 @@ impl Structure {
             .iter()
             .map(|(i, g)| {
                 let i = *i as usize;
-                let waves: f64 = self.load_waves.iter().map(|w| w.cosine[i].abs() + w.sine[i].abs()).sum();
                 let structure: f64 =
                     self.rows[i].iter().map(|(c, k, d)| (k * q[*c as usize]).abs() + (d * v[*c as usize]).abs()).sum();
-                g.abs() * (self.load[i].abs() + waves + structure)
+                g.abs() * (self.pulls[i][0] + structure)
             })
             .sum();
         let contacts: f64 = self.carrying(mode).map(|k| (self.coupling(j, k.contact) * force(&k)).abs()).sum();
@@ -167,11 +166,7 @@ impl Structure {
 
     /// `g_iᵀ M⁻¹ g_j`, 1/kg.
     pub(crate) fn coupling(&self, i: usize, j: usize) -> f64 {
-        self.contacts[i]
-            .direction
-            .iter()
-            .map(|(row, g)| g * self.contacts[j].push.iter().find(|(r, _)| r == row).map_or(0.0, |(_, p)| *p))
-            .sum()
+        self.contacts[i].couplings[j]
     }
 }
 

@@ -83,6 +83,7 @@ impl Schedule {
     }
 
     /// Start number `i` of repetition `k`.
+    #[inline]
     fn start(&self, clock: &Clock, k: i64, i: usize) -> Instant {
         match self {
             Self::Locked { cycles, starts, .. } => Instant { cycle: starts[i].cycle + k * cycles, ..starts[i] },
@@ -97,26 +98,29 @@ impl Schedule {
     /// The repetition that contains `at`, or a neighbour of it.
     fn repetition(&self, clock: &Clock, at: Instant) -> i64 {
         match self {
+            // Most often one, and a division takes its time.
+            Self::Locked { cycles: 1, starts, .. } => at.cycle - starts[0].cycle,
             Self::Locked { cycles, starts, .. } => (at.cycle - starts[0].cycle).div_euclid(*cycles),
             Self::Own { period, origin, .. } => ((clock.time(at).hi - origin) / period).floor() as i64,
             Self::Listed { .. } => 0,
         }
     }
 
-    /// Visits the piece starts around `at`: `(piece, start)` in rising order.
-    fn around(&self, clock: &Clock, at: Instant, mut visit: impl FnMut(u32, Instant)) {
+    /// Visits the piece starts around `at`: `(piece, start)` in rising order, as long as `visit` goes on.
+    fn around(&self, clock: &Clock, at: Instant, mut visit: impl FnMut(u32, Instant) -> bool) {
         match self {
             Self::Listed { times, .. } => {
                 let i = times.partition_point(|t| !after(*t, at));
-                for (j, time) in times.iter().enumerate().take(i + 2).skip(i.saturating_sub(1)) {
-                    visit((j as u32 + 1) & 1, *time);
-                }
+                let near = times.iter().enumerate().take(i + 2).skip(i.saturating_sub(1));
+                near.take_while(|(j, time)| visit((*j as u32 + 1) & 1, **time)).for_each(drop);
             }
             Self::Locked { values, .. } | Self::Own { values, .. } => {
                 let (k, starts) = (self.repetition(clock, at), self.starts());
                 for r in k - 1..=k + 1 {
                     for i in 0..starts {
-                        visit((i % values.len()) as u32, self.start(clock, r, i));
+                        if !visit((i % values.len()) as u32, self.start(clock, r, i)) {
+                            return;
+                        }
                     }
                 }
             }
@@ -128,9 +132,11 @@ impl Schedule {
         let late = tie(clock, at);
         let mut found = (0, None);
         self.around(clock, at, |piece, start| {
-            if !after(start, late) {
+            let is_past = !after(start, late);
+            if is_past {
                 found = (piece, Some(start));
             }
+            is_past
         });
         (found.0, found.1.map_or(0.0, |start| clock.between(start, at)))
     }
@@ -141,9 +147,11 @@ impl Schedule {
         let late = tie(clock, at);
         let mut found = 0.0;
         self.around(clock, at, |piece, start| {
-            if piece == number && !after(start, late) {
+            let is_past = !after(start, late);
+            if piece == number && is_past {
                 found = clock.between(start, at);
             }
+            is_past
         });
         found
     }
@@ -156,6 +164,7 @@ impl Schedule {
             if piece == number && found.is_none_or(|(least, _)| off < least) {
                 found = Some((off, start));
             }
+            true
         });
         found.map(|(_, start)| start)
     }
@@ -165,11 +174,13 @@ impl Schedule {
         let late = tie(clock, at);
         let mut found = None;
         self.around(clock, at, |piece, start| {
-            if piece == number && !after(start, late) {
+            let is_past = !after(start, late);
+            if piece == number && is_past {
                 found = None;
             } else if found.is_none() {
                 found = Some(start);
             }
+            is_past
         });
         found
     }
