@@ -15,7 +15,7 @@ use super::{
 use crate::{
     hybrid::{ARRIVED, Jet, JetRequest, Known, Leap, Passage},
     poly::{self, Deflated, FirstRoot},
-    system::Watch,
+    system::{PerContact, Watch},
     vectors::Path,
 };
 
@@ -42,6 +42,7 @@ struct Doubtful {
 }
 
 impl Doubtful {
+    #[inline(always)]
     fn series<'a>(&self, jet: &'a Jet) -> Deflated<'a> {
         Deflated::new(&jet.guard_series[self.number * ROW..(self.number + 1) * ROW], self.tail, self.rounding)
     }
@@ -63,9 +64,10 @@ struct Fall {
 
 impl Fall {
     /// The fall of a guard at `theta`; `None` where it is tangential, or wide.
+    #[inline(always)]
     fn new(place: usize, series: &Deflated<'_>, theta: f64, truncation: f64) -> Option<Self> {
-        let (value, slope) = poly::eval_with_slope(series.p, theta);
-        let (error, curvature) = (series.error_at(theta), poly::curvature(series.p, theta));
+        let [value, slope, curvature] = poly::eval_with_derivatives(series.p, theta);
+        let error = series.error_at(theta);
         let width = error / slope.abs();
         let [full, units, most] = SHARP;
         let sharp = full.max((units * truncation).min(most));
@@ -112,18 +114,24 @@ impl Expansion<'_> {
 
     /// The guards at the start of the step, into `leap`, and those that are not clear of zero on it, with their rows.
     #[inline(always)]
-    fn doubtful(&self, powers: &Powers, added: &Fours, tail: &Tail, leap: &mut Leap) -> SmallVec<[Doubtful; 8]> {
-        let Leap { starts, jet, .. } = leap;
-        let (s, x) = (self.s, self.request.x);
+    fn doubtful(
+        &self,
+        powers: &Powers,
+        [added, sizes]: [&[f64]; 2],
+        tail: &Tail,
+        leap: &mut Leap,
+    ) -> SmallVec<[Doubtful; 8]> {
+        let (Leap { starts, jet, .. }, s) = (leap, self.s);
         starts.clear();
+        starts.reserve(self.motion.guards.len());
         jet.guard_series.resize(3 * s.contacts.len() * ROW, 0.0);
         let mut doubtful = SmallVec::new();
-        let (mut last, mut size, mut rest) = (usize::MAX, 0.0, 0.0);
+        let (mut last, mut rest) = (usize::MAX, 0.0);
         for (number, watched) in self.motion.guards.iter().enumerate() {
             let Watched { id, contact: j, watch, .. } = *watched;
-            let c = &s.contacts[j];
+            let (c, size) = (&s.contacts[j], sizes[j]);
             if j != last {
-                (last, size, rest) = (j, s.deflection_size(c, x), self.deflection_tail(j, tail));
+                (last, rest) = (j, self.deflection_tail(j, tail));
             }
             let stretch_size = self.stretch_size(j, None, size, &jet.work);
             let row = number * ROW..(number + 1) * ROW;
@@ -133,7 +141,7 @@ impl Expansion<'_> {
                 let rounded = self.force_row(watched, stretch_size, size, powers, &jet.work, row);
                 (tail, row[0], poly::terms(row, 1.0), rounded, false)
             } else {
-                let added = added[j / LANES][j % LANES];
+                let added = added[j];
                 let mut start = self.position(watched, &jet.work);
                 let (terms, rounding) = (start.abs() + added, ROUNDING * stretch_size);
                 let is_clear = start - added > rest + rounding + SUMMED * terms && !self.is_released(j, watch);
@@ -159,7 +167,7 @@ impl Expansion<'_> {
     fn ends(
         &self,
         doubtful: &[Doubtful],
-        gained: &Fours,
+        gained: &[f64],
         tail: &Tail,
         (jet, starts): (&Jet, &[Known]),
         ends: &mut Vec<Known>,
@@ -169,10 +177,7 @@ impl Expansion<'_> {
             let j = watched.contact;
             let (value, error) = match doubtful.next_if(|guard| guard.number == number) {
                 Some(guard) => (jet.guard_series[number * ROW..(number + 1) * ROW].iter().sum(), guard.tail),
-                None => {
-                    let gained = gained[j / LANES][j % LANES];
-                    (start.value + watched.along() * gained, self.deflection_tail(j, tail))
-                }
+                None => (start.value + watched.along() * gained[j], self.deflection_tail(j, tail)),
             };
             ends.push(Known { value, error, ..*start });
         }
@@ -199,8 +204,8 @@ impl Expansion<'_> {
     fn state_at<P: Path>(&self, path: P, jet: &Jet, theta: f64, x: &mut Vec<f64>) {
         let orders = &jet.work[self.layout.orders..self.layout.orders + ROW * self.layout.stride];
         let s = theta * jet.reach;
-        x.clear();
-        x.extend_from_slice(self.request.x);
+        x.resize(self.request.x.len(), 0.0);
+        x.copy_from_slice(self.request.x);
         match self.s.columns.blocks.len() {
             1 => self.horner::<P, 2>(path, orders, s, x),
             2 => self.horner::<P, 4>(path, orders, s, x),
@@ -245,7 +250,8 @@ impl Motion<'_> {
         let reach = leap.jet.reach;
         let powers = powers(reach);
         let added = e.added(path, &leap.jet.work, &powers);
-        let doubtful = e.doubtful(&powers, &added, &tail, leap);
+        let sizes: PerContact<f64> = s.contacts.iter().map(|c| s.deflection_size(c, request.x)).collect();
+        let doubtful = e.doubtful(&powers, [added.as_flattened(), &sizes], &tail, leap);
         let jet = &leap.jet;
         let rows: SmallVec<[Deflated<'_>; 8]> = doubtful.iter().map(|guard| guard.series(jet)).collect();
         // Guards of equal contacts are equal, and fall together.
@@ -257,7 +263,7 @@ impl Motion<'_> {
             if is_twin(&first, series) {
                 continue;
             }
-            let found = poly::first_root(series.p, limit, series.error);
+            let found = poly::first_root_on(path, series.p, limit, series.error);
             leap.splits += u64::from(found.splits);
             match found.root {
                 _ if found.touch.is_some() => return false,
@@ -275,12 +281,15 @@ impl Motion<'_> {
         // No other guard, and no end of the arc, is where the first one falls.
         let width = first.as_ref().map_or(0.0, |fall| fall.width);
         // Neither does it fall with it, nor is it near: what an event takes for near is the value itself, its exact zeros included.
-        let is_far = |(series, guard): (&Deflated<'_>, &Doubtful)| {
-            let (value, slope) = poly::eval_with_slope(series.p, limit);
-            let is_off = value > APART * (series.error + slope.abs() * width) && series.value(limit) > guard.afresh;
-            is_twin(&first, series) || is_off
-        };
-        let is_alone = first.is_none() && !leap.is_bound || rows.iter().zip(&doubtful).all(is_far);
+        let mut is_alone = true;
+        if first.is_some() || leap.is_bound {
+            for (series, guard) in rows.iter().zip(&doubtful) {
+                let [value, slope, _] = poly::eval_with_derivatives(series.p, limit);
+                let is_off = value > APART * (series.error + slope.abs() * width)
+                    && value * limit.powi(series.order as i32) > guard.afresh;
+                is_alone &= is_off || is_twin(&first, series);
+            }
+        }
         if !is_alone || first.is_some() && limit + APART * width >= 1.0 {
             return false;
         }
@@ -298,13 +307,16 @@ impl Motion<'_> {
             return false;
         }
         let gained = e.gained(path, jet, limit);
-        self.keep(jet, request.x, leap.passage.is_some(), |j| gained.as_flattened()[j], &mut leap.carried);
+        let gained = gained.as_flattened();
+        self.keep(jet, leap.passage.is_some(), |j| [gained[j], sizes[j]], &mut leap.carried);
         leap.carried.push(f64::NAN);
-        leap.sizes.clear();
-        leap.sizes.extend(request.x.iter().map(|x| x.abs()));
+        leap.sizes.resize(request.x.len(), 0.0);
+        for (size, x) in leap.sizes.iter_mut().zip(request.x) {
+            *size = x.abs();
+        }
         leap.ends.clear();
         if leap.passage.is_none() {
-            e.ends(&doubtful, &gained, &tail, (jet, &leap.starts), &mut leap.ends);
+            e.ends(&doubtful, gained, &tail, (jet, &leap.starts), &mut leap.ends);
         }
         leap.is_series = true;
         true

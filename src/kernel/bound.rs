@@ -277,7 +277,7 @@ impl Expansion<'_> {
     pub(super) fn plain_reach(&self, out: &Jet) -> Option<(f64, Tail)> {
         let flow = &self.motion.growth;
         let tolerance = self.request.tolerance * if out.low.is_empty() { 1.0 } else { FINER };
-        let first = [0, 1, 2].map(|k| self.size(k, out));
+        let first = [self.size(0, out), self.size(1, out), self.size(2, out)];
         let last = self.last_size(out);
         let growth = flow.norms[0].sqrt() + flow.norms[1];
         let fastest = self.motion.forcing.fastest;
@@ -346,6 +346,7 @@ impl Expansion<'_> {
     }
 
     /// `‖x_N‖`.
+    #[inline(always)]
     fn last_size(&self, out: &Jet) -> f64 {
         let displacement = self.state_size(ORDER, 0, 0, out);
         self.velocity_size(ORDER, out).max(displacement * self.motion.growth.norms[0].sqrt())
@@ -422,6 +423,7 @@ impl Expansion<'_> {
     }
 
     /// What the tail adds to the deflection of contact `j`, m.
+    #[inline(always)]
     pub(super) fn deflection_tail(&self, j: usize, tail: &Tail) -> f64 {
         if let Some(defect) = &tail.rooted {
             return defect.of_deflection(&self.s.contacts[j]);

@@ -282,29 +282,31 @@ impl JetField for Motion<'_> {
         let s = theta * step.reach;
         let added = |j: usize| {
             let highest = self.layout.deflection(j, step.order);
-            (0..step.order).fold(0.0, |sum, k| (sum + step.work[highest - k * LANES]) * s)
+            let added = (0..step.order).fold(0.0, |sum, k| (sum + step.work[highest - k * LANES]) * s);
+            [added, self.structure.deflection_size(&self.structure.contacts[j], &step.state)]
         };
-        self.keep(step, &step.state, ends, added, carried);
+        self.keep(step, ends, added, carried);
         carried.push(step.work[self.layout.since] + step.time_at(theta));
     }
 }
 
 impl Motion<'_> {
-    /// The stretches to be kept after a step from the state `x` that has `added` so much to each deflection.
-    fn keep(&self, step: &Jet, x: &[f64], ends: bool, added: impl Fn(usize) -> f64, carried: &mut Vec<f64>) {
+    /// The stretches to be kept after a step. `added` tells what it has added to each deflection, and the size of that where it started.
+    #[inline(always)]
+    fn keep(&self, step: &Jet, ends: bool, added: impl Fn(usize) -> [f64; 2], carried: &mut Vec<f64>) {
         let layout = &self.layout;
         carried.clear();
         // While power laws are closed the time of an event is not known well enough for a gap to be better than the state.
         let is_lost = ends && step.is_estimate;
-        carried.extend(self.parts.iter().zip(&self.structure.contacts).enumerate().map(|(j, (part, c))| {
+        carried.extend(self.parts.iter().enumerate().map(|(j, part)| {
             let is_closed = part.state.side() != 0.0;
             let start = step.work[if is_closed { layout.stretches } else { layout.gaps } + j];
             if is_lost || start.is_nan() || part.is_bilateral() || !is_closed && step.is_estimate {
                 return f64::NAN;
             }
-            let stretch = added(j) + start;
-            let is_small = stretch.abs() < SMALL_STRETCH * self.structure.deflection_size(c, x);
-            if is_small { stretch } else { f64::NAN }
+            let [added, size] = added(j);
+            let stretch = added + start;
+            if stretch.abs() < SMALL_STRETCH * size { stretch } else { f64::NAN }
         }));
     }
 }
@@ -436,6 +438,7 @@ impl Expansion<'_> {
     }
 
     /// The gap of separated contact `j` to the flank of `watch`, where it is known better than by the state.
+    #[inline(always)]
     fn gap(&self, j: usize, watch: Watch, work: &[f64]) -> Option<f64> {
         let (c, gap) = (&self.s.contacts[j], -watch.side() * work[self.layout.gaps + j]);
         // Of two flanks it is that to which the state agrees.
@@ -455,6 +458,7 @@ impl Expansion<'_> {
         self.motion.forceless(j, request.at, stretch, rounding, || self.rate(j, 0, &request.x[self.s.n..], work))
     }
 
+    #[inline(always)]
     fn pinned(&self, j: usize, watch: Watch) -> bool {
         self.request.pinned.contains(guard_id(j, watch))
     }
