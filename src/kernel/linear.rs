@@ -36,10 +36,12 @@ impl Columns {
         }
     }
 
-    /// Each number with its columns.
+    /// The numbers, and the columns of each: as many as M, of N fours.
     #[inline(always)]
-    fn iter<const N: usize>(&self) -> impl Iterator<Item = (usize, &[Four; N])> {
-        self.of.iter().copied().zip(self.fours.as_chunks::<N>().0)
+    fn list<const N: usize, const M: usize>(&self) -> (&[usize], &[[[Four; N]; M]]) {
+        let columns = self.fours.as_chunks::<N>().0.as_chunks::<M>().0;
+        let count = columns.len().min(self.of.len());
+        (&self.of[..count], &columns[..count])
     }
 }
 
@@ -68,9 +70,8 @@ struct Group {
     directions: Vec<Four>,
     /// By oscillator: what its cosine adds, then its sine.
     waves: Columns,
-    /// Zero where no force is carried, or by a stiffness that varies.
-    stiffness: Vec<Four>,
-    damping: Vec<Four>,
+    /// Stiffness and damping; zero where no force is carried, or by a stiffness that varies.
+    laws: Vec<[Four; 2]>,
     /// Any of them is not zero.
     carries: bool,
 }
@@ -79,8 +80,8 @@ impl Group {
     /// The contacts `fours`, which start with four number `first`; `law` gives the stiffness and damping of a contact.
     fn new(s: &Structure, first: usize, fours: &[FourColumns], law: impl Fn(usize) -> Option<[f64; 2]>) -> Self {
         let contacts = LANES * first..LANES * (first + fours.len());
-        let laws = |part: usize| contacts.clone().map(|j| law(j).map_or(0.0, |law| law[part])).collect::<Vec<_>>();
-        let in_fours = |values: Vec<f64>| values.as_chunks::<LANES>().0.to_vec();
+        let laws =
+            |c: usize| [0, 1].map(|part| std::array::from_fn(|l| law(LANES * c + l).map_or(0.0, |law| law[part])));
         let direction = |i: usize| fours.iter().map(move |four| four.directions[i]);
         let mut waves = Columns::default();
         for i in 0..s.oscillators.len() {
@@ -90,11 +91,18 @@ impl Group {
         Self {
             directions: (0..s.n).flat_map(direction).collect(),
             waves,
-            stiffness: in_fours(laws(0)),
-            damping: in_fours(laws(1)),
+            laws: (first..first + fours.len()).map(laws).collect(),
             carries: contacts.clone().any(|j| law(j).is_some()),
         }
     }
+}
+
+/// A group of C fours, as it is read at every order.
+struct View<'a, const C: usize> {
+    directions: &'a [[Four; C]],
+    waves: (&'a [usize], &'a [[[Four; C]; 2]]),
+    /// Where a force is carried.
+    laws: Option<&'a [[Four; 2]; C]>,
 }
 
 /// The two columns of number `i`.
@@ -181,7 +189,9 @@ impl Work for Recurrence<'_, '_> {
 impl Expansion<'_> {
     /// All coefficients of a linear mode.
     pub(super) fn linear(&self, out: &mut Jet) {
-        self.ramps(&mut out.work);
+        if self.motion.is_varying {
+            self.ramps(&mut out.work);
+        }
         self.s.instructions.run(Recurrence { expansion: self, out });
         if self.keeps_low() {
             let carried = self.motion.parts.iter().map(Part::carried_linear).enumerate();
@@ -233,6 +243,14 @@ impl Expansion<'_> {
             return;
         };
         let mut forces: SmallVec<[Four; 4]> = smallvec![[0.0; LANES]; C * compiled.groups.len()];
+        let forces = forces.as_mut_slice();
+        let mut groups: SmallVec<[View<'_, C>; 1]> = SmallVec::new();
+        for group in &compiled.groups {
+            let laws = group.laws.first_chunk().filter(|_| group.carries);
+            groups.push(View { directions: group.directions.as_chunks().0, waves: group.waves.list(), laws });
+        }
+        let (couplings, driven, pushes) =
+            (compiled.couplings.list::<B, 2>(), compiled.waves.list::<B, 2>(), compiled.pushes.list::<B, 1>());
         let (work, orders) = out.work.split_at_mut(layout.orders);
         orders[..layout.stride].fill(0.0);
         orders[..n].copy_from_slice(&self.request.x[..n]);
@@ -251,28 +269,28 @@ impl Expansion<'_> {
                 return;
             };
             let waves = waves.as_chunks::<2>().0;
-            self.contacts::<P, C>(path, k, step, (&flat_v[..n], waves), &mut forces, work);
+            self.contacts::<P, C>(path, (k, step), &groups, (&flat_v[..n], waves), forces, work);
             let mut a = if k == 0 { load.map(|four| path.four(four)) } else { [zero; B] };
-            for (i, columns) in compiled.couplings.of.iter().zip(compiled.couplings.fours.chunks_exact(2 * B)) {
+            for (i, [by_q, by_v]) in couplings.0.iter().zip(couplings.1) {
                 let (q, v) = (path.all(flat_q[*i]), path.all(flat_v[*i]));
                 for b in 0..B {
-                    a[b] = path.fused(path.four(columns[B + b]), v, a[b]);
-                    a[b] = path.fused(path.four(columns[b]), q, a[b]);
+                    a[b] = path.fused(path.four(by_v[b]), v, a[b]);
+                    a[b] = path.fused(path.four(by_q[b]), q, a[b]);
                 }
             }
-            for (i, columns) in compiled.waves.of.iter().zip(compiled.waves.fours.chunks_exact(2 * B)) {
+            for (i, [by_cos, by_sin]) in driven.0.iter().zip(driven.1) {
                 let [cos, sin] = waves[*i].map(|x| path.all(x));
                 for b in 0..B {
-                    a[b] = path.fused(path.four(columns[B + b]), sin, a[b]);
-                    a[b] = path.fused(path.four(columns[b]), cos, a[b]);
+                    a[b] = path.fused(path.four(by_sin[b]), sin, a[b]);
+                    a[b] = path.fused(path.four(by_cos[b]), cos, a[b]);
                 }
             }
             for b in 0..B {
                 a[b] = path.fused(path.four(by_v[b]), path.four(v[b]), a[b]);
                 a[b] = path.fused(path.four(by_q[b]), path.four(q[b]), a[b]);
             }
-            for (j, push) in compiled.pushes.iter::<B>() {
-                let force = path.all(forces.as_flattened()[j]);
+            for (j, [push]) in pushes.0.iter().zip(pushes.1) {
+                let force = path.all(forces.as_flattened()[*j]);
                 for b in 0..B {
                     a[b] = path.fused(path.four(push[b]), force, a[b]);
                 }
@@ -319,54 +337,50 @@ impl Expansion<'_> {
     fn contacts<P: Path, const C: usize>(
         &self,
         path: P,
-        k: usize,
-        step: f64,
+        (k, step): (usize, f64),
+        groups: &[View<'_, C>],
         (v, waves): (&[f64], &[[f64; 2]]),
         forces: &mut [Four],
         work: &mut [f64],
     ) {
-        let groups = self.motion.compiled.groups.iter().zip(forces.as_chunks_mut::<C>().0);
-        for (number, (group, forces)) in groups.enumerate() {
+        let (deflections, starts) =
+            work[self.layout.deflections..].split_at_mut(self.layout.stretches - self.layout.deflections);
+        let deflections = deflections.as_chunks_mut::<LANES>().0.as_chunks_mut::<ROW>().0.as_chunks_mut::<C>().0;
+        let starts = starts.as_chunks::<LANES>().0.as_chunks::<C>().0;
+        let groups = groups.iter().zip(forces.as_chunks_mut::<C>().0);
+        for (number, (((group, forces), deflections), starts)) in groups.zip(deflections).zip(starts).enumerate() {
             let mut rates = [path.all(0.0); C];
-            for (columns, v) in group.directions.as_chunks::<C>().0.iter().zip(v) {
+            // The oscillators first: the velocities come late.
+            for (i, [by_cos, by_sin]) in group.waves.0.iter().zip(group.waves.1) {
+                let [cos, sin] = waves[*i].map(|x| path.all(x));
+                for c in 0..C {
+                    rates[c] = path.fused(path.four(by_cos[c]), cos, rates[c]);
+                    rates[c] = path.fused(path.four(by_sin[c]), sin, rates[c]);
+                }
+            }
+            for (columns, v) in group.directions.iter().zip(v) {
                 let v = path.all(*v);
                 for c in 0..C {
                     rates[c] = path.fused(path.four(columns[c]), v, rates[c]);
                 }
             }
-            for (i, columns) in group.waves.of.iter().zip(group.waves.fours.chunks_exact(2 * C)) {
-                let [cos, sin] = waves[*i].map(|x| path.all(x));
-                for c in 0..C {
-                    rates[c] = path.fused(path.four(columns[c]), cos, rates[c]);
-                    rates[c] = path.fused(path.four(columns[C + c]), sin, rates[c]);
-                }
-            }
             let first = C * number;
             if k == 0 && !self.request.still.is_empty() {
                 for c in 0..C {
-                    let mut r = path.numbers(rates[c]);
-                    let still = (0..LANES).filter(|l| self.is_still(LANES * (first + c) + l));
-                    still.for_each(|l| r[l] = 0.0);
-                    rates[c] = path.four(r);
+                    let moves: Four =
+                        std::array::from_fn(|l| if self.is_still(LANES * (first + c) + l) { 0.0 } else { 1.0 });
+                    rates[c] = path.times(path.four(moves), rates[c]);
                 }
             }
-            let deflections = work[self.layout.deflections..self.layout.stretches].as_chunks_mut::<LANES>().0;
             let by = path.all(step);
             for c in 0..C {
-                deflections[(first + c) * ROW + k + 1] = path.numbers(path.times(by, rates[c]));
+                deflections[c][k + 1] = path.numbers(path.times(by, rates[c]));
             }
-            if !group.carries {
-                continue;
-            }
-            let mut stretches: [Four; C] = std::array::from_fn(|c| deflections[(first + c) * ROW + k]);
-            if k == 0 {
-                let starts = work[self.layout.stretches..].as_chunks::<LANES>().0;
-                stretches = std::array::from_fn(|c| starts[first + c]);
-            }
+            let Some(laws) = group.laws else { continue };
             for c in 0..C {
-                let damped = path.times(path.four(group.damping[c]), rates[c]);
-                let force = path.fused(path.four(group.stiffness[c]), path.four(stretches[c]), damped);
-                forces[c] = path.numbers(force);
+                let stretch = path.four(if k == 0 { starts[c] } else { deflections[c][k] });
+                let spring = path.times(path.four(laws[c][0]), stretch);
+                forces[c] = path.numbers(path.fused(path.four(laws[c][1]), rates[c], spring));
             }
             if k == 0 && !self.request.pinned.is_empty() {
                 let forces = forces.as_flattened_mut().iter_mut().enumerate();
@@ -389,9 +403,9 @@ impl Expansion<'_> {
 
     /// The forces where a force is watched.
     fn watched_forces(&self, work: &mut [f64]) {
-        for guard in self.motion.guards.iter().filter(|guard| guard.watch == Watch::Force) {
-            if let Some(Force::Linear { stiffness, damping }) = self.motion.parts[guard.contact].force() {
-                self.watched_force(guard.contact, stiffness, damping, work);
+        for &j in &self.motion.watched_forces {
+            if let Some(Force::Linear { stiffness, damping }) = self.motion.parts[j].force() {
+                self.watched_force(j, stiffness, damping, work);
             }
         }
     }

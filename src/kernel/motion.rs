@@ -87,6 +87,8 @@ pub(super) struct Motion<'s> {
     pub(super) is_pressed: bool,
     /// Some stiffness is a series.
     pub(super) is_varying: bool,
+    /// The contacts whose force is a guard.
+    pub(super) watched_forces: Box<[usize]>,
     /// What the recurrence of a linear mode reads.
     pub(super) compiled: Compiled,
     /// Room for series of closed power laws.
@@ -108,6 +110,7 @@ impl<'s> Motion<'s> {
             let watched = structure.watched(mode, contact).iter();
             watched.map(move |&(watch, sign)| Watched { id: guard_id(contact, watch), contact, watch, sign })
         });
+        let guards: Box<[_]> = guards.collect();
         let (held, forcing) = (Sticking::new(structure, mode), Forcing::new(structure));
         let is_affine = |p: &Part| matches!(p.force(), None | Some(Force::Linear { .. }));
         let varies = |p: &Part| matches!(p.force(), Some(Force::Linear { stiffness, .. }) if stiffness.varies());
@@ -115,7 +118,8 @@ impl<'s> Motion<'s> {
             structure,
             mode: mode.clone(),
             layout: Layout::new(structure),
-            guards: guards.collect(),
+            watched_forces: guards.iter().filter(|g| g.watch == Watch::Force).map(|g| g.contact).collect(),
+            guards,
             growth: Growth::new(structure, &forcing, &parts, held.as_ref()),
             forcing,
             is_linear: structure.n <= LARGEST && parts.iter().all(is_affine),
