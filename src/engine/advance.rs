@@ -141,15 +141,14 @@ impl<'s> Engine<'s> {
     fn arc(&mut self, bound: Instant, arrival: Arrival, observer: &mut dyn Observer) -> Result<End, EngineError> {
         let Self { integrator, point, motions, leaps, end: [end, end_low], core, .. } = self;
         let mode = &point.state.jump.mode;
-        if !motions.contains_key(mode) {
-            if motions.len() >= MAX_MOTIONS {
-                motions.clear();
-            }
+        if motions.len() >= MAX_MOTIONS && !motions.contains_key(mode) {
+            motions.clear();
+        }
+        let met = motions.entry(mode.clone()).or_insert_with(|| {
             let arc = core.system.clock().between(point.state.at, bound);
             let leaps = integrator.is_exact(core.system, mode, arc) && !crate::old_steps();
-            motions.insert(mode.clone(), Met { motion: core.system.motion(mode), leaps });
-        }
-        let met = &motions[mode];
+            Met { motion: core.system.motion(mode), leaps }
+        });
         let motion = &met.motion;
         let mut before = Before::default();
         if let Some(motion) = motion.as_deref().filter(|_| met.leaps) {

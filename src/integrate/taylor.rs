@@ -97,7 +97,7 @@ pub(crate) fn gathered([value, rate, acceleration]: [f64; 3], count: u32, t: f64
 
 /// The resolution of an instant, s: instants are pairs of doubles.
 fn resolution(clock: &Clock, at: Instant) -> f64 {
-    RESOLUTION * clock.time(at).hi.abs()
+    RESOLUTION * clock.roughly(Instant::default(), at).abs()
 }
 
 /// Whether what is left of an arc, `span` s from `at` on, is within a few roundings of its instants: no time at all.
