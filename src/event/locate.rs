@@ -102,12 +102,7 @@ impl Locator {
     ///
     /// `starts` says that the step is the first of its arc: a row that stays within twice its error up to the touch has just
     /// left its flank, and is no graze. `closed_end` makes an event exactly at the end of the step belong to it (the end of a run).
-    pub fn first(
-        &mut self,
-        step: &dyn DenseStep,
-        starts: bool,
-        closed_end: bool,
-    ) -> (Option<Located>, Option<Touch>) {
+    pub fn first(&mut self, step: &dyn DenseStep, starts: bool, closed_end: bool) -> (Option<Located>, Option<Touch>) {
         let mut first: Option<(f64, usize)> = None;
         let mut touch: Option<(f64, usize)> = None;
         // Rows that are not clearly positive.
