@@ -208,7 +208,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("gear", 1000),
     ("hybrid", 1500),
     ("integrate", 1750),
-    ("kernel", 7200),
+    ("kernel", 7250),
     ("linalg", 150),
     ("map", 3200),
     ("orbit", 4150),
