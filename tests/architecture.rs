@@ -216,7 +216,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("plot", 2000),
     ("poly", 1250),
     ("scene", 2650),
-    ("simulation", 1400),
+    ("simulation", 1450),
     ("study", 6800),
     ("sweep", 1250),
     ("system", 4250),
