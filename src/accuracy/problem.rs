@@ -70,7 +70,7 @@ impl<'s> Problem<'s> {
         let run = &self.simulation.settings;
         let (choice, tolerance) = other.unwrap_or((run.method, run.tolerance));
         let (integrator, _) = build(choice, tolerance, self.structure())?;
-        let options = Options { event_tolerance, ..Options::default() };
+        let options = Options { event_tolerance, period: Some(self.period), ..Options::default() };
         Ok(Engine::new(self.structure(), integrator, options, start))
     }
 

@@ -103,6 +103,11 @@ fn text(simulation: &Simulation, summary: &Summary) -> Result<String, std::fmt::
         "\nWork: {} events in {} steps, {} known switches, {} grazes, {} impact sequences summed",
         w.events, w.steps, w.switches, w.grazes, w.accumulations
     )?;
+    let tolerance = summary.integrator.event_tolerance;
+    if tolerance > 0.0 {
+        let n = w.near_touches;
+        writeln!(out, "Event tolerance {tolerance:e} of a cycle: {n} near touches, known less well")?;
+    }
     for warning in &summary.warnings {
         writeln!(out, "warning: {warning}")?;
     }

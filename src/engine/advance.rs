@@ -6,10 +6,10 @@ use super::{
     EngineError, Observer, Outcome, lane,
     leap::Leaps,
     state::{Counters, Options, Point, State},
-    visit::{Arrival, Core, End, Place},
+    visit::{Again, Arrival, Core, End, Place},
 };
 use crate::{
-    hybrid::{GuardSet, HybridSystem, Instant, JetField, Lane, Mode},
+    hybrid::{FULL_PRECISION, GuardSet, HybridSystem, Instant, JetField, Lane, Mode},
     integrate::{Arc, Before, Integrator},
 };
 
@@ -114,7 +114,7 @@ impl<'s> Engine<'s> {
             };
             match ended {
                 End::Bound if switch.is_some() => self.core.switch(&mut self.point),
-                End::Bound => {}
+                End::Bound | End::Again => {}
                 End::Event(located) => self.core.fire(&mut self.point, &located, observer)?,
                 End::Rest(guards, accumulation) => {
                     if let Some(outcome) = self.core.rest(&mut self.point, guards, accumulation, observer)? {
@@ -131,6 +131,7 @@ impl<'s> Engine<'s> {
             match self.arc(clock.advance(self.state().at, span), Arrival::Record, observer)? {
                 End::Event(located) => self.core.fire(&mut self.point, &located, observer)?,
                 End::Stop(outcome) => return Ok(outcome),
+                End::Again => {}
                 End::Bound | End::Rest(..) => return Ok(Outcome::ReachedEnd),
             }
         }
@@ -150,8 +151,13 @@ impl<'s> Engine<'s> {
             Met { motion: core.system.motion(mode), leaps }
         });
         let motion = &met.motion;
-        let mut before = Before::default();
-        if let Some(motion) = motion.as_deref().filter(|_| met.leaps) {
+        let again = core.again.take();
+        core.is_again = again.is_some();
+        let mut before = again.as_ref().map_or_else(Before::default, |again| {
+            let Again { steps, extent, left_out } = again;
+            Before { steps: *steps, extent, left_out: *left_out }
+        });
+        if let Some(motion) = motion.as_deref().filter(|_| met.leaps && !core.is_again) {
             if let Some(end) = leaps.arc(core, motion, point, bound, arrival, observer)? {
                 return Ok(end);
             }
@@ -159,7 +165,7 @@ impl<'s> Engine<'s> {
         }
         let Point { state, low, carried } = point;
         let mode = &state.jump.mode;
-        core.counters.arcs += u64::from(before.steps == 0);
+        core.counters.arcs += u64::from(before.steps == 0 && !core.is_again);
         // Stands if the arc ends before its first step.
         core.left.carried.clone_from(carried);
         let arc = Arc {
@@ -172,7 +178,7 @@ impl<'s> Engine<'s> {
             pinned: &state.jump.pinned,
             still: &state.jump.still,
             bound,
-            tolerance: core.options.truncation(),
+            tolerance: if core.is_again { FULL_PRECISION } else { core.options.truncation() },
             before,
         };
         let place = Place { state, bound, arrival };

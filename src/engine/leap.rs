@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     event::{Conditioning, Located},
-    hybrid::{FULL_PRECISION, GuardId, GuardSet, Instant, JetField, JetRequest, Leap, Made, Passage},
+    hybrid::{FULL_PRECISION, GuardId, GuardSet, Instant, JetField, JetRequest, Leap, Made, Passage, share_of},
     integrate::{Arc, Before, Integrator, Taylor, advances, gathered, is_over},
     poly::{FirstRoot, first_root},
 };
@@ -52,7 +52,7 @@ impl Leaps {
     ) -> Result<Option<End>, EngineError> {
         let clock = *core.system.clock();
         (self.count, self.left_out) = (0, [0.0; 2]);
-        let tolerance = core.options.truncation();
+        let (truncation, mut is_again) = (core.options.truncation(), false);
         self.extent.clear();
         self.extent.resize(point.state.x.len(), 0.0);
         if arrival == Arrival::Record || !point.state.jump.still.is_empty() {
@@ -63,11 +63,18 @@ impl Leaps {
             let (pinned, still) = (&state.jump.pinned, &state.jump.still);
             let (at, span) = (state.at, clock.between(state.at, bound));
             let left_out = self.left_out;
+            let tolerance = if is_again { FULL_PRECISION } else { share_of(truncation, self.count + 1) };
             let request = JetRequest { at, x: &state.x, low, pinned, still, carried, span, tolerance, left_out };
             let shown = observer.wants_steps(&state.jump.mode);
             let made = Made { leaps: self.count, arcs: core.counters.arcs };
             if is_over(&clock, at, span) || !motion.leap(&request, made, shown, &mut self.leap) {
                 return Ok(None);
+            }
+            // As on a step: see [`Core::is_loose`](super::visit::Core).
+            let falls = self.leap.passage.is_some_and(|passage| !core.system.is_continuous(passage.guard));
+            if falls && self.leap.is_series && tolerance > FULL_PRECISION {
+                is_again = true;
+                continue;
             }
             let end = if self.leap.is_bound { bound } else { clock.advance(at, self.leap.time) };
             self.extent.iter_mut().zip(&self.leap.sizes).for_each(|(e, size)| *e = e.max(*size));

@@ -42,16 +42,18 @@ pub struct Options {
     pub max_events: u64,
     /// A chatter is summed when the rebound speed has fallen to this fraction of the fastest in the sequence, `(0, 1)`.
     pub chatter_fraction: f64,
-    /// Largest error of the time of an event that its arc may add, of the forcing period, `[0, 0.001]`; 0 is full precision. What is
+    /// Error of the time of an event that its arc may add, of the period, `[0, 0.001]`; 0 is full precision. It is aimed at: what is
     /// known less well counts as a [near touch](Counters::near_touches).
     pub event_tolerance: f64,
+    /// The period that this is a fraction of, s; that of the system's clock if there is none.
+    pub period: Option<f64>,
     /// It is summed as well when the rebound speed has fallen below this, in the guards' units per second; 0 for never.
     pub chatter_speed: f64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { max_events: u64::MAX, chatter_fraction: 1e-10, event_tolerance: 0.0, chatter_speed: 0.0 }
+        Self { max_events: u64::MAX, chatter_fraction: 1e-10, event_tolerance: 0.0, period: None, chatter_speed: 0.0 }
     }
 }
 

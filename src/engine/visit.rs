@@ -11,8 +11,8 @@ use super::{
 };
 use crate::{
     event::{Accumulation, EventRecord, Located, Locator, Touch},
-    hybrid::{GuardSet, HybridSystem, Instant, Wide},
-    integrate::DenseStep,
+    hybrid::{GuardId, GuardSet, HybridSystem, Instant, Wide},
+    integrate::{Before, DenseStep},
 };
 
 /// What a visit to a step needs.
@@ -30,10 +30,23 @@ pub(super) struct Core<'s> {
     pub next_switch: Option<Instant>,
     /// Where the current arc was left; its mode means nothing.
     pub left: Point,
+    /// What the arc has made before a step that has to be made again.
+    pub again: Option<Again>,
+    /// Whether the arc at hand goes on from such a step.
+    pub is_again: bool,
+}
+
+/// The steps of an arc before one of them is made again: see [`Before`](crate::integrate::Before).
+pub(super) struct Again {
+    pub steps: u32,
+    pub extent: Vec<f64>,
+    pub left_out: [f64; 2],
 }
 
 /// What ended an arc.
 pub(super) enum End {
+    /// A step that has to be made again at full precision, from where it starts.
+    Again,
     /// Its bound.
     Bound,
     /// Guards that fire.
@@ -67,10 +80,11 @@ pub(super) struct Place<'a> {
 impl<'s> Core<'s> {
     /// What a run from `state` begins with.
     pub fn new(system: &'s dyn HybridSystem, options: Options, state: &State) -> Self {
+        let period = options.period.or_else(|| system.clock().period().map(Wide::value)).unwrap_or(0.0);
         Self {
             system,
             options,
-            tolerance: options.event_tolerance * system.clock().period().map_or(0.0, Wide::value),
+            tolerance: if options.left_out() > 0.0 { options.event_tolerance * period } else { 0.0 },
             counters: Counters::default(),
             locator: Locator::default(),
             chatter: Chatter::default(),
@@ -79,6 +93,8 @@ impl<'s> Core<'s> {
             // A state handed over at a switching time that its mode has not passed yet passes it first.
             next_switch: system.next_switch(&state.jump.mode, state.at),
             left: Point::new(state.clone()),
+            again: None,
+            is_again: false,
         }
     }
 }
@@ -100,6 +116,12 @@ impl Core<'_> {
         if first && let Some(end) = self.resolve(step, place, &mut located, left, observer) {
             return self.end_at(step, place, 0.0, end);
         }
+        if located.as_ref().is_some_and(|located| self.is_loose(step, located)) {
+            let Before { steps, extent, left_out } = step.before();
+            self.again = Some(Again { steps, extent: extent.to_vec(), left_out });
+            self.leave(step, 0.0);
+            return Ok(Some(End::Again));
+        }
         if let Some(touch) = touch
             && self.graze(step, touch, place, observer).is_break()
         {
@@ -118,6 +140,15 @@ impl Core<'_> {
         self.alarm.end(&place.state.jump.mode, step, closes);
         step.carry(1.0, &mut self.left.carried);
         Ok(None)
+    }
+
+    /// Whether a force falls through zero on a step that leaves something out. From then on the force is exactly zero, and the state has
+    /// to agree to rounding: the step that leads there is made at full precision. Flanks are reached by moving the state.
+    fn is_loose(&self, step: &dyn DenseStep, located: &Located) -> bool {
+        let is_force = |(i, id): (usize, &GuardId)| {
+            located.fired.contains(*id) && step.left_out(i) > 0.0 && !self.system.is_continuous(*id)
+        };
+        !self.is_again && located.theta > 0.0 && step.guards().iter().enumerate().any(is_force)
     }
 
     /// Ends the arc at `theta`: at an event, if its numbers agree there.

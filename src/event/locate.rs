@@ -114,8 +114,13 @@ impl Locator {
                 doubtful.insert(step.guards()[i]);
                 continue;
             }
-            let found = poly::first_root(series.p, limit, series.error);
+            let mut found = poly::first_root(series.p, limit, series.error);
             self.splits += u64::from(found.splits);
+            if found.touch.is_some() && step.left_out(i) > 0.0 {
+                // What is left out on request makes a dip uncertain, and does not make it a touch.
+                let dip = poly::first_root(series.p, limit, series.error - step.left_out(i));
+                found = if dip.touch.is_none() && dip.root != FirstRoot::None { dip } else { found };
+            }
             // A row that starts at an exact zero may be clear of it and near it all the same.
             if !found.is_clear || series.order > 0 {
                 doubtful.insert(step.guards()[i]);
@@ -131,7 +136,7 @@ impl Locator {
                 }
             } else if closed_end && first.is_none() {
                 let (value, slope) = poly::eval_with_slope(series.p, 1.0);
-                if value <= series.error && slope < 0.0 {
+                if value <= series.error - step.left_out(i) && slope < 0.0 {
                     first = Some((1.0, i));
                 }
             }

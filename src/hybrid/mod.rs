@@ -16,6 +16,7 @@ pub use contact::{ContactMode, ContactView, Watch};
 pub(crate) use flow::{ARRIVED, normalise};
 pub use flow::{
     FULL_PRECISION, Jet, JetField, JetRequest, Known, Leap, Made, Passage, Power, SAMPLES, Samples, Shown, VectorField,
+    share_of,
 };
 pub use guard::{GuardId, GuardSet};
 pub use instant::{Clock, Instant, Wide};

@@ -55,6 +55,10 @@ pub trait DenseStep {
     fn left_out(&self, i: usize) -> f64 {
         0.0
     }
+    /// What its arc has made before the step.
+    fn before(&self) -> Before<'_> {
+        Before::default()
+    }
     /// Rounding of guard `i` where its value is formed from the state alone.
     fn guard_rounding(&self, i: usize) -> f64 {
         self.guard_error(i).1

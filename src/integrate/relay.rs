@@ -170,7 +170,7 @@ impl Integrator for Relay {
             loop {
                 let left = clock.between(step.at, arc.bound);
                 // What is left out of the Taylor steps on request is there as well.
-                let hidden = HIDDEN * RESOLVED + steps as f64 * (arc.tolerance - FULL_PRECISION);
+                let hidden = HIDDEN * RESOLVED + 2.0 * (arc.tolerance - FULL_PRECISION);
                 unsure.iter_mut().zip(&*sizes).for_each(|(u, s)| *u = u.max(hidden * s));
                 let leg = Arc { at: step.at, x, low: own, pinned: GuardSet::none(), still: GuardSet::none(), ..*arc };
                 let to = (step.h < left).then_some(step.h);

@@ -2,10 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use super::{Arc, DenseStep, IntegrateError, Integrator, in_plain_time};
+use super::{Arc, Before, DenseStep, IntegrateError, Integrator, in_plain_time};
 use crate::hybrid::{
     ARRIVED, Clock, FULL_PRECISION, GuardId, GuardSet, HybridSystem, Instant, Jet, JetField, JetRequest, Mode, Power,
-    Samples, Shown, Wide,
+    Samples, Shown, Wide, share_of,
 };
 
 /// Taylor steps of a [`JetField`](crate::hybrid::JetField).
@@ -117,6 +117,8 @@ struct Step<'a> {
     extent: &'a [f64],
     /// Steps of the arc up to this one.
     count: u32,
+    /// What those before have left out.
+    before: [f64; 2],
     field: &'a dyn JetField,
 }
 
@@ -159,6 +161,9 @@ impl DenseStep for Step<'_> {
     }
     fn left_out(&self, i: usize) -> f64 {
         if self.jet.left_out == [0.0; 2] { 0.0 } else { self.jet.remainder[i] }
+    }
+    fn before(&self) -> Before<'_> {
+        Before { steps: self.count - 1, extent: self.extent, left_out: self.before }
     }
     fn guard_in_time(&self, i: usize, theta: f64) -> Option<(f64, f64)> {
         self.jet.guard_in_time(i, theta).map(|(rate, error)| (rate, error + self.blur(i)))
@@ -234,8 +239,8 @@ impl Integrator for Taylor {
                 end.copy_from_slice(x);
                 return Ok(());
             }
-            let request =
-                JetRequest { at, x, low, pinned, still, carried, span, tolerance: arc.tolerance, left_out: *left_out };
+            let (before, tolerance) = (*left_out, share_of(arc.tolerance, count + 1));
+            let request = JetRequest { at, x, low, pinned, still, carried, span, tolerance, left_out: before };
             field.jet(&request, jet);
             *left_out = jet.left_out;
             if !jet.reach.is_finite() || !jet.is_finite() {
@@ -248,7 +253,7 @@ impl Integrator for Taylor {
             let elapsed = jet.time_at(1.0);
             extent.iter_mut().zip(&*x).for_each(|(e, x)| *e = e.max(x.abs()));
             count += 1;
-            if visit(&Step { start: at, jet, blur, extent, count, field }).is_break() {
+            if visit(&Step { start: at, jet, blur, extent, count, before, field }).is_break() {
                 return Ok(());
             }
             // Only now: a step that runs past the end of a contact in the root clock is cut by its event.

@@ -409,8 +409,8 @@ impl Expansion<'_> {
     /// takes. At full precision this is less than their rounding, and does not count.
     pub(super) fn with_left_out(&self, mut tail: Tail, out: &mut Jet) -> Tail {
         out.left_out = [0.0; 2];
-        if self.request.tolerance > FULL_PRECISION {
-            let [moved, speed] = self.request.left_out;
+        let [moved, speed] = self.request.left_out;
+        if self.request.tolerance > FULL_PRECISION || speed > 0.0 {
             let (stretch, rate) = match &mut tail.rooted {
                 Some(defect) => (&mut defect.stretch, &mut defect.rate),
                 None => (&mut tail.displacement, &mut tail.velocity),

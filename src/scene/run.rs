@@ -48,7 +48,7 @@ pub struct Run {
     pub transient_cycles: u64,
     /// Most events before the run is stopped.
     pub event_budget: u64,
-    /// Largest error of the time of an event that its arc may add, of the forcing period; 0 is full precision.
+    /// Error of the time of an event that its arc may add, of the period; 0 is full precision.
     pub event_tolerance: f64,
     /// Integrator.
     pub method: Choice,
@@ -160,9 +160,11 @@ pub(super) fn read(node: &Node, spec: &Spec) -> Run {
         );
     }
     let event_tolerance = node.at("event_tolerance");
-    if event_tolerance.clone().written().is_some_and(|tolerance| tolerance.number() > 0.0) && spec.omega.is_none() {
-        event_tolerance
-            .refuse("0, as this train has no forcing period that it could be a fraction of", "leave the key out");
+    if event_tolerance.clone().written().is_some_and(|tolerance| tolerance.number() > 0.0) && period.is_none() {
+        event_tolerance.refuse(
+            "0, as there is no period that it could be a fraction of",
+            format!("add \"{}\", or leave the key out", node.units.key("period", "s")),
+        );
     }
     let (integrator, output) = (node.at("integrator"), node.at("output"));
     let method = METHODS.iter().find(|(name, _)| *name == integrator.at("method").text());

@@ -299,6 +299,7 @@ impl Simulation {
         Options {
             max_events: run.event_budget,
             event_tolerance: run.event_tolerance,
+            period: run.period,
             chatter_speed: run.chatter_speed.unwrap_or(0.0),
             ..Options::default()
         }
