@@ -3,7 +3,7 @@
 use std::array::from_fn;
 
 use super::{
-    Seen, Verdict,
+    Seen, TOLERANCE, Verdict,
     arc::Arc,
     collocation::{Collocation, DEGREE, Nodal, RTOL, tail, value},
 };
@@ -94,6 +94,8 @@ impl<'a> Walk<'a> {
         }
         // What follows at the same instant, or after a switch, is no crossing of this arc.
         let all = arc.lane.pending.len() == 1 && first.jumps == 1;
+        // A dip shorter than the run's own uncertainty has come and gone between the two places.
+        unclear |= arc.lane.pending.len() > 1 && tolerance > 2.0 * TOLERANCE * arc.unit;
         Ok(match missing {
             Some(guard) if !first.switched && (all || !same && !unclear) => {
                 match self.go(arc.length + arc.unit, true) {
