@@ -144,3 +144,15 @@ fn forces_that_fall_through_zero_are_zero() {
         assert!(work.events > 10, "{tolerance:e}: {work:?}");
     }
 }
+
+/// A rigid contact that rests while a power law is closed: what the steps in a root clock have left out moves the time of its release.
+#[test]
+fn a_release_beside_a_power_law_tells_its_uncertainty() {
+    let scene =
+        Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/scenes/release-beside-power.json"))
+            .unwrap();
+    for tolerance in [1e-8, 1e-6, 1e-4, 1e-3] {
+        let (work, _) = verified(&at(&scene, tolerance));
+        assert!(work.events > 0, "{tolerance:e}: {work:?}");
+    }
+}

@@ -411,11 +411,15 @@ impl Expansion<'_> {
         out.left_out = [0.0; 2];
         let [moved, speed] = self.request.left_out;
         if self.request.tolerance > FULL_PRECISION || speed > 0.0 {
+            let moved = moved + speed * out.time_at(1.0);
             let (stretch, rate) = match &mut tail.rooted {
-                Some(defect) => (&mut defect.stretch, &mut defect.rate),
+                Some(defect) => {
+                    defect.acceleration += defect.felt[0] * moved + defect.felt[1] * speed;
+                    (&mut defect.stretch, &mut defect.rate)
+                }
                 None => (&mut tail.displacement, &mut tail.velocity),
             };
-            *stretch += moved + speed * out.time_at(1.0);
+            *stretch += moved;
             *rate += speed;
             out.left_out = [*stretch, *rate];
         }

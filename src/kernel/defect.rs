@@ -34,8 +34,9 @@ pub(super) struct Defect {
     pub stretch: f64,
     /// Of velocities, in the same weights.
     pub rate: f64,
-    /// Of accelerations, in the same weights.
+    /// Of accelerations, in the same weights; and what an error of the stretches and one of the rates adds to them.
     pub acceleration: f64,
+    pub felt: [f64; 2],
 }
 
 impl Defect {
@@ -248,7 +249,8 @@ impl Expansion<'_> {
         });
         let felt = forces.by_time * time + forces.by_stretch * stretch + forces.by_rate * rate + forces.missing;
         let acceleration = held * (forces.by_root * at_root + felt);
-        (share, Defect { root: at_root, time, stretch, rate, acceleration })
+        let felt = [held * forces.by_stretch, held * forces.by_rate];
+        (share, Defect { root: at_root, time, stretch, rate, acceleration, felt })
     }
 
     /// What a linear law adds.

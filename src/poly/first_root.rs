@@ -44,7 +44,7 @@ const MAX_DEPTH: u32 = 52;
 /// without a dip deeper than that.
 ///
 /// # Panics
-/// If `p` is empty or has a degree above [`MAX_DEGREE`].
+/// If `p` is empty or has a degree above [`MAX_DEGREE`](super::MAX_DEGREE).
 #[must_use]
 pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
     first_root_on(Baseline, p, limit, uncertainty)
