@@ -46,7 +46,7 @@ pub enum Setting {
     StepsPerCycle(u64),
     /// Relative tolerance.
     Tolerance(f64),
-    /// Error of an event's time that each arc may add, of the forcing period.
+    /// Error of an event's time that each arc may add, of the cycle.
     EventTolerance(f64),
     /// To round-off: nothing to set.
     RoundOff,
