@@ -84,7 +84,8 @@ impl Row<'_> {
 /// let mut found = WorkPrecision::new(&problem, &contenders, 1e3, 500)?;
 /// let start = Instant::now();
 /// assert!(found.run(1, &|| start.elapsed().as_secs_f64(), Task::default())?);
-/// assert!(found.rows[0].score.event_time < found.rows[1].score.event_time);
+/// let [flank, .., rk4] = &found.rows[..] else { unreachable!("each makes some runs") };
+/// assert!(flank.score.event_time < rk4.score.event_time);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
