@@ -79,7 +79,7 @@ pub struct IntegratorUsed {
     pub asked: &'static str,
     /// Local error, relative to the scale of the motion.
     pub tolerance: f64,
-    /// Largest error of an event's time that an arc may add, of the cycle; 0 is full precision.
+    /// Error of an event's time that an arc may add, of the cycle, as it is aimed at; 0 is full precision.
     pub event_tolerance: f64,
     /// Vector instructions that the series were summed by.
     pub instructions: &'static str,
