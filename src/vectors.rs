@@ -56,6 +56,9 @@ pub(crate) trait Path: Copy {
     /// `a + b`, each.
     fn plus(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
+    /// `a − b`, each.
+    fn minus(self, a: Self::Four, b: Self::Four) -> Self::Four;
+
     /// `|a|`, each.
     fn sizes(self, a: Self::Four) -> Self::Four;
 
@@ -108,6 +111,11 @@ impl Path for Baseline {
     }
 
     #[inline(always)]
+    fn minus(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        zip(a, b, |a, b| a - b)
+    }
+
+    #[inline(always)]
     fn sizes(self, a: [f64; 4]) -> [f64; 4] {
         a.map(f64::abs)
     }
@@ -157,6 +165,11 @@ impl Path for pulp::x86::V3 {
     #[inline(always)]
     fn plus(self, a: pulp::f64x4, b: pulp::f64x4) -> pulp::f64x4 {
         self.add_f64x4(a, b)
+    }
+
+    #[inline(always)]
+    fn minus(self, a: pulp::f64x4, b: pulp::f64x4) -> pulp::f64x4 {
+        self.sub_f64x4(a, b)
     }
 
     #[inline(always)]

@@ -16,8 +16,16 @@ use crate::{
 /// Motions that are kept: some kilobytes each, and more modes than most trains come back to.
 const MAX_MOTIONS: usize = 1024;
 
-/// A motion that was met, and whether it may tell its way at once.
+/// A mode that was met.
+#[derive(Default)]
 struct Met<'s> {
+    known: Option<Known<'s>>,
+    /// Arcs of the run in it: a count of the run, whatever is kept of the motions.
+    arcs: u64,
+}
+
+/// Its motion, and whether that may tell its way at once.
+struct Known<'s> {
     motion: Option<Box<dyn JetField + 's>>,
     leaps: bool,
 }
@@ -26,8 +34,9 @@ struct Met<'s> {
 pub struct Engine<'s> {
     integrator: Box<dyn Integrator + 's>,
     point: Point,
-    /// The motions of the modes met.
+    /// The modes met, and of how many the motion is kept.
     motions: BTreeMap<Mode, Met<'s>>,
+    kept: usize,
     leaps: Leaps,
     /// The way of what nobody looks at.
     lane: Option<Box<dyn Lane + 's>>,
@@ -48,7 +57,7 @@ impl<'s> Engine<'s> {
         let end = [state.x.clone(), state.x.clone()];
         let (core, point) = (Core::new(system, options, &state), Point::new(state));
         let lane = system.lane().filter(|_| !crate::old_steps());
-        Self { integrator, point, motions: BTreeMap::new(), leaps: Leaps::default(), lane, end, core }
+        Self { integrator, point, motions: BTreeMap::new(), kept: 0, leaps: Leaps::default(), lane, end, core }
     }
 
     /// Begins another run at `state`, with an `integrator` that has seen none: as a new engine, but for the motions that were met.
@@ -56,7 +65,9 @@ impl<'s> Engine<'s> {
         if self.core.system.clock().period().is_none() {
             // Without a period the first arc of a mode has a part in which integrator suits it.
             self.motions.clear();
+            self.kept = 0;
         }
+        self.motions.values_mut().for_each(|met| met.arcs = 0);
         self.integrator = integrator;
         self.core = Core::new(self.core.system, self.core.options, &state);
         self.point = Point::new(state);
@@ -140,25 +151,29 @@ impl<'s> Engine<'s> {
 
     /// One smooth arc up to `bound`; leaves the state where it ended, in the mode it ran in.
     fn arc(&mut self, bound: Instant, arrival: Arrival, observer: &mut dyn Observer) -> Result<End, EngineError> {
-        let Self { integrator, point, motions, leaps, end: [end, end_low], core, .. } = self;
+        let Self { integrator, point, motions, kept, leaps, end: [end, end_low], core, .. } = self;
         let mode = &point.state.jump.mode;
-        if motions.len() >= MAX_MOTIONS && !motions.contains_key(mode) {
-            motions.clear();
+        if *kept >= MAX_MOTIONS && motions.get(mode).is_none_or(|met| met.known.is_none()) {
+            motions.values_mut().for_each(|met| met.known = None);
+            *kept = 0;
         }
-        let met = motions.entry(mode.clone()).or_insert_with(|| {
+        let met = motions.entry(mode.clone()).or_default();
+        met.arcs += 1;
+        let known = met.known.get_or_insert_with(|| {
             let arc = core.system.clock().between(point.state.at, bound);
             let leaps = integrator.is_exact(core.system, mode, arc) && !crate::old_steps();
-            Met { motion: core.system.motion(mode), leaps }
+            *kept += 1;
+            Known { motion: core.system.motion(mode), leaps }
         });
-        let motion = &met.motion;
+        let motion = &known.motion;
         let again = core.again.take();
         core.is_again = again.is_some();
         let mut before = again.as_ref().map_or_else(Before::default, |again| {
             let Again { steps, extent, left_out } = again;
             Before { steps: *steps, extent, left_out: *left_out }
         });
-        if let Some(motion) = motion.as_deref().filter(|_| met.leaps && !core.is_again) {
-            if let Some(end) = leaps.arc(core, motion, point, bound, arrival, observer)? {
+        if let Some(motion) = motion.as_deref().filter(|_| known.leaps && !core.is_again) {
+            if let Some(end) = leaps.arc(core, (motion, met.arcs), point, bound, arrival, observer)? {
                 return Ok(end);
             }
             before = leaps.before();

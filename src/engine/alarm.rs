@@ -85,22 +85,23 @@ impl Alarm {
         for (i, guard) in step.guards().iter().enumerate() {
             let row = step.guard(i);
             let start = (i, *guard, row[0], step.guard_rounding(i));
-            self.start_of(system, step.start(), start, tests, first, || poly::terms(row, 1.0))?;
+            self.start_of(system, step.start(), start, tests, first, || TERMS * poly::terms(row, 1.0))?;
         }
         self.started(first);
         Ok(())
     }
 
-    /// As [`start`](Self::start), of a leap.
+    /// As [`start`](Self::start), of a leap; `gathered` is the rounding that a guard has gathered in the last leap of the arc.
     pub fn start_leap(
         &mut self,
         system: &dyn HybridSystem,
         at: Instant,
         leap: &Leap,
         first: bool,
+        gathered: impl Fn(GuardId) -> f64,
     ) -> Result<(), EngineError> {
         for (i, Known { guard, value, error, terms, .. }) in leap.starts.iter().copied().enumerate() {
-            self.start_of(system, at, (i, guard, value, error), on(), first, || terms)?;
+            self.start_of(system, at, (i, guard, value, error), on(), first, || TERMS * terms + gathered(guard))?;
         }
         self.started(first);
         Ok(())
@@ -113,7 +114,7 @@ impl Alarm {
         }
     }
 
-    /// One guard at the start of a step: its place among the guards, value and rounding.
+    /// One guard at the start of a step: its place among the guards, value and rounding; `added` is what takes work to know of its error.
     fn start_of(
         &mut self,
         system: &dyn HybridSystem,
@@ -121,7 +122,7 @@ impl Alarm {
         (i, guard, value, rounded): (usize, GuardId, f64, f64),
         tests: bool,
         first: bool,
-        terms: impl FnOnce() -> f64,
+        added: impl FnOnce() -> f64,
     ) -> Result<(), EngineError> {
         let slot = usize::from(guard.0);
         if self.rounding.len() <= slot {
@@ -140,17 +141,22 @@ impl Alarm {
         let same = self.ends.get(i).filter(|end| end.0 == guard);
         let Some((_, end, error)) = same.or_else(|| self.ends.iter().find(|end| end.0 == guard)) else { return Ok(()) };
         let amount = (value - end).abs();
-        let Some(limit) = exceeded(amount, error + *rounding, |bound| bound + TERMS * terms()) else { return Ok(()) };
+        let Some(limit) = exceeded(amount, error + *rounding, |bound| bound + added()) else { return Ok(()) };
         Err(raise(system, at, guard, "the end of a step differs from the start of the next", amount, limit))
     }
 
-    /// Remembers the end of a leap that goes on; `gathered` is the rounding that a guard has gathered there.
-    pub fn end_leap(&mut self, mode: &Mode, leap: &Leap, gathered: impl Fn(GuardId) -> f64) {
+    /// Remembers the end of a leap that goes on.
+    pub fn end_leap(&mut self, mode: &Mode, leap: &Leap) {
         self.mode = mode.clone();
         for Known { guard, value, error, terms, .. } in leap.ends.iter().copied() {
-            let error = error + self.rounding[usize::from(guard.0)] + gathered(guard) + TERMS * terms;
+            let error = error + self.rounding[usize::from(guard.0)] + TERMS * terms;
             self.ends.push((guard, value, error));
         }
+    }
+
+    /// Remembers the rounding that each guard has gathered there.
+    pub fn gather(&mut self, gathered: impl Fn(GuardId) -> f64) {
+        self.ends.iter_mut().for_each(|(guard, _, error)| *error += gathered(*guard));
     }
 
     /// Tests the event that a leap ends at against the state there.

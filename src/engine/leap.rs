@@ -31,8 +31,12 @@ pub(super) struct Leaps {
     extent: Vec<f64>,
     /// Leaps of the arc so far.
     count: u32,
+    /// Arcs of the run in its mode.
+    here: u64,
     /// What they have left out.
     left_out: [f64; 2],
+    /// Time of the last leap of the arc, s, whose end has to agree with the start of what comes next within the rounding gathered in it.
+    last: Option<f64>,
     /// Shows observers the steps that a leap has not made.
     shown: Taylor,
     end: [Vec<f64>; 2],
@@ -40,8 +44,26 @@ pub(super) struct Leaps {
 
 impl Leaps {
     /// Leaps from `point` up to `bound`, as far as `motion` tells its way. What ends the arc; `None` where steps have to go on, from
-    /// where `point` is then.
+    /// where `point` is then; the run has made so many arcs `here`, in its mode.
     pub fn arc(
+        &mut self,
+        core: &mut Core<'_>,
+        (motion, here): (&dyn JetField, u64),
+        point: &mut Point,
+        bound: Instant,
+        arrival: Arrival,
+        observer: &mut dyn Observer,
+    ) -> Result<Option<End>, EngineError> {
+        (self.last, self.here) = (None, here);
+        let ended = self.go(core, motion, point, bound, arrival, observer)?;
+        // What comes next is no leap of this arc.
+        if let Some(time) = self.last.filter(|_| matches!(ended, None | Some(End::Bound))) {
+            core.alarm.gather(|id| self.gathered(motion, id, 0, (self.count, time)));
+        }
+        Ok(ended)
+    }
+
+    fn go(
         &mut self,
         core: &mut Core<'_>,
         motion: &dyn JetField,
@@ -66,7 +88,7 @@ impl Leaps {
             let tolerance = if is_again { FULL_PRECISION } else { share_of(truncation, self.count + 1) };
             let request = JetRequest { at, x: &state.x, low, pinned, still, carried, span, tolerance, left_out };
             let shown = observer.wants_steps(&state.jump.mode);
-            let made = Made { leaps: self.count, arcs: core.counters.arcs };
+            let made = Made { leaps: self.count, arcs: core.counters.arcs, here: self.here };
             if is_over(&clock, at, span) || !motion.leap(&request, made, shown, &mut self.leap) {
                 return Ok(None);
             }
@@ -79,7 +101,8 @@ impl Leaps {
             let end = if self.leap.is_bound { bound } else { clock.advance(at, self.leap.time) };
             self.extent.iter_mut().zip(&self.leap.sizes).for_each(|(e, size)| *e = e.max(*size));
             let event = self.leap.passage.map(|passage| {
-                let gathered = self.gathered(motion, passage.guard, passage.zeros);
+                let now = (self.count + 1, self.leap.time);
+                let gathered = self.gathered(motion, passage.guard, passage.zeros, now);
                 (passage, gathered, located(&passage, &self.leap, gathered))
             });
             // An event that cannot be told from a switch waits for it. Where no time passes there is no leap.
@@ -91,7 +114,8 @@ impl Leaps {
             core.counters.steps += 1;
             core.locator.splits += self.leap.splits;
             core.counters.arcs += u64::from(self.count == 0);
-            core.alarm.start_leap(core.system, at, &self.leap, self.count == 0)?;
+            let gathered = |id| self.last.map_or(0.0, |time| self.gathered(motion, id, 0, (self.count, time)));
+            core.alarm.start_leap(core.system, at, &self.leap, self.count == 0, gathered)?;
             if self.count == 0 {
                 match core.pass(Place { state, bound, arrival }, observer) {
                     Ok(true) => {
@@ -119,9 +143,9 @@ impl Leaps {
                     Some(End::Event(located))
                 }
                 None => {
+                    core.alarm.end_leap(mode, &self.leap);
                     let counts = !self.leap.is_series || self.leap.is_bound && arrival != Arrival::Switch;
-                    let gathered = |id| if counts { self.gathered(motion, id, 0) } else { 0.0 };
-                    core.alarm.end_leap(mode, &self.leap, gathered);
+                    self.last = Some(self.leap.time).filter(|_| counts);
                     self.leap.is_bound.then_some(End::Bound)
                 }
             };
@@ -142,14 +166,14 @@ impl Leaps {
         }
     }
 
-    /// The rounding that guard `id` has gathered at the end of the leap; `zeros` of its first derivatives are exactly zero at the start.
-    fn gathered(&self, motion: &dyn JetField, id: GuardId, zeros: usize) -> f64 {
+    /// The rounding that guard `id` has gathered at the end of the arc's leap number `count`, which took so much `time`; `zeros` of its
+    /// first derivatives are exactly zero at the start.
+    fn gathered(&self, motion: &dyn JetField, id: GuardId, zeros: usize, (count, time): (u32, f64)) -> f64 {
         // Where no derivative counts, the error of the arc's first leap says it all.
-        if self.count == 0 && zeros > 2 {
+        if count == 1 && zeros > 2 {
             return 0.0;
         }
-        let sizes = motion.term_sizes(id, &self.leap.jet, &self.extent);
-        gathered(sizes, self.count + 1, self.leap.time, zeros)
+        gathered(motion.term_sizes(id, &self.leap.jet, &self.extent), count, time, zeros)
     }
 
     /// The end of an impact sequence, `span` before the arc ends.

@@ -45,6 +45,8 @@ pub struct Made {
     pub leaps: u32,
     /// Arcs of the run: what takes long to form is worth its time after some hundred.
     pub arcs: u64,
+    /// Arcs of the run in the mode.
+    pub here: u64,
 }
 
 /// The smooth motion in one mode, which knows its own Taylor series.

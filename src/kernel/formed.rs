@@ -6,22 +6,30 @@ use smallvec::SmallVec;
 
 use super::{
     Motion,
+    fold::Fold,
     propagator::{MOST_INPUTS, Propagator, load_size},
 };
-use crate::system::{Elasticity, Force, Spring, Watch, Wave};
+use crate::{
+    hybrid::Made,
+    system::{Elasticity, Force, Spring, Watch, Wave},
+};
 
 /// Degrees of freedom up to which a product with all columns is cheaper than a recurrence.
-const MOST_FREEDOMS: usize = 3;
+const MOST_FREEDOMS: usize = 6;
+/// Degrees of freedom up to which a propagator is formed at once. It takes as long as a few arcs.
+const FEW_FREEDOMS: usize = 3;
+/// Arcs in a mode after which one for more is formed: that takes as long as some fifty of them by series.
+const WORTH_HERE: u64 = 32;
 
 /// Arcs after which a run forms the propagator of a mode whose stiffness follows the forcing: that takes as long as some hundred of its arcs by
-/// series. A rule for runs, not for threads: what others have formed changes no bit of this one.
+/// series. Such rules are for runs, not for threads: what others have formed changes no bit of this one.
 pub(super) const WORTH: u64 = 128;
 
 impl Motion<'_> {
-    /// The propagator of the mode, for a run that has made so many `arcs`.
+    /// The propagator of the mode, for a run that has `made` so many arcs.
     #[inline(always)]
-    pub(super) fn propagator(&self, arcs: u64) -> Option<&Propagator> {
-        if self.is_varying && arcs < WORTH {
+    pub(super) fn propagator(&self, made: Made) -> Option<&Propagator> {
+        if self.is_varying && made.arcs < WORTH || self.structure.n > FEW_FREEDOMS && made.here < WORTH_HERE {
             return None;
         }
         self.propagator.get_or_init(|| self.propagate()).as_deref()
@@ -30,16 +38,17 @@ impl Motion<'_> {
     /// The propagator of the mode, where it pays: few degrees of freedom, linear laws, constant stiffnesses, nothing at rest.
     fn propagate(&self) -> Option<Rc<Propagator>> {
         let s = self.structure;
-        let few = s.n <= MOST_FREEDOMS && s.oscillators.len() <= MOST_INPUTS && s.symmetry.is_empty();
+        let few = s.n <= MOST_FREEDOMS && s.oscillators.len() <= MOST_INPUTS;
         let is_simple = self.is_linear && self.held.is_none() && !s.is_conservative;
         if !(few && is_simple) || self.is_varying && (s.n > 1 || self.has_ramp()) {
             return None;
         }
-        let numbers = self.numbers();
+        let fold = Fold::new(self)?;
+        let numbers = self.numbers(&fold);
         if let Some(known) = FORMED.with_borrow(|formed| formed.get(&numbers).cloned()) {
             return Some(known);
         }
-        let propagator = Rc::new(Propagator::new(self)?);
+        let propagator = Rc::new(Propagator::new(self, fold)?);
         FORMED.with_borrow_mut(|formed| {
             if formed.len() >= MOST_FORMED {
                 formed.clear();
@@ -51,7 +60,7 @@ impl Motion<'_> {
 
     /// The bits of all numbers that a propagator is formed of, in a fixed order. Places of flanks, restitution and the size of the load are
     /// none of them.
-    fn numbers(&self) -> Box<[u64]> {
+    fn numbers(&self, fold: &Fold) -> Box<[u64]> {
         let s = self.structure;
         let mut bits: Vec<u64> = Vec::with_capacity(64);
         let mut list = |values: &mut dyn Iterator<Item = f64>| {
@@ -95,6 +104,7 @@ impl Motion<'_> {
         for watched in &self.guards {
             list(&mut [watched.contact as f64, f64::from(u8::from(watched.watch == Watch::Force))].into_iter());
         }
+        list(&mut fold.freedoms.iter().chain(&fold.contacts).map(|i| *i as f64));
         bits.into()
     }
 }

@@ -34,7 +34,7 @@ impl Motion<'_> {
         // A force is rounded as what it is formed from: a spring's as its deflection, a multiplier as the accelerations that it balances.
         let force = |a: &Acting| match (a.force, &s.contacts[a.contact]) {
             (Force::Linear { damping, .. }, c) => c.stiffest * s.deflection_size(c, x) + damping * s.rate_size(c, x),
-            (Force::Held, c) => c.effective_mass() * s.acceleration_size(a.contact, &self.mode, x, |_| 0.0),
+            (Force::Held, c) => c.effective_mass() * s.acceleration_size(a.contact, std::iter::empty(), x, |_| 0.0),
             // It is just leaving.
             (Force::Power { .. }, _) if !step.is_estimate => 0.0,
             (Force::Power { .. }, _) => step.work[self.layout.of(a.contact, FORCE)],
@@ -44,7 +44,7 @@ impl Motion<'_> {
         // Flanks are reached to the rounding of the deflection, once: the springs of the bodies feel it.
         let displaced: f64 =
             c.direction.iter().map(|(i, g)| g.abs() * s.pulls[*i as usize][1]).sum::<f64>() * deflection;
-        let acceleration = s.acceleration_size(j, &self.mode, x, force) + ONCE * displaced;
+        let acceleration = s.acceleration_size(j, self.carrying(), x, force) + ONCE * displaced;
         let k = c.stiffest;
         match (watch, self.parts[j].force()) {
             (Watch::Force, Some(Force::Linear { damping, .. })) => {
@@ -241,7 +241,7 @@ impl Expansion<'_> {
             }
             Some(Force::Held) | None => {
                 let force = |a: &Acting| work[self.layout.of(a.contact, FORCE)];
-                let size = c.effective_mass() * self.s.acceleration_size(j, &self.motion.mode, x, force);
+                let size = c.effective_mass() * self.s.acceleration_size(j, self.motion.carrying(), x, force);
                 (FORCE, sign * part.side, size)
             }
         };

@@ -6,7 +6,7 @@
 use super::{Motion, formed::WORTH, guards::ROUNDING, leap::MOST_LEAPS, propagator::MOST_INPUTS, stride::Bound};
 use crate::{
     gear::contact::Law,
-    hybrid::{self, GuardSet, HybridSystem, Instant, Jump, LaneHost, LanePoint, Lap, LapEnd, Mode, Rebound},
+    hybrid::{self, GuardSet, HybridSystem, Instant, Jump, LaneHost, LanePoint, Lap, LapEnd, Made, Mode, Rebound},
     system::{Columns, ContactMode, Spring, Structure, Watch, contact_mode, dot, guard_id},
     vectors::{Path, Work},
 };
@@ -352,7 +352,8 @@ impl Work for Ride<'_, '_> {
                     Some(switch) => Some(switch).filter(|switch| clock.between(*switch, bound) >= 0.0),
                 };
                 let Gait { motion, is_exact, .. } = &lane.gaits[lane.stand.gait];
-                let Some(propagator) = motion.propagator(arcs + lap.arcs).filter(|_| *is_exact) else { break 'arcs };
+                let made = Made { arcs: arcs + lap.arcs, ..Made::default() };
+                let Some(propagator) = motion.propagator(made).filter(|_| *is_exact) else { break 'arcs };
                 // Far from the bound no more is to be known than that.
                 let mut span = clock.roughly(at, switch.unwrap_or(bound));
                 if span < FAR * propagator.span {

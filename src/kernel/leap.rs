@@ -14,15 +14,16 @@ use super::{
 };
 use crate::{
     hybrid::{Instant, JetRequest, Known, Leap, Passage},
-    poly::{self, COUNT, LAST, Pattern, Place, Row, SHARES},
+    poly::{self, MOST_FOURS, Numbers, Pattern, Place, Row},
     system::{ContactMode, Elasticity, Force, Watch, Wave, dot, guard_id},
     vectors::Path,
 };
 
 /// Times a span is halved before the signs count as undecided.
 const HALVINGS: usize = 3;
-/// Contacts that need no allocation.
-const FEW: usize = 4;
+/// Contacts, and guards, that need no allocation.
+const FEW: usize = 8;
+const MANY: usize = 16;
 /// Leaps that an arc may take: where more are needed, something is much faster than the motion, and series hold for longer.
 pub(super) const MOST_LEAPS: u32 = 4;
 /// Widest fall that counts as decided, relative to the time to it.
@@ -34,20 +35,8 @@ const APART: f64 = 8.0;
 /// Times the error of a row that values formed afresh at its ends may differ.
 pub(super) const AFRESH: f64 = 4.0;
 
-/// `Σ columns_i z_i`.
-#[inline(always)]
-pub(super) fn combine<P: Path>(path: P, columns: &[[f64; COUNT]], z: &[f64]) -> Row<P> {
-    let mut row = [path.all(0.0); COUNT / 4];
-    for (column, z) in columns.iter().zip(z) {
-        let z = path.all(*z);
-        for (sum, c) in row.iter_mut().zip(column.as_chunks::<4>().0) {
-            *sum = path.fused(path.four(*c), z, *sum);
-        }
-    }
-    row
-}
-
 /// Where a contact is at the start of a span.
+#[derive(Clone, Copy)]
 pub(super) struct Start {
     pub deflection: f64,
     /// `δ − σ b` from its own flank; of a separated contact from the flank that it has left, where that is known (else NaN).
@@ -57,6 +46,7 @@ pub(super) struct Start {
 }
 
 /// What is known of a contact where a span starts.
+#[derive(Clone, Copy)]
 pub(super) struct Given<'a> {
     pub at: Instant,
     pub x: &'a [f64],
@@ -70,8 +60,11 @@ pub(super) struct Given<'a> {
 
 impl<'a> Given<'a> {
     fn new(motion: &Motion, request: &JetRequest<'a>, j: usize) -> Self {
-        let zeros = [Watch::DriveFlank, Watch::BackFlank, Watch::Force]
-            .map(|watch| request.pinned.contains(guard_id(j, watch)));
+        let mut zeros = [false; 3];
+        if !request.pinned.is_empty() {
+            zeros = [Watch::DriveFlank, Watch::BackFlank, Watch::Force]
+                .map(|watch| request.pinned.contains(guard_id(j, watch)));
+        }
         let size = motion.structure.deflection_size(&motion.structure.contacts[j], request.x);
         Self { at: request.at, x: request.x, size, zeros, carried: request.carried.get(j).copied().unwrap_or(f64::NAN) }
     }
@@ -81,12 +74,19 @@ impl<'a> Given<'a> {
     }
 }
 
-/// A guard on a span, `start + θ p(θ)`, or `θ p(θ)` if it starts at an exact zero.
-pub(super) struct Guard<P: Path> {
-    row: Row<P>,
-    /// Its value at the start, and the sign that the row of its contact has in it.
+/// What a leap keeps of a guard: its value at the start, the sign that the row of its contact has in it, and the error of that row.
+#[derive(Clone, Copy)]
+struct Line {
     start: f64,
     sign: f64,
+    error: f64,
+}
+
+/// A guard on a span, `start + θ p(θ)`, or `θ p(θ)` if it starts at an exact zero.
+pub(super) struct Guard<P: Path, const F: usize> {
+    row: Row<P, F>,
+    /// Its value at the start.
+    start: f64,
     /// Error of the value at the start, and of the row.
     errors: [f64; 2],
     pub pattern: Pattern,
@@ -94,17 +94,17 @@ pub(super) struct Guard<P: Path> {
     guess: f64,
 }
 
-impl<P: Path> Guard<P> {
+impl<P: Path, const F: usize> Guard<P, F> {
     #[inline(always)]
-    pub fn new(path: P, start: f64, sign: f64, row: &Row<P>, errors: [f64; 2]) -> Self {
+    pub fn new(path: P, start: f64, sign: f64, row: &Row<P, F>, errors: [f64; 2]) -> Self {
         let mut row = *row;
         if sign < 0.0 {
             for four in &mut row {
-                *four = path.times(*four, path.all(-1.0));
+                *four = path.minus(path.all(-0.0), *four);
             }
         }
         let (pattern, guess) = poly::pattern(path, start, &row, errors[0] + errors[1]);
-        Self { row, start, sign, errors, pattern, guess }
+        Self { row, start, errors, pattern, guess }
     }
 
     /// Halves the span until the signs of all tell what they do on it. The part that is left of it.
@@ -117,7 +117,7 @@ impl<P: Path> Guard<P> {
     #[inline(always)]
     fn halve_all(path: P, guards: &mut [Self]) -> f64 {
         let mut part = 1.0;
-        let mut all: SmallVec<[([f64; COUNT + 1], usize); FEW]> =
+        let mut all: SmallVec<[(poly::Coefficients, usize); FEW]> =
             guards.iter().map(|guard| poly::coefficients(path, guard.start, &guard.row)).collect();
         for _ in 0..HALVINGS {
             part *= 0.5;
@@ -164,7 +164,12 @@ impl Fall {
 
 /// The first fall on the first `part` of a span and before the `bound`, and where the leap ends; `None` if that is not decided.
 #[inline(always)]
-pub(super) fn first_fall<P: Path>(path: P, guards: &[Guard<P>], part: f64, bound: f64) -> Option<(Option<Fall>, f64)> {
+pub(super) fn first_fall<P: Path, const F: usize>(
+    path: P,
+    guards: &[Guard<P, F>],
+    part: f64,
+    bound: f64,
+) -> Option<(Option<Fall>, f64)> {
     let (mut first, mut later): (Option<Fall>, f64) = (None, f64::INFINITY);
     let earliest = |fall: &Fall| fall.theta - APART * fall.width();
     for (i, guard) in guards.iter().enumerate() {
@@ -193,8 +198,8 @@ pub(super) fn first_fall<P: Path>(path: P, guards: &[Guard<P>], part: f64, bound
 
 impl Propagator {
     /// The first three derivatives in time of `θ Σ d_i B_i` at the start.
-    pub(super) fn derivatives(&self, d: &[f64; COUNT]) -> [f64; 3] {
-        let (n, rate) = (LAST as f64, self.span.recip());
+    pub(super) fn derivatives<const F: usize>(&self, d: &Numbers<F>) -> [f64; 3] {
+        let (n, rate, d) = ((4 * F - 1) as f64, self.span.recip(), d[0]);
         let [first, second] = [d[1] - d[0], d[2] - 2.0 * d[1] + d[0]];
         [d[0] * rate, 2.0 * n * first * rate * rate, 3.0 * n * (n - 1.0) * second * rate * rate * rate]
     }
@@ -264,6 +269,20 @@ impl Propagator {
     /// The way from `request` to the first event, to the bound or to the end of the span; `false` where the signs do not decide.
     #[inline(always)]
     pub fn leap<P: Path>(&self, path: P, motion: &Motion, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
+        match self.fours {
+            5 => self.leap_by::<P, 5>(path, motion, request, leap),
+            _ => self.leap_by::<P, MOST_FOURS>(path, motion, request, leap),
+        }
+    }
+
+    #[inline(always)]
+    fn leap_by<P: Path, const F: usize>(
+        &self,
+        path: P,
+        motion: &Motion,
+        request: &JetRequest<'_>,
+        leap: &mut Leap,
+    ) -> bool {
         let s = motion.structure;
         let (n, x) = (s.n, request.x);
         let mut oscillators = [[0.0; 2]; MOST_INPUTS];
@@ -272,39 +291,64 @@ impl Propagator {
             w.iter().fold(0.0, |sum, w| sum + w.cosine * oscillators[w.index][0] + w.sine * oscillators[w.index][1])
         };
         let rate = |j: usize| dot(&s.contacts[j].direction, &x[n..]) - wave(&s.contacts[j].error_rate);
-        let mut starts: SmallVec<[Start; FEW]> = SmallVec::new();
+        let mut starts: SmallVec<[(Given<'_>, Start); FEW]> = SmallVec::new();
         for (j, c) in s.contacts.iter().enumerate() {
+            let first = self.fold.contacts[j];
+            if first < j {
+                let equal = starts[first];
+                starts.push(equal);
+                continue;
+            }
             let deflection = dot(&c.direction, x) - (c.spec.error_offset + wave(&c.error));
             let given = Given::new(motion, request, j);
-            starts.push(self.start(motion, &given, j, deflection));
+            let mut start = self.start(motion, &given, j, deflection);
             if given.is_zero(Watch::Force) {
-                let (start, error) = (&mut starts[j], ROUNDING * given.size);
+                let error = ROUNDING * given.size;
                 let stretch = start.deflection - motion.parts[j].side * c.offset();
                 (start.stretch, start.error) = (motion.forceless(j, request.at, stretch, error, || rate(j)), error);
             }
+            starts.push((given, start));
         }
         let mut z: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
+        let mut sizes: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
         let angles = self.angles(motion, request.at);
         for (input, wave) in &self.terms {
-            z.push(input.value(s, x, |j| starts[j].stretch, &oscillators) * angles[*wave]);
+            let value = input.value(s, x, |j| starts[j].1.stretch, &oscillators) * angles[*wave];
+            z.push(value);
+            sizes.push(value.abs());
         }
-        let z = &z[..];
-        let mut rows: SmallVec<[(Row<P>, f64); FEW]> = SmallVec::new();
-        for row in &self.rows {
-            let error = row.errors.iter().zip(z).fold(0.0, |sum, (e, z)| sum + e * z.abs());
-            rows.push((combine(path, &row.columns, z), error));
+        let mut rows: SmallVec<[(Row<P, F>, f64); FEW]> = SmallVec::new();
+        for line in &self.rows {
+            rows.push((line.columns.combine(path, &z), line.error(&sizes)));
         }
-        let mut guards: SmallVec<[Guard<P>; FEW]> = SmallVec::new();
-        for (watched, row) in motion.guards.iter().zip(&self.guards) {
+        // All guards, and those that are not clear of zero with their numbers.
+        let mut lines: SmallVec<[Line; MANY]> = SmallVec::new();
+        let mut guards: SmallVec<[Guard<P, F>; FEW]> = SmallVec::new();
+        let mut numbers: SmallVec<[usize; FEW]> = SmallVec::new();
+        for (number, (watched, row)) in motion.guards.iter().zip(&self.guards).enumerate() {
+            let first = self.firsts[number];
+            if first < number {
+                let equal = lines[first];
+                lines.push(equal);
+                continue;
+            }
             let (j, (row, error)) = (watched.contact, &rows[*row]);
             let rate = if watched.watch == Watch::Force { rate(j) } else { 0.0 };
-            let [start, sign, rounding] =
-                self.guard(motion, &Given::new(motion, request, j), watched, &starts[j], rate);
+            let [start, sign, rounding] = self.guard(motion, &starts[j].0, watched, &starts[j].1, rate);
             // A zero by chance is no exact one.
             if start == 0.0 && rounding > 0.0 {
                 return false;
             }
-            guards.push(Guard::new(path, start, sign, row, [rounding, *error]));
+            let error = *error;
+            lines.push(Line { start, sign, error });
+            if poly::stays_above(path, start, row, 2.0 * (rounding + error)) {
+                continue;
+            }
+            let guard = Guard::new(path, start, sign, row, [rounding, error]);
+            if guard.pattern != Pattern::Clear {
+                numbers.push(number);
+                guards.push(guard);
+            }
         }
         let part = Guard::sharpen(path, &mut guards);
         let bound = request.span / self.span;
@@ -315,63 +359,82 @@ impl Propagator {
             // From an exact zero on, the error says it all.
             zeros: if guards[fall.index].start == 0.0 { 3 } else { 0 },
             curvature: 0.0,
-            guard: motion.guards[fall.index].id,
+            guard: motion.guards[numbers[fall.index]].id,
             residual: fall.value,
             slope: fall.slope / self.span,
             error: fall.error,
         });
-        let place = Place::new(path, end);
-        let weight = end * place.weight();
-        leap.x.clear();
-        leap.x.extend_from_slice(x);
-        leap.sizes.clear();
-        let reached = ((end * COUNT as f64) as usize + 1).min(COUNT);
-        for (x, columns) in leap.x.iter_mut().zip(&self.state) {
-            let row = match columns {
-                Component::Own(columns) => combine(path, columns, z),
-                Component::Row(row) => rows[*row].0,
-            };
-            // By its control points, coefficient i of degree n lying at i/n.
-            let numbers = poly::numbers(path, &row);
-            let points = numbers[..reached].iter().zip(&SHARES).map(|(d, share)| (*x + share * d).abs());
-            leap.sizes.push(points.fold(x.abs(), f64::max));
-            *x += weight * place.value(path, &row);
+        if let Some(fall) = fall.filter(|_| self.fold.is_folded) {
+            let first = numbers[fall.index];
+            let equal = motion.guards.iter().zip(&self.firsts).filter(|(_, other)| **other == first);
+            leap.twins = equal.map(|(watched, _)| watched.id).collect();
         }
         leap.time = end * self.span;
-        let added = |row: &Row<P>| weight * place.value(path, row);
-        leap.starts.clear();
-        leap.starts.extend(motion.guards.iter().zip(&guards).zip(&self.guards).map(|((watched, guard), row)| {
-            let (c, size) = (&s.contacts[watched.contact], s.deflection_size(&s.contacts[watched.contact], x));
-            let size = match motion.parts[watched.contact].force() {
-                Some(Force::Linear { damping, .. }) if watched.watch == Watch::Force => {
-                    c.stiffest * size + damping * s.rate_size(c, x)
+        let place: Place<P, F> = Place::new(path, end);
+        let weight = end * place.weight();
+        let added = |row: &Row<P, F>| weight * place.value(path, row);
+        leap.x.clear();
+        leap.sizes.clear();
+        for (x, component) in x.iter().zip(&self.state) {
+            let own;
+            let row = match component {
+                Component::Own(columns) => {
+                    own = columns.combine(path, &z);
+                    &own
                 }
-                _ => size,
+                Component::Row(row) => &rows[*row].0,
+                Component::Same(other) => {
+                    let [equal, size] = [leap.x[*other], leap.sizes[*other]];
+                    leap.x.push(equal);
+                    leap.sizes.push(size);
+                    continue;
+                }
+            };
+            leap.sizes.push(poly::largest(path, *x, row, end));
+            leap.x.push(*x + added(row));
+        }
+        leap.x.extend_from_slice(&x[self.state.len()..]);
+        leap.sizes.extend(x[self.state.len()..].iter().map(|x| x.abs()));
+        leap.starts.clear();
+        for ((watched, line), row) in motion.guards.iter().zip(&lines).zip(&self.guards) {
+            let (j, (given, _)) = (watched.contact, &starts[watched.contact]);
+            let c = &s.contacts[j];
+            let size = match motion.parts[j].force() {
+                Some(Force::Linear { damping, .. }) if watched.watch == Watch::Force => {
+                    c.stiffest * given.size + damping * s.rate_size(c, x)
+                }
+                _ => given.size,
             };
             // As if nothing were known but the state: what follows from that over the span counts too.
-            let error = ROUNDING * size + AFRESH * guard.errors[1];
-            let derivatives = self.derivatives(&poly::numbers(path, &rows[*row].0)).map(|d| guard.sign * d);
-            Known { guard: watched.id, value: guard.start, error, terms: guard.start.abs(), derivatives }
-        }));
+            let error = ROUNDING * size + AFRESH * line.error;
+            // What follows impacts asks for them.
+            let derivatives = if c.spec.law.is_rigid() {
+                self.derivatives(&poly::numbers(path, &rows[*row].0)).map(|d| line.sign * d)
+            } else {
+                [f64::NAN; 3]
+            };
+            leap.starts.push(Known { guard: watched.id, value: line.start, error, terms: line.start.abs(), derivatives });
+        }
         leap.ends.clear();
         leap.carried.clear();
-        if fall.is_none() || starts.len() > 1 {
-            leap.carried.extend(starts.iter().zip(&rows).enumerate().map(|(j, (start, (row, _)))| {
-                if start.stretch.is_nan() || motion.parts[j].is_bilateral() {
-                    return f64::NAN;
-                }
-                let stretch = start.stretch + added(row);
-                let is_small = stretch.abs() < SMALL_STRETCH * s.deflection_size(&s.contacts[j], &leap.x);
-                if is_small { stretch } else { f64::NAN }
-            }));
+        if fall.is_some() && starts.len() == 1 {
+            return true;
+        }
+        let mut gained: SmallVec<[f64; FEW]> = SmallVec::new();
+        for (row, _) in &rows {
+            gained.push(added(row));
+        }
+        for (j, (_, start)) in starts.iter().enumerate() {
+            let stretch = start.stretch + gained[self.deflections[j]];
+            let is_small = stretch.abs() < SMALL_STRETCH * s.deflection_size(&s.contacts[j], &leap.x);
+            leap.carried.push(if is_small && !motion.parts[j].is_bilateral() { stretch } else { f64::NAN });
         }
         if fall.is_none() {
-            leap.ends.extend(motion.guards.iter().zip(&guards).zip(&self.guards).map(|((watched, guard), row)| {
-                let added = guard.sign * added(&rows[*row].0);
-                let terms = guard.start.abs() + added.abs();
-                let (value, error) = (guard.start + added, guard.errors[1]);
-                Known { guard: watched.id, value, error, terms, ..Known::default() }
-            }));
+            for ((watched, line), row) in motion.guards.iter().zip(&lines).zip(&self.guards) {
+                let added = line.sign * gained[*row];
+                let (value, terms) = (line.start + added, line.start.abs() + added.abs());
+                leap.ends.push(Known { guard: watched.id, value, error: line.error, terms, ..Known::default() });
+            }
         }
         true
     }

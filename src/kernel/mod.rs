@@ -13,8 +13,10 @@
 mod bare;
 mod bound;
 mod clock;
+mod column;
 mod defect;
 mod formed;
+mod fold;
 mod fours;
 mod guards;
 mod lane;
@@ -33,6 +35,8 @@ mod rooted;
 mod rows;
 mod sizes;
 mod stride;
+mod two;
+mod unit;
 
 pub(crate) use lane::{Lane, Noted, Passed};
 
@@ -199,12 +203,15 @@ impl Work for Forward<'_> {
         let Self { motion, request, made, shown, leap } = self;
         (leap.is_series, leap.splits, leap.twins) = (false, 0, GuardSet::default());
         // No closure around what is to be compiled for P: it would be a function of its own.
-        match motion.propagator(made.arcs) {
-            Some(propagator) => made.leaps < MOST_LEAPS && propagator.leap(path, motion, request, leap),
-            None => match motion.pressed.get_or_init(|| Pressed::new(motion)) {
-                Some(pressed) => made.leaps < MOST_LEAPS && pressed.leap::<P>(motion, request, leap),
-                None => !shown && motion.bare(path, request, leap),
-            },
+        if let Some(propagator) = motion.propagator(made).filter(|p| p.fold.holds(motion, request)) {
+            let leaps = made.leaps < MOST_LEAPS && propagator.leap(path, motion, request, leap);
+            if leaps || motion.structure.n == 1 {
+                return leaps;
+            }
+        }
+        match motion.pressed.get_or_init(|| Pressed::new(motion)) {
+            Some(pressed) => made.leaps < MOST_LEAPS && pressed.leap::<P>(motion, request, leap),
+            None => !shown && motion.bare(path, request, leap),
         }
     }
 }

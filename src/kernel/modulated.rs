@@ -10,7 +10,9 @@
 
 use super::{
     Motion,
-    propagator::{CUT, Input, MOST_POWERS as ORDERS, Output, SHORTEST, Series},
+    column::MOST_POWERS as ORDERS,
+    propagator::{CUT, Input, Output, SHORTEST},
+    unit::Series,
 };
 use crate::{
     hybrid::Wide,

@@ -136,6 +136,11 @@ impl<'s> Motion<'s> {
 }
 
 impl Motion<'_> {
+    /// The contacts that carry force.
+    pub fn carrying(&self) -> impl Iterator<Item = Acting> {
+        self.parts.iter().filter_map(|part| part.acting).filter(|acting| acting.is_carried)
+    }
+
     /// Some stiffness rises along a ramp.
     pub fn has_ramp(&self) -> bool {
         let is_ramp = |p: &Part| matches!(p.force(), Some(Force::Linear { stiffness: Elasticity::Ramp { .. }, .. }));

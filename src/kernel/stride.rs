@@ -6,8 +6,8 @@ use super::{
     SMALL_STRETCH,
     guards::ROUNDING,
     lane::Lane,
-    leap::{AFRESH, Given, Guard, SHORTEST, combine, first_fall},
-    propagator::{Component, Input, MOST_TERMS, Propagator},
+    leap::{AFRESH, Given, Guard, SHORTEST, first_fall},
+    propagator::{Component, Input, MOST_TERMS, Propagator, SHORT},
 };
 use crate::{
     poly::{self, Pattern, Place, Row},
@@ -17,6 +17,9 @@ use crate::{
 
 /// Least time between an event and a switch after it, relative to the leap: nearer ones may be one instant.
 const BEFORE_SWITCH: f64 = 1e-9;
+
+/// Fours of a column.
+const FOURS: usize = SHORT.fours;
 
 /// What a leap leads up to.
 #[derive(Clone, Copy)]
@@ -67,22 +70,24 @@ impl Lane<'_> {
             (start.stretch, start.error) = (motion.forceless(0, given.at, stretch, error, rate), error);
         }
         let mut z: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
+        let mut sizes: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
         let angles = by.angles(motion, stand.at);
         for (input, wave) in &by.terms {
-            z.push(input.value(s, x, |_| start.stretch, oscillators) * angles[*wave]);
+            let value = input.value(s, x, |_| start.stretch, oscillators) * angles[*wave];
+            z.push(value);
+            sizes.push(value.abs());
         }
         let z = &z[..];
-        let error = |row: usize| by.rows[row].errors.iter().zip(z).fold(0.0, |sum, (e, z)| sum + e * z.abs());
-        let deflection: (Row<P>, f64) = (combine(path, &by.rows[0].columns, z), error(0));
+        let deflection: (Row<P, FOURS>, f64) = (by.rows[0].columns.combine(path, z), by.rows[0].error(&sizes));
         // Guards that are not clear of zero, and their numbers.
-        let mut guards: SmallVec<[Guard<P>; 2]> = SmallVec::new();
+        let mut guards: SmallVec<[Guard<P, FOURS>; 2]> = SmallVec::new();
         let mut numbers = [0; 3];
         for (number, (watched, row)) in motion.guards.iter().zip(&by.guards).enumerate() {
             let force;
             let (row, error) = if *row == 0 {
                 &deflection
             } else {
-                force = (combine(path, &by.rows[*row].columns, z), error(*row));
+                force = (by.rows[*row].columns.combine(path, z), by.rows[*row].error(&sizes));
                 &force
             };
             let rate = if watched.watch == Watch::Force { rate() } else { 0.0 };
@@ -112,16 +117,16 @@ impl Lane<'_> {
         if to.is_switch && fall.is_some() && to.span - time <= BEFORE_SWITCH * time {
             return None;
         }
-        let place = Place::new(path, end);
+        let place: Place<P, FOURS> = Place::new(path, end);
         let weight = end * place.weight();
-        let added = |row: &Row<P>| weight * place.value(path, row);
+        let added = |row: &Row<P, FOURS>| weight * place.value(path, row);
         let mut after = [0.0; 2];
         for ((after, x), columns) in after.iter_mut().zip(x).zip(&by.state) {
             *after = *x
                 + match columns {
                     Component::Row(0) => added(&deflection.0),
-                    Component::Row(row) => added(&combine(path, &by.rows[*row].columns, z)),
-                    Component::Own(columns) => added(&combine(path, columns, z)),
+                    Component::Row(row) | Component::Same(row) => added(&by.rows[*row].columns.combine(path, z)),
+                    Component::Own(columns) => added(&columns.combine(path, z)),
                 };
         }
         if let Some(columns) = columns {
@@ -130,10 +135,11 @@ impl Lane<'_> {
             for (flow, columns) in flow.iter_mut().zip(&by.state) {
                 let columns = match columns {
                     Component::Own(columns) => columns,
-                    Component::Row(row) => &by.rows[*row].columns,
+                    Component::Row(row) | Component::Same(row) => &by.rows[*row].columns,
                 };
-                for ((input, wave), column) in by.terms.iter().zip(columns) {
-                    let added = |row: &Row<P>| angles[*wave] * added(row);
+                for (term, column) in columns.iter::<FOURS>() {
+                    let (input, wave) = &by.terms[term];
+                    let added = |row: &Row<P, FOURS>| angles[*wave] * added(row);
                     match *input {
                         Input::Displacement(_) => flow[0] += added(&poly::fours(path, column)),
                         Input::Stretch(_) => flow[0] += dot(&c.direction, &[1.0]) * added(&poly::fours(path, column)),

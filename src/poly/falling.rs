@@ -1,4 +1,4 @@
-//! Bernstein polynomials of degree 19 on `[0, 1]`, four coefficients side by side: their values, and the zero of a function that falls once,
+//! Bernstein polynomials of degree 19 or 23 on `[0, 1]`, four coefficients side by side: their values, and the zero of a function that falls once,
 //! told by the signs of its coefficients.
 //!
 //! A function is `f(t) = s + t p(t)`, s its value at the start and p the polynomial. From an exact zero on, s = 0, p alone is looked at:
@@ -9,15 +9,18 @@
 use super::bernstein::INVERSE_BINOMIALS;
 use crate::vectors::{Path, fused};
 
-/// Degree of a row: the number of its last coefficient.
-pub(crate) const LAST: usize = 19;
-/// Coefficients of a row.
-pub(crate) const COUNT: usize = LAST + 1;
-/// Fours of a row.
-const FOURS: usize = COUNT / 4;
+/// Bernstein coefficients: F fours, of degree 4F − 1.
+pub(crate) type Row<P, const F: usize> = [<P as Path>::Four; F];
 
-/// Bernstein coefficients.
-pub(crate) type Row<P> = [<P as Path>::Four; FOURS];
+/// The same as numbers.
+pub(crate) type Numbers<const F: usize> = [[f64; 4]; F];
+
+/// Most fours of a row.
+pub(crate) const MOST_FOURS: usize = 6;
+/// Coefficients of the largest row.
+const MOST: usize = 4 * MOST_FOURS;
+/// Coefficients of `s + t p` for the largest row, s the first.
+pub(crate) type Coefficients = [f64; MOST + 1];
 
 /// What the signs of Bernstein coefficients tell of a function on `[0, 1]`, up to an uncertainty of its values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,53 +33,59 @@ pub(crate) enum Pattern {
     Unclear,
 }
 
-/// `(i + 1)/20`: coefficient i + 1 of `t p` of degree 20 is that times `p_i`.
-pub(crate) const SHARES: [f64; COUNT] = {
-    let mut shares = [0.0; COUNT];
-    let mut i = 0;
-    while i < COUNT {
-        shares[i] = (i + 1) as f64 / COUNT as f64;
-        i += 1;
-    }
-    shares
-};
+/// Tables for rows of F fours.
+struct Tables<const F: usize>;
 
-/// `C(19, i)`.
-const BINOMIALS: [f64; COUNT] = {
-    let mut row = [0.0; COUNT];
-    let mut i = 0;
-    while i < COUNT {
-        row[i] = 1.0 / INVERSE_BINOMIALS[LAST][i];
-        i += 1;
-    }
-    row
-};
-/// i, the power of `u` from the left end.
-const LEFT: [f64; COUNT] = {
-    let mut row = [0.0; COUNT];
-    let mut i = 0;
-    while i < COUNT {
-        row[i] = i as f64;
-        i += 1;
-    }
-    row
-};
-/// `19 − i`, that from the right end.
-const RIGHT: [f64; COUNT] = {
-    let mut row = [0.0; COUNT];
-    let mut i = 0;
-    while i < COUNT {
-        row[i] = (LAST - i) as f64;
-        i += 1;
-    }
-    row
-};
+impl<const F: usize> Tables<F> {
+    /// The degree.
+    const LAST: usize = 4 * F - 1;
+    /// `(i + 1)/(n + 1)`, n the degree: coefficient i + 1 of `t p` is that times `p_i`.
+    const SHARES: Numbers<F> = {
+        let mut table = [[0.0; 4]; F];
+        let mut i = 0;
+        while i < 4 * F {
+            table[i / 4][i % 4] = (i + 1) as f64 / (4 * F) as f64;
+            i += 1;
+        }
+        table
+    };
+    /// `C(n, i)`.
+    const BINOMIALS: Numbers<F> = {
+        let mut table = [[0.0; 4]; F];
+        let mut i = 0;
+        while i < 4 * F {
+            table[i / 4][i % 4] = 1.0 / INVERSE_BINOMIALS[Self::LAST][i];
+            i += 1;
+        }
+        table
+    };
+    /// i, the power of `u` from the left end.
+    const LEFT: Numbers<F> = {
+        let mut table = [[0.0; 4]; F];
+        let mut i = 0;
+        while i < 4 * F {
+            table[i / 4][i % 4] = i as f64;
+            i += 1;
+        }
+        table
+    };
+    /// `n − i`, that from the right end.
+    const RIGHT: Numbers<F> = {
+        let mut table = [[0.0; 4]; F];
+        let mut i = 0;
+        while i < 4 * F {
+            table[i / 4][i % 4] = (Self::LAST - i) as f64;
+            i += 1;
+        }
+        table
+    };
+}
 
 /// A row of numbers, four side by side.
 #[inline(always)]
-pub(crate) fn fours<P: Path>(path: P, row: &[f64; COUNT]) -> Row<P> {
-    let mut all = [path.all(0.0); FOURS];
-    for (four, row) in all.iter_mut().zip(row.as_chunks::<4>().0) {
+pub(crate) fn fours<P: Path, const F: usize>(path: P, row: &Numbers<F>) -> Row<P, F> {
+    let mut all = [path.all(0.0); F];
+    for (four, row) in all.iter_mut().zip(row) {
         *four = path.four(*row);
     }
     all
@@ -84,9 +93,9 @@ pub(crate) fn fours<P: Path>(path: P, row: &[f64; COUNT]) -> Row<P> {
 
 /// The numbers of a row.
 #[inline(always)]
-pub(crate) fn numbers<P: Path>(path: P, row: &Row<P>) -> [f64; COUNT] {
-    let mut numbers = [0.0; COUNT];
-    for (four, row) in numbers.as_chunks_mut::<4>().0.iter_mut().zip(row) {
+pub(crate) fn numbers<P: Path, const F: usize>(path: P, row: &Row<P, F>) -> Numbers<F> {
+    let mut numbers = [[0.0; 4]; F];
+    for (four, row) in numbers.iter_mut().zip(row) {
         *four = path.numbers(*row);
     }
     numbers
@@ -98,28 +107,35 @@ fn total([a, b, c, d]: [f64; 4]) -> f64 {
     (a + b) + (c + d)
 }
 
-/// The Bernstein coefficients of `s + t p`, the first of them `s`, in degree 20; those of `p` where `s` is zero. How many.
+/// The Bernstein coefficients of `s + t p`, the first of them `s`; those of `p` where `s` is zero. How many.
 #[inline(always)]
-pub(crate) fn coefficients<P: Path>(path: P, start: f64, row: &Row<P>) -> ([f64; COUNT + 1], usize) {
-    let (numbers, mut all) = (numbers(path, row), [start; COUNT + 1]);
+pub(crate) fn coefficients<P: Path, const F: usize>(path: P, start: f64, row: &Row<P, F>) -> (Coefficients, usize) {
+    let (numbers, mut all) = (numbers(path, row), [0.0; MOST + 1]);
+    let (numbers, shares) = (numbers.as_flattened(), Tables::<F>::SHARES);
     if start == 0.0 {
-        all[..COUNT].copy_from_slice(&numbers);
-        return (all, COUNT);
+        all[..4 * F].copy_from_slice(numbers);
+        return (all, 4 * F);
     }
-    for i in 0..COUNT {
-        all[i + 1] = fused::<P>(numbers[i], SHARES[i], start);
+    all[0] = start;
+    for (b, (p, share)) in all[1..].iter_mut().zip(numbers.iter().zip(shares.as_flattened())) {
+        *b = fused::<P>(*p, *share, start);
     }
-    (all, COUNT + 1)
+    (all, 4 * F + 1)
 }
 
 /// The pattern of `s + t p` on `[0, 1]`, whose values are known to `uncertainty`, and where its control polygon falls.
 #[inline(always)]
-pub(crate) fn pattern<P: Path>(path: P, start: f64, row: &Row<P>, uncertainty: f64) -> (Pattern, f64) {
+pub(crate) fn pattern<P: Path, const F: usize>(
+    path: P,
+    start: f64,
+    row: &Row<P, F>,
+    uncertainty: f64,
+) -> (Pattern, f64) {
     let (mut above, mut below) = (0u32, 0u32);
     let (high, low) = (path.all(uncertainty), path.all(-uncertainty));
-    let shares = SHARES.as_chunks::<4>().0;
+    let shares = Tables::<F>::SHARES;
     let is_whole = start != 0.0;
-    for i in 0..FOURS {
+    for i in 0..F {
         let b = if is_whole { path.fused(row[i], path.four(shares[i]), path.all(start)) } else { row[i] };
         above |= path.above(b, high) << (4 * i);
         below |= path.above(low, b) << (4 * i);
@@ -128,7 +144,7 @@ pub(crate) fn pattern<P: Path>(path: P, start: f64, row: &Row<P>, uncertainty: f
         above = above << 1 | u32::from(start > uncertainty);
         below = below << 1 | u32::from(start < -uncertainty);
     }
-    let count = COUNT as u32 + u32::from(is_whole);
+    let count = 4 * F as u32 + u32::from(is_whole);
     let falling = (above.trailing_ones(), (below << (u32::BITS - count)).leading_ones());
     let pattern = match falling {
         (above, _) if above == count => Pattern::Clear,
@@ -139,15 +155,40 @@ pub(crate) fn pattern<P: Path>(path: P, start: f64, row: &Row<P>, uncertainty: f
         return (pattern, f64::NAN);
     }
     let numbers = numbers(path, row);
+    let (numbers, shares) = (numbers.as_flattened(), shares.as_flattened());
     let b = |i: usize| match i.checked_sub(1) {
         _ if !is_whole => numbers[i],
         None => start,
-        Some(i) => fused::<P>(numbers[i], SHARES[i], start),
+        Some(i) => fused::<P>(numbers[i], shares[i], start),
     };
     // Of the one that may be undecided its sign.
     let i = falling.0 as usize + usize::from(b(falling.0 as usize) >= 0.0);
     let (before, after) = (b(i - 1), b(i));
     (pattern, ((i - 1) as f64 + before / (before - after)) / f64::from(count - 1))
+}
+
+/// Whether all coefficients of `s + t p` are above the `uncertainty` because those of `p` are too small to bring it there.
+#[inline(always)]
+pub(crate) fn stays_above<P: Path, const F: usize>(path: P, start: f64, row: &Row<P, F>, uncertainty: f64) -> bool {
+    let (room, mut below) = (path.all(start - uncertainty), 0b1111);
+    for four in row {
+        below &= path.above(room, path.sizes(*four));
+    }
+    below == 0b1111
+}
+
+/// The largest size of `s + t p` at its control points up to `end`, point i of so many lying at i over their number.
+#[inline(always)]
+pub(crate) fn largest<P: Path, const F: usize>(path: P, start: f64, row: &Row<P, F>, end: f64) -> f64 {
+    let mut sizes = [start.abs(); 4];
+    let reached = ((end * (4 * F) as f64) as usize + 1).div_ceil(4).min(F);
+    for (four, shares) in row[..reached].iter().zip(&Tables::<F>::SHARES) {
+        let points = path.numbers(path.sizes(path.fused(*four, path.four(*shares), path.all(start))));
+        for l in 0..4 {
+            sizes[l] = if points[l] > sizes[l] { points[l] } else { sizes[l] };
+        }
+    }
+    sizes.into_iter().fold(0.0, f64::max)
 }
 
 /// The pattern of the Bernstein coefficients `b`, and where their control polygon falls.
@@ -172,10 +213,10 @@ fn control_fall(b: &[f64]) -> f64 {
 }
 
 /// `C(i, j)/2ⁱ` by j: what coefficient j adds to coefficient i of the left half.
-const HALVES: [[f64; COUNT + 4]; COUNT + 1] = {
-    let mut columns = [[0.0; COUNT + 4]; COUNT + 1];
+const HALVES: [[f64; MOST + 4]; MOST + 1] = {
+    let mut columns = [[0.0; MOST + 4]; MOST + 1];
     let mut i = 0;
-    while i <= COUNT {
+    while i <= MOST {
         let (mut j, mut value) = (0, 1.0 / (1u64 << i) as f64);
         while j <= i {
             columns[j][i] = value;
@@ -187,18 +228,18 @@ const HALVES: [[f64; COUNT + 4]; COUNT + 1] = {
     columns
 };
 
-/// Replaces the Bernstein coefficients on `[0, 1]` by those on `[0, ½]`.
+/// Replaces the Bernstein coefficients on `[0, 1]` by those on `[0, ½]`, in any degree.
 #[inline(always)]
-pub(crate) fn halve<P: Path>(path: P, b: &mut [f64; COUNT + 1]) {
-    let mut sums = [path.all(0.0); FOURS + 1];
-    for j in 0..=COUNT {
+pub(crate) fn halve<P: Path>(path: P, b: &mut Coefficients) {
+    let mut sums = [path.all(0.0); MOST_FOURS + 1];
+    for j in 0..=MOST {
         let (by, column) = (path.all(b[j]), HALVES[j].as_chunks::<4>().0);
-        for k in j / 4..=FOURS {
+        for k in j / 4..=MOST_FOURS {
             sums[k] = path.fused(path.four(column[k]), by, sums[k]);
         }
     }
     let sums = sums.map(|sum| path.numbers(sum));
-    b.copy_from_slice(&sums.as_flattened()[..=COUNT]);
+    b.copy_from_slice(&sums.as_flattened()[..=MOST]);
 }
 
 /// A place in `[0, 1]` by its distances from the nearer end and from the other one.
@@ -225,32 +266,32 @@ impl Ends {
     }
 }
 
-/// The Bernstein polynomials at a place: `B_i(t) = C(19, i) tⁱ (1 − t)¹⁹⁻ⁱ`.
-pub(crate) struct Place<P: Path> {
+/// The Bernstein polynomials of degree n at a place: `B_i(t) = C(n, i) tⁱ (1 − t)ⁿ⁻ⁱ`.
+pub(crate) struct Place<P: Path, const F: usize> {
     /// Without the factor that is `weight`.
-    basis: Row<P>,
+    basis: Row<P, F>,
     far: f64,
 }
 
-impl<P: Path> Place<P> {
+impl<P: Path, const F: usize> Place<P, F> {
     /// Those at `t`.
     #[inline(always)]
     pub fn new(path: P, t: f64) -> Self {
         let Ends { is_left, near, far } = Ends::new(t, t <= 0.5);
         let u = near / far;
-        let (square, fours) = (u * u, BINOMIALS.as_chunks::<4>().0);
+        let (square, fours) = (u * u, Tables::<F>::BINOMIALS);
         let (rising, fourth) = ([1.0, u, square, square * u], path.all(square * square));
         let mut powers = path.four(if is_left { rising } else { [rising[3], rising[2], u, 1.0] });
-        let mut basis = [powers; FOURS];
-        for i in 0..FOURS {
-            let at = if is_left { i } else { FOURS - 1 - i };
+        let mut basis = [powers; F];
+        for i in 0..F {
+            let at = if is_left { i } else { F - 1 - i };
             basis[at] = path.times(powers, path.four(fours[at]));
             powers = path.times(powers, fourth);
         }
         Self { basis, far }
     }
 
-    /// What [`value`](Self::value) leaves out: `(1 − t)¹⁹`, or `t¹⁹` nearer to that end.
+    /// What [`value`](Self::value) leaves out: `(1 − t)ⁿ`, or `tⁿ` nearer to that end.
     #[inline(always)]
     pub fn weight(&self) -> f64 {
         let product = |a: [f64; 2], b: [f64; 2]| {
@@ -261,15 +302,17 @@ impl<P: Path> Place<P> {
         let two = product(one, one);
         let four = product(two, two);
         let eight = product(four, four);
-        let nineteen = product(product(eight, eight), product(two, one));
-        nineteen[0] + nineteen[1]
+        let three = product(two, one);
+        // 4F − 1 = 16 + 4(F − 5) + 3.
+        let all = product(product(eight, eight), if F == MOST_FOURS { product(four, three) } else { three });
+        all[0] + all[1]
     }
 
     /// `Σ b_i B_i(t)` over the weight.
     #[inline(always)]
-    pub fn value(&self, path: P, row: &Row<P>) -> f64 {
+    pub fn value(&self, path: P, row: &Row<P, F>) -> f64 {
         let mut sums = path.times(row[0], self.basis[0]);
-        for i in 1..FOURS {
+        for i in 1..F {
             sums = path.fused(row[i], self.basis[i], sums);
         }
         total(path.numbers(sums))
@@ -284,15 +327,15 @@ const SETTLED: f64 = 1e-7;
 const BENT: f64 = 1e-4;
 
 /// The polynomial of a row near one end: `p = farⁿ Σ c_i uⁱ`, `u = near/far`; and the same with i and `i²` in front.
-struct Sums<P: Path>([Row<P>; 3]);
+struct Sums<P: Path, const F: usize>([Row<P, F>; 3]);
 
-impl<P: Path> Sums<P> {
+impl<P: Path, const F: usize> Sums<P, F> {
     #[inline(always)]
-    fn new(path: P, row: &Row<P>, is_left: bool) -> Self {
-        let index = if is_left { &LEFT } else { &RIGHT };
-        let (binomials, index) = (fours(path, &BINOMIALS), fours(path, index));
-        let mut rows = [[path.all(0.0); FOURS]; 3];
-        for i in 0..FOURS {
+    fn new(path: P, row: &Row<P, F>, is_left: bool) -> Self {
+        let index = if is_left { &Tables::<F>::LEFT } else { &Tables::<F>::RIGHT };
+        let (binomials, index) = (fours(path, &Tables::<F>::BINOMIALS), fours(path, index));
+        let mut rows = [[path.all(0.0); F]; 3];
+        for i in 0..F {
             rows[0][i] = path.times(row[i], binomials[i]);
             rows[1][i] = path.times(rows[0][i], index[i]);
             rows[2][i] = path.times(rows[1][i], index[i]);
@@ -305,15 +348,15 @@ impl<P: Path> Sums<P> {
     fn at(&self, path: P, ends: Ends) -> [f64; 3] {
         let Ends { is_left, near, far } = ends;
         let u = near / far;
-        let (square, n) = (u * u, LAST as f64);
+        let (square, n) = (u * u, Tables::<F>::LAST as f64);
         let fourth = path.all(square * square);
         let rising = [1.0, u, square, square * u];
         let low = path.four(if is_left { rising } else { [rising[3], rising[2], u, 1.0] });
         let mut sums = [0.0; 3];
         for (total_of, row) in sums.iter_mut().zip(&self.0) {
-            let mut sum = if is_left { row[FOURS - 1] } else { row[0] };
-            for i in 1..FOURS {
-                sum = path.fused(sum, fourth, if is_left { row[FOURS - 1 - i] } else { row[i] });
+            let mut sum = if is_left { row[F - 1] } else { row[0] };
+            for i in 1..F {
+                sum = path.fused(sum, fourth, if is_left { row[F - 1 - i] } else { row[i] });
             }
             *total_of = total(path.numbers(path.times(sum, low)));
         }
@@ -322,7 +365,8 @@ impl<P: Path> Sums<P> {
             let two = far * far;
             let four = two * two;
             let eight = four * four;
-            (eight * eight) * (two * far)
+            // As in `weight`.
+            (eight * eight) * if F == MOST_FOURS { four * (two * far) } else { two * far }
         };
         // By log u, whose derivative by the distance is `1/(near far)`.
         let rate = 1.0 / (near * far);
@@ -336,7 +380,13 @@ impl<P: Path> Sums<P> {
 /// The zero of `s + t p` on `[0, until]`, which [`Falls`](Pattern::Falls) there, from a `guess` on; and value and slope there, of `p` where
 /// `s` is zero. `None` if Halley's method does not settle.
 #[inline(always)]
-pub(crate) fn fall<P: Path>(path: P, start: f64, row: &Row<P>, guess: f64, until: f64) -> Option<(f64, [f64; 2])> {
+pub(crate) fn fall<P: Path, const F: usize>(
+    path: P,
+    start: f64,
+    row: &Row<P, F>,
+    guess: f64,
+    until: f64,
+) -> Option<(f64, [f64; 2])> {
     let is_left = guess <= 0.5;
     let sums = Sums::new(path, row, is_left);
     let (mut t, mut low, mut high) = (guess, 0.0, until);

@@ -85,8 +85,14 @@ impl Structure {
     }
 
     /// Size of the terms whose sum is the acceleration of contact `j`, m/s²: its rounding error is a few units of
-    /// this. `force` gives the force of any contact that carries one, N.
-    pub(crate) fn acceleration_size(&self, j: usize, mode: &Mode, x: &[f64], force: impl Fn(&Acting) -> f64) -> f64 {
+    /// this. `force` gives the force of any contact of those `carrying` one, N.
+    pub(crate) fn acceleration_size(
+        &self,
+        j: usize,
+        carrying: impl Iterator<Item = Acting>,
+        x: &[f64],
+        force: impl Fn(&Acting) -> f64,
+    ) -> f64 {
         let (q, v) = (&x[..self.n], &x[self.n..2 * self.n]);
         let free: f64 = self.contacts[j]
             .direction
@@ -98,7 +104,7 @@ impl Structure {
                 g.abs() * (self.pulls[i][0] + structure)
             })
             .sum();
-        let contacts: f64 = self.carrying(mode).map(|k| (self.coupling(j, k.contact) * force(&k)).abs()).sum();
+        let contacts: f64 = carrying.map(|k| (self.coupling(j, k.contact) * force(&k)).abs()).sum();
         free + contacts + self.contacts[j].error_sizes[2]
     }
 

@@ -95,6 +95,15 @@ impl Symmetry {
         &self.freedoms
     }
 
+    /// For each of `n` degrees of freedom, and of so many `contacts`, the first one of its class.
+    pub fn firsts(&self, n: usize, contacts: usize) -> [Box<[usize]>; 2] {
+        [(n, &self.freedoms), (contacts, &self.contacts)].map(|(count, classes)| {
+            let mut firsts: Box<[usize]> = (0..count).collect();
+            classes.iter().for_each(|class| class.iter().for_each(|i| firsts[*i] = class[0]));
+            firsts
+        })
+    }
+
     /// Whether no two degrees of freedom are equal.
     pub fn is_empty(&self) -> bool {
         self.freedoms.is_empty()

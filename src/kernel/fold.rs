@@ -1,0 +1,51 @@
+//! Equal degrees of freedom that move as one.
+//!
+//! While equal bodies and contacts are in equal states they stay so (`system/symmetry.rs`). Of each class the first one is followed; the
+//! others are its copies, and so are equal to the last bit.
+
+use super::Motion;
+use crate::{
+    hybrid::JetRequest,
+    system::{Watch, guard_id},
+};
+
+/// For each degree of freedom, and for each contact, the first one that it is equal to.
+#[derive(Debug)]
+pub(super) struct Fold {
+    pub freedoms: Box<[usize]>,
+    pub contacts: Box<[usize]>,
+    /// Some are equal.
+    pub is_folded: bool,
+}
+
+impl Fold {
+    /// Of the mode; `None` where equal contacts do not do the same.
+    pub fn new(motion: &Motion) -> Option<Self> {
+        let (s, parts) = (motion.structure, &motion.parts);
+        if s.symmetry.is_empty() {
+            let each = |count: usize| (0..count).collect();
+            return Some(Self { freedoms: each(s.n), contacts: each(s.contacts.len()), is_folded: false });
+        }
+        let law = |j: usize| parts[j].acting.map(|acting| (acting.side, acting.is_carried, acting.force));
+        let agrees = s.symmetry.agree(|j| (parts[j].state, law(j)));
+        let [freedoms, contacts] = s.symmetry.firsts(s.n, s.contacts.len());
+        agrees.then_some(Self { freedoms, contacts, is_folded: true })
+    }
+
+    /// Whether equal bodies and contacts are in equal states where a span starts.
+    #[inline(always)]
+    pub fn holds(&self, motion: &Motion, request: &JetRequest<'_>) -> bool {
+        !self.is_folded || self.are_equal(motion, request)
+    }
+
+    fn are_equal(&self, motion: &Motion, request: &JetRequest<'_>) -> bool {
+        let s = motion.structure;
+        let zero = |j: usize, watch: Watch| request.pinned.contains(guard_id(j, watch));
+        let zeros = |j: usize| [Watch::DriveFlank, Watch::BackFlank, Watch::Force].map(|watch| zero(j, watch));
+        let (q, v) = request.x[..2 * s.n].split_at(s.n);
+        s.symmetry.are_all_equal(q)
+            && s.symmetry.are_all_equal(v)
+            && s.symmetry.agree(|j| request.carried.get(j).map(|stretch| stretch.to_bits()))
+            && (request.pinned.is_empty() || s.symmetry.agree(zeros))
+    }
+}
