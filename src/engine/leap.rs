@@ -88,7 +88,8 @@ impl Leaps {
             let tolerance = if is_again { FULL_PRECISION } else { share_of(truncation, self.count + 1) };
             let request = JetRequest { at, x: &state.x, low, pinned, still, carried, span, tolerance, left_out };
             let shown = observer.wants_steps(&state.jump.mode);
-            let made = Made { leaps: self.count, arcs: core.counters.arcs, here: self.here };
+            let by_series = self.count > 0 && self.leap.is_series;
+            let made = Made { leaps: self.count, arcs: core.counters.arcs, here: self.here, by_series };
             if is_over(&clock, at, span) || !motion.leap(&request, made, shown, &mut self.leap) {
                 return Ok(None);
             }

@@ -47,6 +47,8 @@ pub struct Made {
     pub arcs: u64,
     /// Arcs of the run in the mode.
     pub here: u64,
+    /// Series lead the arc from here on, as they do for an observer of steps.
+    pub by_series: bool,
 }
 
 /// The smooth motion in one mode, which knows its own Taylor series.

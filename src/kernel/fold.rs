@@ -32,6 +32,12 @@ impl Fold {
         agrees.then_some(Self { freedoms, contacts, is_folded: true })
     }
 
+    /// Components of the state and contacts, equal ones once.
+    pub fn outputs(&self) -> usize {
+        let firsts = |of: &[usize]| of.iter().enumerate().filter(|(i, first)| *i == **first).count();
+        2 * firsts(&self.freedoms) + firsts(&self.contacts)
+    }
+
     /// Whether equal bodies and contacts are in equal states where a span starts.
     #[inline(always)]
     pub fn holds(&self, motion: &Motion, request: &JetRequest<'_>) -> bool {

@@ -413,7 +413,13 @@ impl Propagator {
             } else {
                 [f64::NAN; 3]
             };
-            leap.starts.push(Known { guard: watched.id, value: line.start, error, terms: line.start.abs(), derivatives });
+            leap.starts.push(Known {
+                guard: watched.id,
+                value: line.start,
+                error,
+                terms: line.start.abs(),
+                derivatives,
+            });
         }
         leap.ends.clear();
         leap.carried.clear();

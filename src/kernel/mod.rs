@@ -15,8 +15,8 @@ mod bound;
 mod clock;
 mod column;
 mod defect;
-mod formed;
 mod fold;
+mod formed;
 mod fours;
 mod guards;
 mod lane;
@@ -203,11 +203,11 @@ impl Work for Forward<'_> {
         let Self { motion, request, made, shown, leap } = self;
         (leap.is_series, leap.splits, leap.twins) = (false, 0, GuardSet::default());
         // No closure around what is to be compiled for P: it would be a function of its own.
-        if let Some(propagator) = motion.propagator(made).filter(|p| p.fold.holds(motion, request)) {
-            let leaps = made.leaps < MOST_LEAPS && propagator.leap(path, motion, request, leap);
-            if leaps || motion.structure.n == 1 {
-                return leaps;
-            }
+        let propagator = motion.propagator(made).filter(|propagator| propagator.fold.holds(motion, request));
+        if let Some(propagator) = propagator.filter(|_| made.leaps < MOST_LEAPS && !made.by_series)
+            && propagator.leap(path, motion, request, leap)
+        {
+            return true;
         }
         match motion.pressed.get_or_init(|| Pressed::new(motion)) {
             Some(pressed) => made.leaps < MOST_LEAPS && pressed.leap::<P>(motion, request, leap),

@@ -235,9 +235,7 @@ impl Propagator {
                 })
                 .map(|series| vec![series])
                 .collect(),
-            Some(modulation) => {
-                inputs.iter().map(|input| modulation.series(motion, span, *input, &outputs)).collect()
-            }
+            Some(modulation) => inputs.iter().map(|input| modulation.series(motion, span, *input, &outputs)).collect(),
         };
         let mut kept = Vec::new();
         let mut state: Vec<Vec<_>> = vec![Vec::new(); 2 * s.n];
@@ -291,7 +289,10 @@ impl Propagator {
             None => Component::Own(Columns::new(&columns, fours)),
         };
         let state = state.into_iter().enumerate().map(place).collect();
-        let line = |(columns, errors): (Vec<_>, Vec<f64>)| Line { columns: Columns::new(&columns, fours), errors: errors.into() };
+        let line = |(columns, errors): (Vec<_>, Vec<f64>)| Line {
+            columns: Columns::new(&columns, fours),
+            errors: errors.into(),
+        };
         let rows = rows.into_iter().map(line);
         Some(Self {
             span,

@@ -193,10 +193,7 @@ impl Work for Units<'_> {
             }
             for (w, o) in waves.iter_mut().zip(&s.oscillators) {
                 let [cosine, sine] = *w;
-                *w = [
-                    sine.times(path, -o.omega).by(path, share),
-                    cosine.times(path, o.omega).by(path, share),
-                ];
+                *w = [sine.times(path, -o.omega).by(path, share), cosine.times(path, o.omega).by(path, share)];
             }
         }
         all
@@ -252,4 +249,3 @@ pub(super) fn rest_of(motion: &Motion, [displacement, velocity, wave]: [f64; 3],
         }
     }
 }
-

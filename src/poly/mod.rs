@@ -14,8 +14,8 @@ pub(crate) use chebyshev::{CHEBYSHEV, Chebyshev, DEGREE};
 pub(crate) use deflated::Deflated;
 pub use extremes::{extremes, minima};
 pub(crate) use falling::{
-    Coefficients, MOST_FOURS, Numbers, Pattern, Place, Row, coefficients, fall, fours, halve, largest, numbers, pattern,
-    pattern_of, stays_above,
+    Coefficients, MOST_FOURS, Numbers, Pattern, Place, Row, coefficients, fall, fours, halve, largest, numbers,
+    pattern, pattern_of, stays_above,
 };
 pub(crate) use first_root::first_root_on;
 pub use first_root::{FirstRoot, Isolation, first_root};

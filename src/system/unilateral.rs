@@ -344,8 +344,8 @@ impl Structure {
         let (mut d, mut noise) = (zeros(set.len()), zeros(set.len()));
         for (i, t) in pressed.iter().enumerate() {
             d[i] = t.side * (dot(&self.contacts[t.contact].direction, &a) - self.error(t.contact, at).2);
-            noise[i] =
-                rounding(self.contacts.len()) * self.acceleration_size(t.contact, self.carrying(&jump.mode), x, |k| forces[k.contact]);
+            noise[i] = rounding(self.contacts.len())
+                * self.acceleration_size(t.contact, self.carrying(&jump.mode), x, |k| forces[k.contact]);
         }
         let w = self.mobility(&pressed);
         let solution = complement(&w, &d, noise).ok_or_else(|| self.unsolvable(&pressed))?;

@@ -63,7 +63,7 @@ fn agree(system: &Structure, start: &State, end: Instant) -> Result<usize, TestC
 }
 
 /// A chain of masses before a wall, each coupled to the next by a mesh with backlash, on springs and dampers.
-fn chain(n: usize, law: Law, kinds: &[usize], sizes: &[f64], load: f64) -> Structure {
+pub fn chain(n: usize, law: Law, kinds: &[usize], sizes: &[f64], load: f64) -> Structure {
     let stiffness = |j: usize| match kinds[j % kinds.len()] {
         0 => Stiffness::Constant(sizes[j] * 40.0),
         1 => Stiffness::Periodic {

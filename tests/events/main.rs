@@ -20,6 +20,7 @@ mod pressed;
 mod release;
 mod rest;
 mod schedule;
+mod several;
 mod start;
 mod support;
 mod together;
