@@ -18,7 +18,7 @@ use crate::{
 /// masses with one to n walls.
 const MOST_OUTPUTS: usize = 17;
 /// Degrees of freedom up to which a propagator is formed at once. It takes as long as a few arcs.
-const FEW_FREEDOMS: usize = 3;
+pub(super) const FEW_FREEDOMS: usize = 3;
 /// Arcs in a mode after which one for more is formed: that takes as long as some fifty of them by series.
 const WORTH_HERE: u64 = 32;
 

@@ -42,6 +42,7 @@ pub(crate) use lane::{Lane, Noted, Passed};
 
 use bound::Tail;
 use clock::StepClock;
+use formed::FEW_FREEDOMS;
 use leap::MOST_LEAPS;
 use motion::Motion;
 use pressed::Pressed;
@@ -204,10 +205,15 @@ impl Work for Forward<'_> {
         (leap.is_series, leap.splits, leap.twins) = (false, 0, GuardSet::default());
         // No closure around what is to be compiled for P: it would be a function of its own.
         let propagator = motion.propagator(made).filter(|propagator| propagator.fold.holds(motion, request));
-        if let Some(propagator) = propagator.filter(|_| made.leaps < MOST_LEAPS && !made.by_series)
-            && propagator.leap(path, motion, request, leap)
-        {
-            return true;
+        if let Some(propagator) = propagator {
+            let is_next = made.leaps < MOST_LEAPS && !made.by_series;
+            if is_next && propagator.leap(path, motion, request, leap) {
+                return true;
+            }
+            // Nearly all arcs of a train this small are leaps; steps decide the others.
+            if motion.structure.n <= FEW_FREEDOMS {
+                return false;
+            }
         }
         match motion.pressed.get_or_init(|| Pressed::new(motion)) {
             Some(pressed) => made.leaps < MOST_LEAPS && pressed.leap::<P>(motion, request, leap),
