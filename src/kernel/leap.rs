@@ -310,16 +310,13 @@ impl Propagator {
             starts.push((given, start));
         }
         let mut z: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
-        let mut sizes: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
         let angles = self.angles(motion, request.at);
         for (input, wave) in &self.terms {
-            let value = input.value(s, x, |j| starts[j].1.stretch, &oscillators) * angles[*wave];
-            z.push(value);
-            sizes.push(value.abs());
+            z.push(input.value(s, x, |j| starts[j].1.stretch, &oscillators) * angles[*wave]);
         }
         let mut rows: SmallVec<[(Row<P, F>, f64); FEW]> = SmallVec::new();
         for line in &self.rows {
-            rows.push((line.columns.combine(path, &z), line.error(&sizes)));
+            rows.push((line.columns.combine(path, &z), line.error(&z)));
         }
         // All guards, and those that are not clear of zero with their numbers.
         let mut lines: SmallVec<[Line; MANY]> = SmallVec::new();

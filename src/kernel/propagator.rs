@@ -105,18 +105,18 @@ pub(super) struct Line {
 }
 
 impl Line {
-    /// The error of its coefficients for terms of these `sizes`.
+    /// The error of its coefficients for the terms `z`.
     #[inline(always)]
-    pub fn error(&self, sizes: &[f64]) -> f64 {
-        let (sizes, rest) = sizes.as_chunks::<4>();
+    pub fn error(&self, z: &[f64]) -> f64 {
+        let (z, rest) = z.as_chunks::<4>();
         let (errors, others) = self.errors.as_chunks::<4>();
         let mut sums = [0.0; 4];
-        for (errors, sizes) in errors.iter().zip(sizes) {
+        for (errors, z) in errors.iter().zip(z) {
             for l in 0..4 {
-                sums[l] += errors[l] * sizes[l];
+                sums[l] += errors[l] * z[l].abs();
             }
         }
-        let rest = others.iter().zip(rest).fold(0.0, |sum, (error, size)| sum + error * size);
+        let rest = others.iter().zip(rest).fold(0.0, |sum, (error, z)| sum + error * z.abs());
         (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
     }
 }

@@ -70,15 +70,12 @@ impl Lane<'_> {
             (start.stretch, start.error) = (motion.forceless(0, given.at, stretch, error, rate), error);
         }
         let mut z: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
-        let mut sizes: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
         let angles = by.angles(motion, stand.at);
         for (input, wave) in &by.terms {
-            let value = input.value(s, x, |_| start.stretch, oscillators) * angles[*wave];
-            z.push(value);
-            sizes.push(value.abs());
+            z.push(input.value(s, x, |_| start.stretch, oscillators) * angles[*wave]);
         }
         let z = &z[..];
-        let deflection: (Row<P, FOURS>, f64) = (by.rows[0].columns.combine(path, z), by.rows[0].error(&sizes));
+        let deflection: (Row<P, FOURS>, f64) = (by.rows[0].columns.combine(path, z), by.rows[0].error(z));
         // Guards that are not clear of zero, and their numbers.
         let mut guards: SmallVec<[Guard<P, FOURS>; 2]> = SmallVec::new();
         let mut numbers = [0; 3];
@@ -87,7 +84,7 @@ impl Lane<'_> {
             let (row, error) = if *row == 0 {
                 &deflection
             } else {
-                force = (by.rows[*row].columns.combine(path, z), by.rows[*row].error(&sizes));
+                force = (by.rows[*row].columns.combine(path, z), by.rows[*row].error(z));
                 &force
             };
             let rate = if watched.watch == Watch::Force { rate() } else { 0.0 };
