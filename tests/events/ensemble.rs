@@ -62,6 +62,8 @@ fn a_member_moves_as_it_moves_alone_whatever_its_neighbours() {
         ("W2b", 200, 3.0),
         ("W5b-p", 200, 5.0),
         ("W3", 130, 1.0),
+        // Long enough for motions that form what takes them on.
+        ("W3", 4, 60.0),
         ("ball-on-wall", 130, 3.0),
     ] {
         let simulation = Simulation::from_file(format!("examples/scenes/{scene}.json")).unwrap();
