@@ -15,7 +15,7 @@ use crate::{
 pub(super) const MOST_POWERS: usize = 56;
 
 /// The columns of a quantity, F fours each. Where many are zero the others are kept alone, with the term that each belongs to.
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 pub(super) struct Columns {
     /// `None`: each in its place.
     terms: Option<Box<[u8]>>,

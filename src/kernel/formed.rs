@@ -17,7 +17,7 @@ use crate::{
 /// Components of the state and contacts up to which a product with all columns is cheaper than a recurrence: measured on chains of 2 to 12
 /// masses with one to n walls.
 const MOST_OUTPUTS: usize = 17;
-/// Degrees of freedom up to which a propagator is formed at once. It takes as long as a few arcs.
+/// Degrees of freedom up to which a propagator is formed at once: runs of trains this small have few modes.
 pub(super) const FEW_FREEDOMS: usize = 3;
 /// Arcs in a mode after which one for more is formed: that takes as long as some fifty of them by series.
 const WORTH_HERE: u64 = 32;

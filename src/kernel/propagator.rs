@@ -31,7 +31,8 @@ pub(super) struct Degree {
     pub fours: usize,
     /// Powers of θ in the Taylor series that they are made from. The rest is below 4e-21 of the first, `reachᴺ/N!` over the reach.
     pub terms: usize,
-    /// The span times the mode's fastest rate, rad. What is cut after the degree is below 1e-16 of the motion, `2 e^(ρ/2) I_n(ρ/2)` of `e^ρ`.
+    /// The span times the mode's fastest rate, rad: ρ. Of a motion of size one less than 1e-16 is cut, `2 e^(ρ/2) I_n(ρ/2)` for n
+    /// coefficients.
     pub reach: f64,
 }
 
@@ -128,7 +129,7 @@ pub(super) enum Component {
     Own(Columns),
     /// The row that has the same ones.
     Row(usize),
-    /// The component that it is equal to.
+    /// The component that it is equal to; none where a train has one degree of freedom.
     Same(usize),
 }
 

@@ -122,8 +122,9 @@ impl Lane<'_> {
             *after = *x
                 + match columns {
                     Component::Row(0) => added(&deflection.0),
-                    Component::Row(row) | Component::Same(row) => added(&by.rows[*row].columns.combine(path, z)),
+                    Component::Row(row) => added(&by.rows[*row].columns.combine(path, z)),
                     Component::Own(columns) => added(&columns.combine(path, z)),
+                    Component::Same(_) => return None,
                 };
         }
         if let Some(columns) = columns {
@@ -132,7 +133,8 @@ impl Lane<'_> {
             for (flow, columns) in flow.iter_mut().zip(&by.state) {
                 let columns = match columns {
                     Component::Own(columns) => columns,
-                    Component::Row(row) | Component::Same(row) => &by.rows[*row].columns,
+                    Component::Row(row) => &by.rows[*row].columns,
+                    Component::Same(_) => return None,
                 };
                 for (term, column) in columns.iter::<FOURS>() {
                     let (input, wave) = &by.terms[term];

@@ -59,22 +59,12 @@ impl<const F: usize> Tables<F> {
         }
         table
     };
-    /// i, the power of `u` from the left end.
-    const LEFT: Numbers<F> = {
+    /// i: the power of `u` from the left end.
+    const INDICES: Numbers<F> = {
         let mut table = [[0.0; 4]; F];
         let mut i = 0;
         while i < 4 * F {
             table[i / 4][i % 4] = i as f64;
-            i += 1;
-        }
-        table
-    };
-    /// `n − i`, that from the right end.
-    const RIGHT: Numbers<F> = {
-        let mut table = [[0.0; 4]; F];
-        let mut i = 0;
-        while i < 4 * F {
-            table[i / 4][i % 4] = (Self::LAST - i) as f64;
             i += 1;
         }
         table
@@ -332,13 +322,14 @@ struct Sums<P: Path, const F: usize>([Row<P, F>; 3]);
 impl<P: Path, const F: usize> Sums<P, F> {
     #[inline(always)]
     fn new(path: P, row: &Row<P, F>, is_left: bool) -> Self {
-        let index = if is_left { &Tables::<F>::LEFT } else { &Tables::<F>::RIGHT };
-        let (binomials, index) = (fours(path, &Tables::<F>::BINOMIALS), fours(path, index));
+        let (binomials, indices) = (fours(path, &Tables::<F>::BINOMIALS), fours(path, &Tables::<F>::INDICES));
+        let last = path.all(Tables::<F>::LAST as f64);
         let mut rows = [[path.all(0.0); F]; 3];
         for i in 0..F {
             rows[0][i] = path.times(row[i], binomials[i]);
-            rows[1][i] = path.times(rows[0][i], index[i]);
-            rows[2][i] = path.times(rows[1][i], index[i]);
+            let index = if is_left { indices[i] } else { path.minus(last, indices[i]) };
+            rows[1][i] = path.times(rows[0][i], index);
+            rows[2][i] = path.times(rows[1][i], index);
         }
         Self(rows)
     }
