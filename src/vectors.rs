@@ -59,8 +59,14 @@ pub(crate) trait Path: Copy {
     /// `a − b`, each.
     fn minus(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
+    /// `a / b`, each.
+    fn over(self, a: Self::Four, b: Self::Four) -> Self::Four;
+
     /// `|a|`, each.
     fn sizes(self, a: Self::Four) -> Self::Four;
+
+    /// The larger one, each.
+    fn larger(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
     /// As [`fused`], each.
     fn fused(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
@@ -116,8 +122,18 @@ impl Path for Baseline {
     }
 
     #[inline(always)]
+    fn over(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        zip(a, b, |a, b| a / b)
+    }
+
+    #[inline(always)]
     fn sizes(self, a: [f64; 4]) -> [f64; 4] {
         a.map(f64::abs)
+    }
+
+    #[inline(always)]
+    fn larger(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        zip(a, b, |a, b| if a > b { a } else { b })
     }
 
     #[inline(always)]
@@ -173,8 +189,18 @@ impl Path for pulp::x86::V3 {
     }
 
     #[inline(always)]
+    fn over(self, a: pulp::f64x4, b: pulp::f64x4) -> pulp::f64x4 {
+        pulp::cast(self.avx._mm256_div_pd(pulp::cast(a), pulp::cast(b)))
+    }
+
+    #[inline(always)]
     fn sizes(self, a: pulp::f64x4) -> pulp::f64x4 {
         self.abs_f64x4(a)
+    }
+
+    #[inline(always)]
+    fn larger(self, a: pulp::f64x4, b: pulp::f64x4) -> pulp::f64x4 {
+        pulp::cast(self.avx._mm256_max_pd(pulp::cast(a), pulp::cast(b)))
     }
 
     #[inline(always)]

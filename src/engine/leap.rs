@@ -93,9 +93,8 @@ impl Leaps {
             if is_over(&clock, at, span) || !motion.leap(&request, made, shown, &mut self.leap) {
                 return Ok(None);
             }
-            // As on a step: see [`Core::is_loose`](super::visit::Core).
-            let falls = self.leap.passage.is_some_and(|passage| !core.system.is_continuous(passage.guard));
-            if falls && self.leap.is_series && tolerance > FULL_PRECISION {
+            let falls_exactly = self.leap.passage.is_some_and(|passage| core.falls_exactly(passage.guard));
+            if falls_exactly && self.leap.is_series && tolerance > FULL_PRECISION {
                 is_again = true;
                 continue;
             }

@@ -142,13 +142,18 @@ impl Core<'_> {
         Ok(None)
     }
 
-    /// Whether a force falls through zero on a step that leaves something out. From then on the force is exactly zero, and the state has
-    /// to agree to rounding: the step that leads there is made at full precision. Flanks are reached by moving the state.
+    /// Whether nothing may be left out on the way to a fall of `id`: a force is exactly zero from then on, and the state has to agree to
+    /// rounding. Flanks are reached by moving the state.
+    pub fn falls_exactly(&self, id: GuardId) -> bool {
+        !self.system.is_continuous(id)
+    }
+
+    /// Whether the step that leads to such a fall has left something out, and has to be made at full precision.
     fn is_loose(&self, step: &dyn DenseStep, located: &Located) -> bool {
-        let is_force = |(i, id): (usize, &GuardId)| {
-            located.fired.contains(*id) && step.left_out(i) > 0.0 && !self.system.is_continuous(*id)
+        let is_loose = |(i, id): (usize, &GuardId)| {
+            located.fired.contains(*id) && step.left_out(i) > 0.0 && self.falls_exactly(*id)
         };
-        !self.is_again && located.theta > 0.0 && step.guards().iter().enumerate().any(is_force)
+        !self.is_again && located.theta > 0.0 && step.guards().iter().enumerate().any(is_loose)
     }
 
     /// Ends the arc at `theta`: at an event, if its numbers agree there.

@@ -246,7 +246,7 @@ impl Motion<'_> {
         if !self.is_linear || self.held.is_some() || s.is_conservative {
             return false;
         }
-        let Some((e, _, tail)) = self.series::<P>(request, true, &mut leap.jet) else { return false };
+        let Some((e, _, tail)) = self.series(path, request, true, &mut leap.jet) else { return false };
         let reach = leap.jet.reach;
         let powers = powers(reach);
         let added = e.added(path, &leap.jet.work, &powers);

@@ -438,7 +438,8 @@ impl Expansion<'_> {
     /// What it adds to the rate of contact `j`, of which order N is missing too, m/s.
     pub(super) fn rate_tail(&self, j: usize, tail: &Tail, out: &Jet) -> f64 {
         if let Some(defect) = &tail.rooted {
-            return defect.of_rate(self.s, &self.s.contacts[j]);
+            // At the step's own time.
+            return defect.rate * self.s.contacts[j].across + defect.time * self.motion.forcing.errors[j][2].sum;
         }
         let last = self.velocity_size(ORDER, out) * out.reach.powi(ORDER as i32);
         self.s.contacts[j].across * (last + tail.velocity) + self.motion.forcing.errors[j][1].top * tail.waves[0]

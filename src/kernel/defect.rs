@@ -49,11 +49,6 @@ impl Defect {
     pub fn of_force(&self, s: &Structure, c: &Contact) -> f64 {
         (self.acceleration * c.across + self.time * s.wave_size(&c.error, 3)) * c.effective_mass()
     }
-
-    /// Of its rate at the step's own time, m/s.
-    pub fn of_rate(&self, s: &Structure, c: &Contact) -> f64 {
-        self.rate * c.across + self.time * s.wave_size(&c.error, 2)
-    }
 }
 
 /// What is the same for all lengths of a step: for each order the largest size of all bodies, contacts or oscillators. Products of such

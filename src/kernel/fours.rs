@@ -1,8 +1,6 @@
 //! Series of four contacts side by side, and their products.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use std::hint::black_box;
-
 use super::{LANES, ORDER, ROW};
 use crate::{
     gear::contact::PowerLaw,
@@ -53,6 +51,8 @@ pub(super) struct FourSeries {
     pub exponent: [f64; LANES],
     /// Penetrations at the start; 1 for those that do without.
     pub start: [f64; LANES],
+    /// Their powers; 0 for those.
+    pub elastic: [f64; LANES],
     pub stiffness: [f64; LANES],
     pub chi: [f64; LANES],
     /// `1/Contact::across` and `Contact::weight`.
@@ -75,6 +75,7 @@ impl Default for FourSeries {
             side: [1.0; LANES],
             exponent: zeros,
             start: [1.0; LANES],
+            elastic: zeros,
             stiffness: zeros,
             chi: zeros,
             per_across: zeros,
@@ -87,34 +88,24 @@ impl FourSeries {
     /// At order `k`, `pⁿ` of those that are pressed, and the terms of `pⁿ (1 + χ ṗ)` without the one of that order of pⁿ:
     /// `k p_0 u_k = Σ (l (n + 1) − k) p_l u_{k−l}` and `Σ f_l u_{k−l}`, l from 1 on.
     #[inline(always)]
-    pub fn powers<P: Path>(&mut self, k: usize) -> [[f64; LANES]; 2] {
-        let zero = [0.0; LANES];
+    pub fn powers<P: Path>(&mut self, path: P, k: usize) -> [P::Four; 2] {
+        let zero = path.all(0.0);
         if k == 0 {
-            let mut power = zero;
-            let pressed = self.does.iter().enumerate().filter(|(_, does)| matches!(does, Does::Pressed));
-            pressed.for_each(|(l, _)| power[l] = libm::pow(self.start[l], self.exponent[l]));
-            return [power, zero];
+            return [path.four(self.elastic), zero];
         }
-        let (p, order) = (self.penetration[k], k as f64);
-        for l in 0..LANES {
-            self.raised[k][l] = order * (self.exponent[l] + 1.0) * p[l];
-        }
+        let order = path.all(k as f64);
+        let raised = path.times(order, path.plus(path.four(self.exponent), path.all(1.0)));
+        self.raised[k] = path.numbers(path.times(raised, path.four(self.penetration[k])));
         let (mut raised, mut plain, mut product) = (zero, zero, zero);
         let terms = self.raised[1..=k].iter().zip(&self.penetration[1..=k]).zip(&self.factor[1..=k]);
         for (((r, p), f), u) in terms.zip(&self.backward[ROW - k..]) {
-            for l in 0..LANES {
-                raised[l] = fused::<P>(r[l], u[l], raised[l]);
-                plain[l] = fused::<P>(p[l], u[l], plain[l]);
-                product[l] = fused::<P>(f[l], u[l], product[l]);
-            }
+            let u = path.four(*u);
+            raised = path.fused(path.four(*r), u, raised);
+            plain = path.fused(path.four(*p), u, plain);
+            product = path.fused(path.four(*f), u, product);
         }
-        // Otherwise the compiler takes the vectors apart, as some lanes go their own way later.
-        let [raised, plain, product] = black_box([raised, plain, product]);
-        let mut power = zero;
-        for l in 0..LANES {
-            power[l] = fused::<P>(-order, plain[l], raised[l]) / (order * self.start[l]);
-        }
-        [power, product]
+        let power = path.fused(path.minus(path.all(-0.0), order), plain, raised);
+        [path.over(power, path.times(order, path.four(self.start))), product]
     }
 
     /// Where `pⁿ` of order `k` is.
@@ -164,18 +155,22 @@ impl FourSeries {
 
 /// `Σ w_i rows_{k−i}`; row k is `at`, and the others `stride` apart before it.
 #[inline(always)]
-pub(super) fn convolved<P: Path>(weights: &[f64], rows: &[[f64; LANES]], stride: usize, at: usize) -> [f64; LANES] {
-    let (mut sums, mut at) = ([0.0; LANES], at);
+pub(super) fn convolved<P: Path>(
+    path: P,
+    weights: &[f64],
+    rows: &[[f64; LANES]],
+    stride: usize,
+    mut at: usize,
+) -> P::Four {
     // Plain time has one weight.
     if let ([w], Some(row)) = (weights, rows.get(at)) {
-        return row.map(|x| w * x);
+        return path.times(path.all(*w), path.four(*row));
     }
+    let mut sum = path.all(0.0);
     for w in weights {
         let Some(row) = rows.get(at) else { break };
-        for l in 0..LANES {
-            sums[l] = fused::<P>(*w, row[l], sums[l]);
-        }
+        sum = path.fused(path.all(*w), path.four(*row), sum);
         at = at.wrapping_sub(stride);
     }
-    sums
+    sum
 }

@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     hybrid::{Instant, JetRequest, Known, Leap, Passage},
-    poly::{self, MOST_FOURS, Numbers, Pattern, Place, Row},
+    poly::{self, MOST_FOURS, Numbers, Pattern, Place, Row, Signed},
     system::{ContactMode, Elasticity, Force, Watch, Wave, dot, guard_id},
     vectors::Path,
 };
@@ -83,28 +83,21 @@ struct Line {
 }
 
 /// A guard on a span, `start + θ p(θ)`, or `θ p(θ)` if it starts at an exact zero.
-pub(super) struct Guard<P: Path, const F: usize> {
-    row: Row<P, F>,
-    /// Its value at the start.
-    start: f64,
+pub(super) struct Guard<'r, P: Path, const F: usize> {
+    series: Signed<'r, P, F>,
     /// Error of the value at the start, and of the row.
     errors: [f64; 2],
     pub pattern: Pattern,
-    /// Where its control polygon falls.
+    /// Where it falls, nearly.
     guess: f64,
 }
 
-impl<P: Path, const F: usize> Guard<P, F> {
+impl<'r, P: Path, const F: usize> Guard<'r, P, F> {
     #[inline(always)]
-    pub fn new(path: P, start: f64, sign: f64, row: &Row<P, F>, errors: [f64; 2]) -> Self {
-        let mut row = *row;
-        if sign < 0.0 {
-            for four in &mut row {
-                *four = path.minus(path.all(-0.0), *four);
-            }
-        }
-        let (pattern, guess) = poly::pattern(path, start, &row, errors[0] + errors[1]);
-        Self { row, start, errors, pattern, guess }
+    pub fn new(path: P, start: f64, sign: f64, row: &'r Row<P, F>, errors: [f64; 2]) -> Self {
+        let series = Signed { start, sign, row };
+        let (pattern, guess) = poly::pattern(path, &series, errors[0] + errors[1]);
+        Self { series, errors, pattern, guess }
     }
 
     /// Halves the span until the signs of all tell what they do on it. The part that is left of it.
@@ -118,7 +111,7 @@ impl<P: Path, const F: usize> Guard<P, F> {
     fn halve_all(path: P, guards: &mut [Self]) -> f64 {
         let mut part = 1.0;
         let mut all: SmallVec<[(poly::Coefficients, usize); FEW]> =
-            guards.iter().map(|guard| poly::coefficients(path, guard.start, &guard.row)).collect();
+            guards.iter().map(|guard| poly::coefficients(path, &guard.series)).collect();
         for _ in 0..HALVINGS {
             part *= 0.5;
             for (guard, (b, count)) in guards.iter_mut().zip(&mut all).filter(|(g, _)| g.pattern != Pattern::Clear) {
@@ -139,9 +132,10 @@ impl<P: Path, const F: usize> Guard<P, F> {
     /// Where on the span the guard falls, on the first `part` of it.
     #[inline(always)]
     fn fall(&self, path: P, index: usize, part: f64) -> Option<Fall> {
-        let (theta, [value, slope]) = poly::fall(path, self.start, &self.row, self.guess, part)?;
+        let (theta, [value, slope]) = poly::fall(path, &self.series, self.guess, part)?;
         let error = self.errors[0] + theta * self.errors[1];
-        let [value, slope] = if self.start == 0.0 { [theta * value, value + theta * slope] } else { [value, slope] };
+        let [value, slope] =
+            if self.series.start == 0.0 { [theta * value, value + theta * slope] } else { [value, slope] };
         Some(Fall { index, theta, value, slope, error })
     }
 }
@@ -166,7 +160,7 @@ impl Fall {
 #[inline(always)]
 pub(super) fn first_fall<P: Path, const F: usize>(
     path: P,
-    guards: &[Guard<P, F>],
+    guards: &[Guard<'_, P, F>],
     part: f64,
     bound: f64,
 ) -> Option<(Option<Fall>, f64)> {
@@ -320,7 +314,7 @@ impl Propagator {
         }
         // All guards, and those that are not clear of zero with their numbers.
         let mut lines: SmallVec<[Line; MANY]> = SmallVec::new();
-        let mut guards: SmallVec<[Guard<P, F>; FEW]> = SmallVec::new();
+        let mut guards: SmallVec<[Guard<'_, P, F>; FEW]> = SmallVec::new();
         let mut numbers: SmallVec<[usize; FEW]> = SmallVec::new();
         for (number, (watched, row)) in motion.guards.iter().zip(&self.guards).enumerate() {
             let first = self.firsts[number];
@@ -354,7 +348,7 @@ impl Propagator {
         leap.is_bound = fall.is_none() && bound <= part;
         leap.passage = fall.map(|fall| Passage {
             // From an exact zero on, the error says it all.
-            zeros: if guards[fall.index].start == 0.0 { 3 } else { 0 },
+            zeros: if guards[fall.index].series.start == 0.0 { 3 } else { 0 },
             curvature: 0.0,
             guard: motion.guards[numbers[fall.index]].id,
             residual: fall.value,

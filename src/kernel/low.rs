@@ -3,7 +3,7 @@
 //! Taken as exact numbers, the coefficients of the fast path fulfil their recurrence up to a residual, which is formed in two
 //! doubles and divided by `k + 1`. Beyond the orders kept, the terms are so small that their rounding is none of the state's.
 
-use super::{Expansion, Force, Watch, linear::LARGEST, motion::Part};
+use super::{Expansion, Force, Watch, compiled::LARGEST, motion::Part};
 use crate::{
     hybrid::{FULL_PRECISION, Jet, Wide},
     system::PerContact,

@@ -14,6 +14,7 @@ mod bare;
 mod bound;
 mod clock;
 mod column;
+mod compiled;
 mod defect;
 mod fold;
 mod formed;
@@ -181,8 +182,8 @@ impl Work for Expand<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn on<P: Path>(self, _: P) {
-        self.motion.expand::<P>(self.request, self.out);
+    fn on<P: Path>(self, path: P) {
+        self.motion.expand(path, self.request, self.out);
     }
 }
 
@@ -326,8 +327,8 @@ impl Motion<'_> {
 
 impl Motion<'_> {
     #[inline(always)]
-    fn expand<P: Path>(&self, request: &JetRequest<'_>, out: &mut Jet) {
-        match self.series::<P>(request, false, out) {
+    fn expand<P: Path>(&self, path: P, request: &JetRequest<'_>, out: &mut Jet) {
+        match self.series(path, request, false, out) {
             Some((e, clock, tail)) => {
                 out.is_estimate = clock.is_some();
                 e.guards(clock.as_ref(), &tail, out);
@@ -340,6 +341,7 @@ impl Motion<'_> {
     #[inline(always)]
     fn series<'a, P: Path>(
         &'a self,
+        path: P,
         request: &'a JetRequest<'a>,
         is_bare: bool,
         out: &mut Jet,
@@ -365,7 +367,7 @@ impl Motion<'_> {
             match &clock {
                 None if self.is_linear => e.linear(out),
                 None => e.plain(out),
-                Some(clock) => e.rooted::<P>(clock, out),
+                Some(clock) => e.rooted(path, clock, out),
             }
             out.span = e.h;
             let reach = match &clock {

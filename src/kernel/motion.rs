@@ -8,7 +8,7 @@ use std::{
 use super::{
     Layout,
     bound::{Forcing, Growth},
-    linear::{Compiled, LARGEST},
+    compiled::{Compiled, LARGEST},
     pressed::Pressed,
     propagator::Propagator,
     rooted::Room,
@@ -89,7 +89,7 @@ pub(super) struct Motion<'s> {
     pub(super) is_varying: bool,
     /// The contacts whose force is a guard.
     pub(super) watched_forces: Box<[usize]>,
-    /// What the recurrence of a linear mode reads.
+    /// What the recurrences read.
     pub(super) compiled: Compiled,
     /// Room for series of closed power laws.
     pub(super) room: RefCell<Room>,
@@ -113,6 +113,7 @@ impl<'s> Motion<'s> {
         let guards: Box<[_]> = guards.collect();
         let (held, forcing) = (Sticking::new(structure, mode), Forcing::new(structure));
         let is_affine = |p: &Part| matches!(p.force(), None | Some(Force::Linear { .. }));
+        let is_linear = structure.n <= LARGEST && parts.iter().all(is_affine);
         let varies = |p: &Part| matches!(p.force(), Some(Force::Linear { stiffness, .. }) if stiffness.varies());
         Self {
             structure,
@@ -122,10 +123,10 @@ impl<'s> Motion<'s> {
             guards,
             growth: Growth::new(structure, &forcing, &parts, held.as_ref()),
             forcing,
-            is_linear: structure.n <= LARGEST && parts.iter().all(is_affine),
+            is_linear,
             is_pressed: parts.iter().any(Part::is_pressed),
             is_varying: parts.iter().any(varies),
-            compiled: Compiled::new(structure, &parts),
+            compiled: Compiled::new(structure, &parts, is_linear),
             held,
             parts,
             room: RefCell::default(),

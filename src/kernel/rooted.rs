@@ -8,12 +8,7 @@ use super::{
     fours::{Does, FourSeries, convolved},
     product, waves,
 };
-use crate::{
-    gear::contact::PowerLaw,
-    hybrid::Jet,
-    system::{Block, Spring},
-    vectors::{Path, fused},
-};
+use crate::{gear::contact::PowerLaw, hybrid::Jet, system::Spring, vectors::Path};
 
 /// A change this much smaller than what it changes is far below rounding.
 const UNFELT: f64 = f64::EPSILON / 64.0;
@@ -31,48 +26,10 @@ pub(super) struct Room {
     forces: Vec<f64>,
 }
 
-impl Block {
-    /// The accelerations of the block at order `k`, of displacements and velocities of all degrees of freedom, forces and oscillators.
-    #[inline(always)]
-    fn acceleration<P: Path>(
-        &self,
-        number: usize,
-        k: usize,
-        (q, v): (&[f64], &[f64]),
-        forces: &[f64],
-        waves: impl Fn(usize) -> [f64; 2],
-    ) -> [f64; LANES] {
-        let mut a = if k == 0 { self.load } else { [0.0; LANES] };
-        let (own_q, own_v) = (&q.as_chunks::<LANES>().0[number], &v.as_chunks::<LANES>().0[number]);
-        for l in 0..LANES {
-            a[l] = fused::<P>(self.by_q[l], own_q[l], fused::<P>(self.by_v[l], own_v[l], a[l]));
-        }
-        for (j, by_q, by_v) in &self.couplings {
-            let (q, v) = (q[*j], v[*j]);
-            for l in 0..LANES {
-                a[l] = fused::<P>(by_q[l], q, fused::<P>(by_v[l], v, a[l]));
-            }
-        }
-        for (i, cosine, sine) in &self.waves {
-            let [cos, sin] = waves(*i);
-            for l in 0..LANES {
-                a[l] = fused::<P>(cosine[l], cos, fused::<P>(sine[l], sin, a[l]));
-            }
-        }
-        for (j, push) in &self.pushes {
-            let force = -forces[*j];
-            for l in 0..LANES {
-                a[l] = fused::<P>(push[l], force, a[l]);
-            }
-        }
-        a
-    }
-}
-
 impl Expansion<'_> {
     /// All coefficients while power laws are closed.
     #[inline(always)]
-    pub(super) fn rooted<P: Path>(&self, clock: &StepClock, out: &mut Jet) {
+    pub(super) fn rooted<P: Path>(&self, path: P, clock: &StepClock, out: &mut Jet) {
         let (s, h) = (self.s, self.h);
         let (n, dim, blocks) = (s.n, s.dim, s.columns.blocks.len());
         let Jet { state, work, time, .. } = out;
@@ -93,10 +50,10 @@ impl Expansion<'_> {
         velocities.as_flattened_mut()[..n].copy_from_slice(&self.request.x[n..2 * n]);
         let mut weights = [0.0; ROW];
         for k in 0..=ORDER {
-            let row = k * blocks..(k + 1) * blocks;
-            let (q, v) = (displacements[row.clone()].as_flattened(), velocities[row.clone()].as_flattened());
+            let (at, next) = (k * blocks, (k + 1) * blocks);
+            let (q, v) = (&displacements[at..next], &velocities[at..next]);
             for (chunk, four) in fours.iter_mut().enumerate() {
-                self.rates::<P>(chunk, four, (k, terms), &v[..n], work);
+                self.rates(path, chunk, four, (k, terms), &v.as_flattened()[..n], work);
             }
             if let Some(owner) = clock.owner.filter(|_| !clock.is_plain()) {
                 let rate = if k > 0 { fours[owner / LANES].rate[k - 1][owner % LANES] } else { 0.0 };
@@ -106,17 +63,16 @@ impl Expansion<'_> {
                 if k == 0 {
                     self.begin(clock, chunk, four, work);
                 }
-                *force = self.forces::<P>(clock, chunk, four, k, work);
+                *force = self.forces(path, clock, chunk, four, k, work);
             }
             let waves = |i: usize| [0, ROW].map(|sine| work[Layout::oscillator(i) + sine + k]);
-            for (b, (block, a)) in s.columns.blocks.iter().zip(&mut accelerations[row.clone()]).enumerate() {
-                *a = block.acceleration::<P>(b, k, (q, v), forces, waves);
-            }
+            let of_order = &mut accelerations[at..next];
+            self.motion.compiled.accelerations(path, k, ([q, v], of_order), waves, forces);
             if let Some(held) = &self.motion.held {
                 let a = self.layout.accelerations + k * n;
-                work[a..a + n].copy_from_slice(&accelerations[row.clone()].as_flattened()[..n]);
+                work[a..a + n].copy_from_slice(&of_order.as_flattened()[..n]);
                 self.hold(held, k, work);
-                accelerations[row.clone()].as_flattened_mut()[..n].copy_from_slice(&work[a..a + n]);
+                of_order.as_flattened_mut()[..n].copy_from_slice(&work[a..a + n]);
             }
             if k == ORDER {
                 break;
@@ -125,21 +81,9 @@ impl Expansion<'_> {
             let clock_row = &work[self.layout.clock..=self.layout.clock + last];
             weights.iter_mut().zip(clock_row).for_each(|(w, rate)| *w = step * rate);
             let weights = &weights[..=last];
-            let (next_q, next_v) = state[(k + 1) * dim..][..2 * n].split_at_mut(n);
-            for (b, (q, v)) in next_q.chunks_mut(LANES).zip(next_v.chunks_mut(LANES)).enumerate() {
-                let at = k * blocks + b;
-                let next = [
-                    convolved::<P>(weights, velocities, blocks, at),
-                    convolved::<P>(weights, accelerations, blocks, at),
-                ];
-                [displacements[at + blocks], velocities[at + blocks]] = next;
-                for (row, next) in [q, v].into_iter().zip(&next) {
-                    // A whole block is one store.
-                    match row.as_chunks_mut::<LANES>() {
-                        ([whole], _) => *whole = *next,
-                        (_, rest) => rest.copy_from_slice(&next[..rest.len()]),
-                    }
-                }
+            for b in 0..blocks {
+                displacements[next + b] = path.numbers(convolved(path, weights, velocities, blocks, at + b));
+                velocities[next + b] = path.numbers(convolved(path, weights, accelerations, blocks, at + b));
             }
             if let Some(time) = time.get_mut(k + 1) {
                 *time = step * work[self.layout.clock + k];
@@ -154,6 +98,11 @@ impl Expansion<'_> {
                 }
                 (work[c + k + 1], work[c + ROW + k + 1]) = (o.omega * cosine, o.omega * sine);
             }
+        }
+        let orders = displacements.chunks_exact(blocks).zip(velocities.chunks_exact(blocks));
+        for (row, (q, v)) in state.chunks_exact_mut(dim).zip(orders).skip(1) {
+            row[..n].copy_from_slice(&q.as_flattened()[..n]);
+            row[n..2 * n].copy_from_slice(&v.as_flattened()[..n]);
         }
         fours.iter().enumerate().for_each(|(chunk, four)| self.keep(chunk, four, work));
     }
@@ -183,6 +132,7 @@ impl Expansion<'_> {
     #[inline(always)]
     fn rates<P: Path>(
         &self,
+        path: P,
         chunk: usize,
         four: &mut FourSeries,
         (k, terms): (usize, usize),
@@ -191,19 +141,23 @@ impl Expansion<'_> {
     ) {
         let columns = &self.s.columns.fours[chunk];
         // One sum in the order of the bodies: what is equal stays equal to the last bit.
-        let mut rate = [0.0; LANES];
-        for (direction, v) in columns.directions.iter().zip(v) {
+        let mut rate = path.all(0.0);
+        let (directions, rest) = columns.directions.as_chunks::<LANES>();
+        let (speeds, last) = v.as_chunks::<LANES>();
+        for (direction, v) in directions.iter().zip(speeds) {
             for l in 0..LANES {
-                rate[l] = fused::<P>(direction[l], *v, rate[l]);
+                rate = path.fused(path.four(direction[l]), path.all(v[l]), rate);
             }
+        }
+        for (direction, v) in rest.iter().zip(last) {
+            rate = path.fused(path.four(*direction), path.all(*v), rate);
         }
         for (index, cosine, sine) in &columns.rates {
             let o = Layout::oscillator(*index) + k;
-            let (cos, sin) = (work[o], work[o + ROW]);
-            for l in 0..LANES {
-                rate[l] -= fused::<P>(cosine[l], cos, sine[l] * sin);
-            }
+            let (cos, sin) = (path.all(work[o]), path.all(work[o + ROW]));
+            rate = path.minus(rate, path.fused(path.four(*cosine), cos, path.times(path.four(*sine), sin)));
         }
+        let mut rate = path.numbers(rate);
         if k == 0 && !self.request.still.is_empty() {
             let contacts = LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES);
             contacts.zip(&mut rate).filter(|(j, _)| self.is_still(*j)).for_each(|(_, rate)| *rate = 0.0);
@@ -217,13 +171,10 @@ impl Expansion<'_> {
         if k > 0 {
             let terms = terms.min(k);
             let clock = &work[self.layout.clock..self.layout.clock + terms];
-            let sum = convolved::<P>(clock, &four.rate, 1, k - 1);
-            let (step, mut deflection) = (self.h / k as f64, [0.0; LANES]);
-            for l in 0..LANES {
-                deflection[l] = step * sum[l];
-                four.penetration[k][l] = four.side[l] * deflection[l];
-            }
-            work[at..at + LANES].copy_from_slice(&deflection);
+            let sum = convolved(path, clock, &four.rate, 1, k - 1);
+            let deflection = path.times(path.all(self.h / k as f64), sum);
+            four.penetration[k] = path.numbers(path.times(path.four(four.side), deflection));
+            work[at..at + LANES].copy_from_slice(&path.numbers(deflection));
         }
     }
 
@@ -233,7 +184,7 @@ impl Expansion<'_> {
         for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
             let part = &self.motion.parts[j];
             (four.side[l], four.exponent[l], four.start[l]) = (1.0, 0.0, 1.0);
-            (four.stiffness[l], four.chi[l]) = (0.0, 0.0);
+            (four.stiffness[l], four.chi[l], four.elastic[l]) = (0.0, 0.0, 0.0);
             let c = &self.s.contacts[j];
             (four.per_across[l], four.weight[l]) = (c.across.recip(), c.weight);
             four.penetration[0][l] = part.side * work[layout.stretches + j];
@@ -253,8 +204,10 @@ impl Expansion<'_> {
             four.does[l] = if self.motion.goes_with(clock.owner.filter(|_| !clock.is_plain()), j, self.request.x, work)
             {
                 Does::AsOwner(law)
-            } else if clock.owner != Some(j) && four.penetration[0][l] > 0.0 && !self.leaves_unfelt(j, n, rate, work) {
+            } else if clock.owner != Some(j) && four.penetration[0][l] > 0.0 && !self.leaves_unfelt(j, law, rate, work)
+            {
                 four.start[l] = four.penetration[0][l];
+                four.elastic[l] = law.exponent.power(four.start[l]);
                 Does::Pressed
             } else {
                 Does::Alone(law)
@@ -268,6 +221,7 @@ impl Expansion<'_> {
     #[inline(always)]
     fn forces<P: Path>(
         &self,
+        path: P,
         clock: &StepClock,
         chunk: usize,
         four: &mut FourSeries,
@@ -276,10 +230,11 @@ impl Expansion<'_> {
     ) -> [f64; LANES] {
         let layout = self.layout;
         let rate = four.rate[k];
-        for l in 0..LANES {
-            four.factor[k][l] = four.chi[l] * four.side[l] * rate[l] + if k == 0 { 1.0 } else { 0.0 };
-        }
-        let [mut power, product] = four.powers::<P>(k);
+        let by_rate = path.times(path.four(four.chi), path.four(four.side));
+        let factor = path.times(by_rate, path.four(rate));
+        four.factor[k] = path.numbers(if k == 0 { path.plus(factor, path.all(1.0)) } else { factor });
+        let [power, product] = four.powers(path, k);
+        let mut power = path.numbers(power);
         let contacts = LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES);
         if four.is_mixed {
             for (l, j) in contacts.clone().enumerate() {
@@ -302,10 +257,8 @@ impl Expansion<'_> {
             }
         }
         *four.power(k) = power;
-        let mut force = [0.0; LANES];
-        for l in 0..LANES {
-            force[l] = four.stiffness[l] * fused::<P>(four.factor[0][l], power[l], product[l]);
-        }
+        let all = path.fused(path.four(four.factor[0]), path.four(power), product);
+        let mut force = path.numbers(path.times(path.four(four.stiffness), all));
         if four.is_mixed {
             for (l, j) in contacts.enumerate().filter(|(l, _)| matches!(four.does[*l], Does::Else)) {
                 let law = self.linear_force(j, rate[l], k, work);
@@ -346,10 +299,11 @@ impl Expansion<'_> {
     /// Whether contact `j` is leaving and so near its end that the rest of its force changes neither its rate nor, in
     /// proportion, its penetration: with `p/|ṗ|` left, by `K p^(n+1)/(m ṗ²)`. Where it leaves together with the clock's
     /// owner its branch point would hold up every step.
-    fn leaves_unfelt(&self, j: usize, n: f64, rate: f64, work: &[f64]) -> bool {
+    fn leaves_unfelt(&self, j: usize, law: PowerLaw, rate: f64, work: &[f64]) -> bool {
         let c = &self.s.contacts[j];
         let p = work[self.layout.of(j, PENETRATION)];
-        rate < 0.0 && p > 0.0 && c.spec.stiffness.mean() * c.mobility * libm::pow(p, n + 1.0) <= UNFELT * rate * rate
+        let energy = |p: f64| c.spec.stiffness.mean() * c.mobility * law.exponent.power(p) * p;
+        rate < 0.0 && p > 0.0 && energy(p) <= UNFELT * rate * rate
     }
 
     /// `pⁿ` at order `k` of a contact with the `rate` ṗ at the start.
@@ -377,7 +331,7 @@ impl Expansion<'_> {
         // (the owner's q; twice as many from rest), and pⁿ = θ^(mn) βⁿ; βⁿ by the recurrence of a power of a series. Where mn
         // is not whole there is no power series: the force is left out, and the step so short that it changes nothing.
         let n = exponent.value();
-        if k > 0 && work[u] == 0.0 && work[p] > 0.0 || k == 0 && self.leaves_unfelt(j, n, rate, work) {
+        if k > 0 && work[u] == 0.0 && work[p] > 0.0 || k == 0 && self.leaves_unfelt(j, law, rate, work) {
             work[u + k] = 0.0;
             return;
         }
@@ -393,7 +347,7 @@ impl Expansion<'_> {
         }
         let i = k - shift;
         work[u + k] = if i == 0 {
-            libm::pow(work[p + m].max(0.0), n)
+            exponent.power(work[p + m].max(0.0))
         } else {
             let sum: f64 = (1..=i).map(|l| (l as f64 * (n + 1.0) - i as f64) * work[p + m + l] * work[u + k - l]).sum();
             sum / (i as f64 * work[p + m])

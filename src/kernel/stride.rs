@@ -76,17 +76,15 @@ impl Lane<'_> {
         }
         let z = &z[..];
         let deflection: (Row<P, FOURS>, f64) = (by.rows[0].columns.combine(path, z), by.rows[0].error(z));
+        let force: Option<(Row<P, FOURS>, f64)> = match by.rows.get(1) {
+            Some(row) => Some((row.columns.combine(path, z), row.error(z))),
+            None => None,
+        };
         // Guards that are not clear of zero, and their numbers.
-        let mut guards: SmallVec<[Guard<P, FOURS>; 2]> = SmallVec::new();
+        let mut guards: SmallVec<[Guard<'_, P, FOURS>; 2]> = SmallVec::new();
         let mut numbers = [0; 3];
         for (number, (watched, row)) in motion.guards.iter().zip(&by.guards).enumerate() {
-            let force;
-            let (row, error) = if *row == 0 {
-                &deflection
-            } else {
-                force = (by.rows[*row].columns.combine(path, z), by.rows[*row].error(z));
-                &force
-            };
+            let (row, error) = force.as_ref().filter(|_| *row > 0).unwrap_or(&deflection);
             let rate = if watched.watch == Watch::Force { rate() } else { 0.0 };
             let [start, sign, rounding] = by.guard(motion, &given, watched, &start, rate);
             // A zero by chance is no exact one.

@@ -103,7 +103,7 @@ static BINOMIALS: [[[f64; 4]; MAX_DEGREE + 1]; FOURS] = {
 pub(super) enum Signs {
     /// All are above the uncertainty.
     Above,
-    /// They change once, and the last one is below its negative: one zero, and it is a fall. Where the control polygon crosses zero.
+    /// They change once, and the last one is below its negative: one zero, and it is a fall. Where it is, nearly.
     Fall(f64),
     /// Anything else.
     Mixed,
@@ -159,11 +159,20 @@ pub(super) fn signs<P: Path>(path: P, p: &[f64], limit: f64, uncertainty: f64) -
     Signs::Fall(crossing(&b.as_flattened()[..=n], first as usize))
 }
 
-/// Where the control polygon crosses zero, in `[0, 1]`, between the coefficient `first ≥ 1` and the one before it.
-fn crossing(b: &[f64], first: usize) -> f64 {
-    let fall = b[first - 1] - b[first];
-    let within = if fall > 0.0 { b[first - 1] / fall } else { 0.5 };
-    ((first - 1) as f64 + within) / (b.len() - 1) as f64
+/// Where the polynomial with the coefficients `b` falls, nearly, in `[0, 1]`: its control polygon does before coefficient `i ≥ 1`. It is off
+/// the polygon by `t (1 − t)/2n` times the second derivative of that, n the degree.
+#[inline(always)]
+pub(super) fn crossing(b: &[f64], i: usize) -> f64 {
+    let (before, after) = (b[i - 1], b[i]);
+    let (fall, cell) = (before - after, ((b.len() - 1) as f64).recip());
+    let t = ((i - 1) as f64 + if fall > 0.0 { before / fall } else { 0.5 }) * cell;
+    let bent = match i {
+        _ if i + 1 < b.len() => before - 2.0 * after + b[i + 1],
+        _ if i > 1 => b[i - 2] - 2.0 * before + after,
+        _ => return t,
+    };
+    let by = 0.5 * t * (1.0 - t) * (bent / fall);
+    if by.abs() <= cell { (t + by).clamp(0.0, 1.0) } else { t }
 }
 
 impl Bernstein {
@@ -209,7 +218,7 @@ impl Bernstein {
         Self { n, b: right }
     }
 
-    /// Where the control polygon first crosses zero, in `[0, 1]`: a first guess of a single root.
+    /// Where it first falls, nearly, in `[0, 1]`: a first guess of a single root.
     pub fn crossing(&self) -> f64 {
         let b = self.coefficients();
         crossing(b, b.iter().position(|c| *c < 0.0).unwrap_or(self.n).max(1))

@@ -6,7 +6,7 @@
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use super::bernstein::INVERSE_BINOMIALS;
+use super::bernstein::{INVERSE_BINOMIALS, crossing};
 use crate::vectors::{Path, fused};
 
 /// Bernstein coefficients: F fours, of degree 4F − 1.
@@ -97,38 +97,44 @@ fn total([a, b, c, d]: [f64; 4]) -> f64 {
     (a + b) + (c + d)
 }
 
-/// The Bernstein coefficients of `s + t p`, the first of them `s`; those of `p` where `s` is zero. How many.
+/// `s + t p`, with s and `p = ±1` times a row.
+pub(crate) struct Signed<'r, P: Path, const F: usize> {
+    pub start: f64,
+    pub sign: f64,
+    pub row: &'r Row<P, F>,
+}
+
+/// Its Bernstein coefficients, the first of them `s`; those of `p` where `s` is zero. How many.
 #[inline(always)]
-pub(crate) fn coefficients<P: Path, const F: usize>(path: P, start: f64, row: &Row<P, F>) -> (Coefficients, usize) {
-    let (numbers, mut all) = (numbers(path, row), [0.0; MOST + 1]);
+pub(crate) fn coefficients<P: Path, const F: usize>(path: P, of: &Signed<'_, P, F>) -> (Coefficients, usize) {
+    let (numbers, mut all) = (numbers(path, of.row), [of.start; MOST + 1]);
     let (numbers, shares) = (numbers.as_flattened(), Tables::<F>::SHARES);
-    if start == 0.0 {
-        all[..4 * F].copy_from_slice(numbers);
+    if of.start == 0.0 {
+        (0..4 * F).for_each(|i| all[i] = of.sign * numbers[i]);
         return (all, 4 * F);
     }
-    all[0] = start;
     for (b, (p, share)) in all[1..].iter_mut().zip(numbers.iter().zip(shares.as_flattened())) {
-        *b = fused::<P>(*p, *share, start);
+        *b = fused::<P>(*p, of.sign * share, of.start);
     }
     (all, 4 * F + 1)
 }
 
-/// The pattern of `s + t p` on `[0, 1]`, whose values are known to `uncertainty`, and where its control polygon falls.
+/// The pattern of `s + t p` on `[0, 1]`, whose values are known to `uncertainty`, and where it falls, nearly.
 #[inline(always)]
-pub(crate) fn pattern<P: Path, const F: usize>(
-    path: P,
-    start: f64,
-    row: &Row<P, F>,
-    uncertainty: f64,
-) -> (Pattern, f64) {
+pub(crate) fn pattern<P: Path, const F: usize>(path: P, of: &Signed<'_, P, F>, uncertainty: f64) -> (Pattern, f64) {
+    let Signed { start, row, .. } = *of;
+    let sign = path.all(of.sign);
     let (mut above, mut below) = (0u32, 0u32);
     let (high, low) = (path.all(uncertainty), path.all(-uncertainty));
     let shares = Tables::<F>::SHARES;
     let is_whole = start != 0.0;
+    let mut points = [start; MOST + 1];
     for i in 0..F {
-        let b = if is_whole { path.fused(row[i], path.four(shares[i]), path.all(start)) } else { row[i] };
+        let by = if is_whole { path.times(sign, path.four(shares[i])) } else { sign };
+        let b = path.fused(row[i], by, path.all(start));
         above |= path.above(b, high) << (4 * i);
         below |= path.above(low, b) << (4 * i);
+        points[4 * i + usize::from(is_whole)..][..4].copy_from_slice(&path.numbers(b));
     }
     if is_whole {
         above = above << 1 | u32::from(start > uncertainty);
@@ -144,44 +150,33 @@ pub(crate) fn pattern<P: Path, const F: usize>(
     if pattern != Pattern::Falls {
         return (pattern, f64::NAN);
     }
-    let numbers = numbers(path, row);
-    let (numbers, shares) = (numbers.as_flattened(), shares.as_flattened());
-    let b = |i: usize| match i.checked_sub(1) {
-        _ if !is_whole => numbers[i],
-        None => start,
-        Some(i) => fused::<P>(numbers[i], shares[i], start),
-    };
     // Of the one that may be undecided its sign.
-    let i = falling.0 as usize + usize::from(b(falling.0 as usize) >= 0.0);
-    let (before, after) = (b(i - 1), b(i));
-    (pattern, ((i - 1) as f64 + before / (before - after)) / f64::from(count - 1))
+    let first = falling.0 as usize;
+    (pattern, crossing(&points[..count as usize], first + usize::from(points[first] >= 0.0)))
 }
 
 /// Whether all coefficients of `s + t p` are above the `uncertainty` because those of `p` are too small to bring it there.
 #[inline(always)]
 pub(crate) fn stays_above<P: Path, const F: usize>(path: P, start: f64, row: &Row<P, F>, uncertainty: f64) -> bool {
-    let (room, mut below) = (path.all(start - uncertainty), 0b1111);
-    for four in row {
-        below &= path.above(room, path.sizes(*four));
+    let mut most = path.sizes(row[0]);
+    for four in &row[1..] {
+        most = path.larger(path.sizes(*four), most);
     }
-    below == 0b1111
+    path.above(path.all(start - uncertainty), most) == 0b1111
 }
 
 /// The largest size of `s + t p` at its control points up to `end`, point i of so many lying at i over their number.
 #[inline(always)]
 pub(crate) fn largest<P: Path, const F: usize>(path: P, start: f64, row: &Row<P, F>, end: f64) -> f64 {
-    let mut sizes = [start.abs(); 4];
+    let (start, mut most) = (path.all(start), path.all(start.abs()));
     let reached = ((end * (4 * F) as f64) as usize + 1).div_ceil(4).min(F);
     for (four, shares) in row[..reached].iter().zip(&Tables::<F>::SHARES) {
-        let points = path.numbers(path.sizes(path.fused(*four, path.four(*shares), path.all(start))));
-        for l in 0..4 {
-            sizes[l] = if points[l] > sizes[l] { points[l] } else { sizes[l] };
-        }
+        most = path.larger(path.sizes(path.fused(*four, path.four(*shares), start)), most);
     }
-    sizes.into_iter().fold(0.0, f64::max)
+    path.numbers(most).into_iter().fold(0.0, f64::max)
 }
 
-/// The pattern of the Bernstein coefficients `b`, and where their control polygon falls.
+/// The pattern of the Bernstein coefficients `b`, and where their polynomial falls, nearly.
 pub(crate) fn pattern_of(b: &[f64], uncertainty: f64) -> (Pattern, f64) {
     let above = b.iter().take_while(|c| **c > uncertainty).count();
     if above == b.len() {
@@ -189,17 +184,10 @@ pub(crate) fn pattern_of(b: &[f64], uncertainty: f64) -> (Pattern, f64) {
     }
     let below = b[above..].iter().rev().take_while(|c| **c < -uncertainty).count();
     if above > 0 && below > 0 && above + below + 1 >= b.len() {
-        (Pattern::Falls, control_fall(b))
+        (Pattern::Falls, crossing(b, b.iter().position(|c| *c < 0.0).unwrap_or(1).max(1)))
     } else {
         (Pattern::Unclear, f64::NAN)
     }
-}
-
-/// Where the control polygon of `b` falls through zero.
-#[inline(always)]
-fn control_fall(b: &[f64]) -> f64 {
-    let i = b.iter().position(|c| *c < 0.0).unwrap_or(1).max(1);
-    ((i - 1) as f64 + b[i - 1] / (b[i - 1] - b[i])) / (b.len() - 1) as f64
 }
 
 /// `C(i, j)/2ⁱ` by j: what coefficient j adds to coefficient i of the left half.
@@ -309,24 +297,31 @@ impl<P: Path, const F: usize> Place<P, F> {
     }
 }
 
-/// Iterations of Halley's method: from the zero of the control polygon two or three are enough.
+/// Iterations of Halley's method: from the first guess two are enough most often.
 const ITERATIONS: usize = 32;
-/// A step this short, relative to the place, over which the slope changes by no more than a share of `BENT`, is the last one: what is left
-/// is of third order in it, the square of the share times the step.
-const SETTLED: f64 = 1e-7;
-const BENT: f64 = 1e-4;
+
+/// Longest last step, relative to the place: a millionth cubed is far below rounding.
+const SETTLED: f64 = 1e-6;
+
+/// Whether a `step` of Halley's method, over which the slope changes by a `share`, is the last one at `place`. What is left is of third
+/// order: the square of the share times the step has to be below rounding, and the step so short that what the third derivative adds is.
+#[inline(always)]
+fn is_settled(place: f64, step: f64, share: f64) -> bool {
+    step.abs() <= SETTLED * place && share * share * step.abs() <= 0.25 * f64::EPSILON * place
+}
 
 /// The polynomial of a row near one end: `p = farⁿ Σ c_i uⁱ`, `u = near/far`; and the same with i and `i²` in front.
 struct Sums<P: Path, const F: usize>([Row<P, F>; 3]);
 
 impl<P: Path, const F: usize> Sums<P, F> {
     #[inline(always)]
-    fn new(path: P, row: &Row<P, F>, is_left: bool) -> Self {
+    fn new(path: P, of: &Signed<'_, P, F>, is_left: bool) -> Self {
+        let (row, sign) = (of.row, path.all(of.sign));
         let (binomials, indices) = (fours(path, &Tables::<F>::BINOMIALS), fours(path, &Tables::<F>::INDICES));
         let last = path.all(Tables::<F>::LAST as f64);
         let mut rows = [[path.all(0.0); F]; 3];
         for i in 0..F {
-            rows[0][i] = path.times(row[i], binomials[i]);
+            rows[0][i] = path.times(path.times(sign, row[i]), binomials[i]);
             let index = if is_left { indices[i] } else { path.minus(last, indices[i]) };
             rows[1][i] = path.times(rows[0][i], index);
             rows[2][i] = path.times(rows[1][i], index);
@@ -373,13 +368,12 @@ impl<P: Path, const F: usize> Sums<P, F> {
 #[inline(always)]
 pub(crate) fn fall<P: Path, const F: usize>(
     path: P,
-    start: f64,
-    row: &Row<P, F>,
+    of: &Signed<'_, P, F>,
     guess: f64,
     until: f64,
 ) -> Option<(f64, [f64; 2])> {
-    let is_left = guess <= 0.5;
-    let sums = Sums::new(path, row, is_left);
+    let (start, is_left) = (of.start, guess <= 0.5);
+    let sums = Sums::new(path, of, is_left);
     let (mut t, mut low, mut high) = (guess, 0.0, until);
     for _ in 0..ITERATIONS {
         let ends = Ends::new(t, is_left);
@@ -390,7 +384,7 @@ pub(crate) fn fall<P: Path, const F: usize>(
         }
         let step = -2.0 * value * slope / (2.0 * slope * slope - value * bent);
         let next = at + step;
-        if step.abs() <= SETTLED * at && (step * bent).abs() <= BENT * slope.abs() {
+        if is_settled(at, step, step * bent / slope) {
             return Some((next, [value + step * (slope + 0.5 * step * bent), slope + step * bent]));
         }
         if value > 0.0 {

@@ -1,0 +1,281 @@
+//! A mode as its recurrences read it: blocks of four degrees of freedom, and contacts four at a time, as columns.
+#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
+
+use super::{LANES, motion::Part};
+use crate::{
+    system::{Block, Elasticity, FourColumns, Structure},
+    vectors::Path,
+};
+
+/// Four numbers in memory.
+pub(super) type Four = [f64; LANES];
+
+/// Columns of several fours each, and the number of what each is multiplied by.
+#[derive(Debug, Default)]
+struct Columns {
+    of: Vec<usize>,
+    fours: Vec<Four>,
+}
+
+impl Columns {
+    /// With the columns of a number, if any of them is not zero.
+    fn add(&mut self, of: usize, columns: impl IntoIterator<Item = Four>) {
+        let first = self.fours.len();
+        self.fours.extend(columns);
+        if self.fours[first..].as_flattened().iter().all(|x| *x == 0.0) {
+            self.fours.truncate(first);
+        } else {
+            self.of.push(of);
+        }
+    }
+
+    /// The numbers, and the columns of each: as many as M, of N fours.
+    #[inline(always)]
+    fn list<const N: usize, const M: usize>(&self) -> (&[usize], &[[[Four; N]; M]]) {
+        let columns = self.fours.as_chunks::<N>().0.as_chunks::<M>().0;
+        let count = columns.len().min(self.of.len());
+        (&self.of[..count], &columns[..count])
+    }
+}
+
+/// A mode as its recurrences read it: blocks of four degrees of freedom, and contacts four at a time.
+///
+/// `q̈ = A_q q + A_v q̇ + f − Σ push F`, `δ̇ = direction · q̇ − ė`, `F = stiffness · (δ − σ b) + damping · δ̇`.
+#[derive(Debug)]
+pub(super) struct Compiled {
+    /// All degrees of freedom, as many blocks together as a recurrence is compiled for.
+    pub bodies: Box<[Bodies]>,
+    pub groups: Box<[Group]>,
+}
+
+/// Some blocks of degrees of freedom.
+#[derive(Debug)]
+pub(super) struct Bodies {
+    /// Diagonals of A_q and A_v.
+    by_q: Box<[Four]>,
+    by_v: Box<[Four]>,
+    load: Box<[Four]>,
+    /// By degree of freedom: columns of A_q, then of A_v, off the diagonal.
+    couplings: Columns,
+    /// By oscillator: cosine parts, then sine parts of the load.
+    waves: Columns,
+    /// By contact whose force is formed at each order: `−M⁻¹ g`. In a linear mode that of a varying stiffness is added by itself.
+    pushes: Columns,
+}
+
+/// B blocks, as they are read at every order.
+pub(super) struct Accelerated<'a, const B: usize> {
+    by_q: &'a [Four; B],
+    by_v: &'a [Four; B],
+    load: &'a [Four; B],
+    couplings: (&'a [usize], &'a [[[Four; B]; 2]]),
+    waves: (&'a [usize], &'a [[[Four; B]; 2]]),
+    pushes: (&'a [usize], &'a [[[Four; B]; 1]]),
+}
+
+impl Bodies {
+    /// Those of `blocks`, pushed by the contacts of which `pushes` is true.
+    fn new(s: &Structure, blocks: &[Block], pushes: impl Fn(usize) -> bool) -> Self {
+        let mut bodies = Self {
+            by_q: blocks.iter().map(|b| b.by_q).collect(),
+            by_v: blocks.iter().map(|b| b.by_v).collect(),
+            load: blocks.iter().map(|b| b.load).collect(),
+            couplings: Columns::default(),
+            waves: Columns::default(),
+            pushes: Columns::default(),
+        };
+        for i in 0..s.n {
+            let parts = [0, 1].map(|part| blocks.iter().map(move |b| find(&b.couplings, i)[part]));
+            bodies.couplings.add(i, parts.into_iter().flatten());
+        }
+        // Several loads may follow one oscillator.
+        for (load, wave) in s.load_waves.iter().enumerate() {
+            let [cosine, sine] = [|b: &Block, i: usize| b.waves[i].1, |b: &Block, i: usize| b.waves[i].2];
+            let parts = [cosine, sine].map(|part| blocks.iter().map(move |b| part(b, load)));
+            bodies.waves.add(wave.index, parts.into_iter().flatten());
+        }
+        for j in (0..s.contacts.len()).filter(|j| pushes(*j)) {
+            let push =
+                |b: &Block| b.pushes.iter().find(|(of, _)| *of == j).map_or([0.0; LANES], |(_, p)| p.map(|p| -p));
+            bodies.pushes.add(j, blocks.iter().map(push));
+        }
+        bodies
+    }
+
+    #[inline(always)]
+    pub fn accelerated<const B: usize>(&self) -> Option<Accelerated<'_, B>> {
+        let [by_q, by_v, load] = [&self.by_q, &self.by_v, &self.load].map(|fours| fours.first_chunk::<B>());
+        Some(Accelerated {
+            by_q: by_q?,
+            by_v: by_v?,
+            load: load?,
+            couplings: self.couplings.list(),
+            waves: self.waves.list(),
+            pushes: self.pushes.list(),
+        })
+    }
+}
+
+impl<const B: usize> Accelerated<'_, B> {
+    /// The accelerations at order `k`: of displacements and velocities, those of the blocks `own`, of oscillators, and of forces.
+    #[inline(always)]
+    pub fn at<P: Path>(
+        &self,
+        path: P,
+        k: usize,
+        ([q, v], [own_q, own_v]): ([&[f64]; 2], [&[Four; B]; 2]),
+        waves: impl Fn(usize) -> [f64; 2],
+        forces: &[f64],
+    ) -> [P::Four; B] {
+        let mut a = [path.all(0.0); B];
+        if k == 0 {
+            a = self.load.map(|four| path.four(four));
+        }
+        for (i, [by_q, by_v]) in self.couplings.0.iter().zip(self.couplings.1) {
+            let (q, v) = (path.all(q[*i]), path.all(v[*i]));
+            for b in 0..B {
+                a[b] = path.fused(path.four(by_v[b]), v, a[b]);
+                a[b] = path.fused(path.four(by_q[b]), q, a[b]);
+            }
+        }
+        for (i, [by_cos, by_sin]) in self.waves.0.iter().zip(self.waves.1) {
+            let [cos, sin] = waves(*i);
+            let (cos, sin) = (path.all(cos), path.all(sin));
+            for b in 0..B {
+                a[b] = path.fused(path.four(by_sin[b]), sin, a[b]);
+                a[b] = path.fused(path.four(by_cos[b]), cos, a[b]);
+            }
+        }
+        for b in 0..B {
+            a[b] = path.fused(path.four(self.by_v[b]), path.four(own_v[b]), a[b]);
+            a[b] = path.fused(path.four(self.by_q[b]), path.four(own_q[b]), a[b]);
+        }
+        for (j, [push]) in self.pushes.0.iter().zip(self.pushes.1) {
+            let force = path.all(forces[*j]);
+            for b in 0..B {
+                a[b] = path.fused(path.four(push[b]), force, a[b]);
+            }
+        }
+        a
+    }
+}
+
+/// Several fours of contacts of a linear mode.
+#[derive(Debug)]
+pub(super) struct Group {
+    /// What the velocity of each degree of freedom adds to the rates; zero beyond the last of them, up to whole blocks.
+    directions: Vec<Four>,
+    /// By oscillator: what its cosine adds, then its sine.
+    waves: Columns,
+    /// Stiffness and damping; zero where no force is carried, or by a stiffness that varies.
+    laws: Vec<[Four; 2]>,
+    /// Any of them is not zero.
+    carries: bool,
+}
+
+impl Group {
+    /// The contacts `fours`, which start with four number `first`; `law` gives the stiffness and damping of a contact.
+    fn new(s: &Structure, first: usize, fours: &[FourColumns], law: impl Fn(usize) -> Option<[f64; 2]>) -> Self {
+        let contacts = LANES * first..LANES * (first + fours.len());
+        let laws =
+            |c: usize| [0, 1].map(|part| std::array::from_fn(|l| law(LANES * c + l).map_or(0.0, |law| law[part])));
+        let direction =
+            |i: usize| fours.iter().map(move |four| four.directions.get(i).copied().unwrap_or([0.0; LANES]));
+        let mut waves = Columns::default();
+        for i in 0..s.oscillators.len() {
+            let parts = [0, 1].map(|part| fours.iter().map(move |four| find(&four.rates, i)[part].map(|x| -x)));
+            waves.add(i, parts.into_iter().flatten());
+        }
+        Self {
+            directions: (0..s.n.next_multiple_of(LANES)).flat_map(direction).collect(),
+            waves,
+            laws: (first..first + fours.len()).map(laws).collect(),
+            carries: contacts.clone().any(|j| law(j).is_some()),
+        }
+    }
+
+    #[inline(always)]
+    pub fn view<const B: usize, const C: usize>(&self) -> Option<View<'_, B, C>> {
+        Some(View {
+            directions: self.directions.as_chunks().0.as_chunks().0.first_chunk()?,
+            waves: self.waves.list(),
+            laws: self.laws.first_chunk().filter(|_| self.carries),
+        })
+    }
+}
+
+/// A group of C fours, as it is read at every order.
+pub(super) struct View<'a, const B: usize, const C: usize> {
+    pub directions: &'a [[[Four; C]; LANES]; B],
+    pub waves: (&'a [usize], &'a [[[Four; C]; 2]]),
+    /// Where a force is carried.
+    pub laws: Option<&'a [[Four; 2]; C]>,
+}
+
+/// The two columns of number `i`.
+fn find(list: &[(usize, Four, Four)], i: usize) -> [Four; 2] {
+    list.iter().find(|(of, ..)| *of == i).map_or([[0.0; LANES]; 2], |(_, a, b)| [*a, *b])
+}
+
+impl Compiled {
+    pub fn new(s: &Structure, parts: &[Part], is_linear: bool) -> Self {
+        let (blocks, fours) = (&s.columns.blocks, &s.columns.fours);
+        let law = |j: usize| match parts.get(j).and_then(Part::carried_linear) {
+            Some((Elasticity::Constant(k), damping)) => Some([k, damping]),
+            _ => None,
+        };
+        let bodies =
+            blocks.chunks(MOST_BLOCKS).map(|blocks| Bodies::new(s, blocks, |j| !is_linear || law(j).is_some()));
+        let size = group_size(fours.len());
+        let groups = fours.chunks(size).enumerate();
+        Self {
+            bodies: bodies.collect(),
+            groups: groups.map(|(group, fours)| Group::new(s, group * size, fours, law)).collect(),
+        }
+    }
+
+    /// The accelerations of all degrees of freedom at order `k`: of displacements and velocities, of oscillators, and of forces.
+    #[inline(always)]
+    pub fn accelerations<P: Path>(
+        &self,
+        path: P,
+        k: usize,
+        ([q, v], out): ([&[Four]; 2], &mut [Four]),
+        waves: impl Fn(usize) -> [f64; 2],
+        forces: &[f64],
+    ) {
+        let own = q.chunks(MOST_BLOCKS).zip(v.chunks(MOST_BLOCKS));
+        for ((bodies, (own_q, own_v)), out) in self.bodies.iter().zip(own).zip(out.chunks_mut(MOST_BLOCKS)) {
+            macro_rules! sizes {
+                ($($b:literal)*) => {
+                    match out.len() {
+                        $($b => {
+                            let rows = (bodies.accelerated::<$b>(), own_q.first_chunk(), own_v.first_chunk());
+                            let (Some(all), Some(own_q), Some(own_v)) = rows else { return };
+                            let state = ([q.as_flattened(), v.as_flattened()], [own_q, own_v]);
+                            let a = all.at(path, k, state, &waves, forces);
+                            for b in 0..$b {
+                                out[b] = path.numbers(a[b]);
+                            }
+                        })*
+                        blocks => unreachable!("{blocks} blocks, more than {MOST_BLOCKS}"),
+                    }
+                };
+            }
+            sizes!(1 2 3 4 5 6);
+        }
+    }
+}
+
+/// Most fours of contacts that the recurrence is compiled for as one group.
+pub(super) const MOST_FOURS: usize = 3;
+
+/// Fours in a group: all of them, or one by one.
+pub(super) fn group_size(fours: usize) -> usize {
+    if fours <= MOST_FOURS { fours.max(1) } else { 1 }
+}
+
+/// Blocks of four degrees of freedom of the largest structure that the fast path is compiled for.
+pub(super) const MOST_BLOCKS: usize = 6;
+/// Degrees of freedom of it.
+pub(super) const LARGEST: usize = LANES * MOST_BLOCKS;
