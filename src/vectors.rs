@@ -65,7 +65,7 @@ pub(crate) trait Path: Copy {
     /// `|a|`, each.
     fn sizes(self, a: Self::Four) -> Self::Four;
 
-    /// The larger one, each.
+    /// The larger one, each; b where a is NaN.
     fn larger(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
     /// As [`fused`], each.

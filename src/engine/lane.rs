@@ -56,7 +56,8 @@ pub(super) fn go_on<'s>(
     let Core { system, options, counters, chatter, iteration, .. } = core;
     let is_open = iteration.is_open();
     let before = counters.events + u64::from(is_open);
-    if before >= options.max_events || !point.state.jump.still.is_empty() {
+    // With a tolerance the uncertainty of each event is counted, which a lane does not tell.
+    if before >= options.max_events || !point.state.jump.still.is_empty() || core.tolerance > 0.0 {
         return None;
     }
     let longest = system.clock().between(point.state.at, bound);

@@ -150,10 +150,10 @@ impl Core<'_> {
 
     /// Whether the step that leads to such a fall has left something out, and has to be made at full precision.
     fn is_loose(&self, step: &dyn DenseStep, located: &Located) -> bool {
-        let is_loose = |(i, id): (usize, &GuardId)| {
+        let falls_loosely = |(i, id): (usize, &GuardId)| {
             located.fired.contains(*id) && step.left_out(i) > 0.0 && self.falls_exactly(*id)
         };
-        !self.is_again && located.theta > 0.0 && step.guards().iter().enumerate().any(is_loose)
+        !self.is_again && located.theta > 0.0 && step.guards().iter().enumerate().any(falls_loosely)
     }
 
     /// Ends the arc at `theta`: at an event, if its numbers agree there.

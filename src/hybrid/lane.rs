@@ -52,7 +52,8 @@ pub struct Lap {
     pub events: u64,
     /// Known switching times passed.
     pub switches: u64,
-    /// What has happened at the instant where it started is complete, and the host has been told of its rebound.
+    /// What has happened at the instant where it started is complete, and the host has been told of its rebound: so a lap that has come no
+    /// farther is none that has done nothing.
     pub closes: bool,
     /// Where it ends.
     pub end: LapEnd,

@@ -33,8 +33,8 @@ impl Columns {
     #[inline(always)]
     fn list<const N: usize, const M: usize>(&self) -> (&[usize], &[[[Four; N]; M]]) {
         let columns = self.fours.as_chunks::<N>().0.as_chunks::<M>().0;
-        let count = columns.len().min(self.of.len());
-        (&self.of[..count], &columns[..count])
+        debug_assert_eq!(columns.len(), self.of.len());
+        (&self.of, columns)
     }
 }
 
@@ -44,13 +44,14 @@ impl Columns {
 #[derive(Debug)]
 pub(super) struct Compiled {
     /// All degrees of freedom, as many blocks together as a recurrence is compiled for.
-    pub bodies: Box<[Bodies]>,
+    pub blocks: Box<[Blocks]>,
+    /// Of a linear mode its contacts.
     pub groups: Box<[Group]>,
 }
 
 /// Some blocks of degrees of freedom.
 #[derive(Debug)]
-pub(super) struct Bodies {
+pub(super) struct Blocks {
     /// Diagonals of A_q and A_v.
     by_q: Box<[Four]>,
     by_v: Box<[Four]>,
@@ -64,7 +65,7 @@ pub(super) struct Bodies {
 }
 
 /// B blocks, as they are read at every order.
-pub(super) struct Accelerated<'a, const B: usize> {
+pub(super) struct BlockRows<'a, const B: usize> {
     by_q: &'a [Four; B],
     by_v: &'a [Four; B],
     load: &'a [Four; B],
@@ -73,10 +74,10 @@ pub(super) struct Accelerated<'a, const B: usize> {
     pushes: (&'a [usize], &'a [[[Four; B]; 1]]),
 }
 
-impl Bodies {
+impl Blocks {
     /// Those of `blocks`, pushed by the contacts of which `pushes` is true.
     fn new(s: &Structure, blocks: &[Block], pushes: impl Fn(usize) -> bool) -> Self {
-        let mut bodies = Self {
+        let mut all = Self {
             by_q: blocks.iter().map(|b| b.by_q).collect(),
             by_v: blocks.iter().map(|b| b.by_v).collect(),
             load: blocks.iter().map(|b| b.load).collect(),
@@ -86,26 +87,26 @@ impl Bodies {
         };
         for i in 0..s.n {
             let parts = [0, 1].map(|part| blocks.iter().map(move |b| find(&b.couplings, i)[part]));
-            bodies.couplings.add(i, parts.into_iter().flatten());
+            all.couplings.add(i, parts.into_iter().flatten());
         }
         // Several loads may follow one oscillator.
         for (load, wave) in s.load_waves.iter().enumerate() {
             let [cosine, sine] = [|b: &Block, i: usize| b.waves[i].1, |b: &Block, i: usize| b.waves[i].2];
             let parts = [cosine, sine].map(|part| blocks.iter().map(move |b| part(b, load)));
-            bodies.waves.add(wave.index, parts.into_iter().flatten());
+            all.waves.add(wave.index, parts.into_iter().flatten());
         }
         for j in (0..s.contacts.len()).filter(|j| pushes(*j)) {
             let push =
                 |b: &Block| b.pushes.iter().find(|(of, _)| *of == j).map_or([0.0; LANES], |(_, p)| p.map(|p| -p));
-            bodies.pushes.add(j, blocks.iter().map(push));
+            all.pushes.add(j, blocks.iter().map(push));
         }
-        bodies
+        all
     }
 
     #[inline(always)]
-    pub fn accelerated<const B: usize>(&self) -> Option<Accelerated<'_, B>> {
+    pub fn rows<const B: usize>(&self) -> Option<BlockRows<'_, B>> {
         let [by_q, by_v, load] = [&self.by_q, &self.by_v, &self.load].map(|fours| fours.first_chunk::<B>());
-        Some(Accelerated {
+        Some(BlockRows {
             by_q: by_q?,
             by_v: by_v?,
             load: load?,
@@ -116,7 +117,7 @@ impl Bodies {
     }
 }
 
-impl<const B: usize> Accelerated<'_, B> {
+impl<const B: usize> BlockRows<'_, B> {
     /// The accelerations at order `k`: of displacements and velocities, those of the blocks `own`, of oscillators, and of forces.
     #[inline(always)]
     pub fn at<P: Path>(
@@ -224,12 +225,12 @@ impl Compiled {
             Some((Elasticity::Constant(k), damping)) => Some([k, damping]),
             _ => None,
         };
-        let bodies =
-            blocks.chunks(MOST_BLOCKS).map(|blocks| Bodies::new(s, blocks, |j| !is_linear || law(j).is_some()));
+        let of_blocks =
+            blocks.chunks(MOST_BLOCKS).map(|blocks| Blocks::new(s, blocks, |j| !is_linear || law(j).is_some()));
         let size = group_size(fours.len());
-        let groups = fours.chunks(size).enumerate();
+        let groups = fours.chunks(size).enumerate().filter(|_| is_linear);
         Self {
-            bodies: bodies.collect(),
+            blocks: of_blocks.collect(),
             groups: groups.map(|(group, fours)| Group::new(s, group * size, fours, law)).collect(),
         }
     }
@@ -245,13 +246,13 @@ impl Compiled {
         forces: &[f64],
     ) {
         let own = q.chunks(MOST_BLOCKS).zip(v.chunks(MOST_BLOCKS));
-        for ((bodies, (own_q, own_v)), out) in self.bodies.iter().zip(own).zip(out.chunks_mut(MOST_BLOCKS)) {
+        for ((of_blocks, (own_q, own_v)), out) in self.blocks.iter().zip(own).zip(out.chunks_mut(MOST_BLOCKS)) {
             macro_rules! sizes {
                 ($($b:literal)*) => {
                     match out.len() {
                         $($b => {
-                            let rows = (bodies.accelerated::<$b>(), own_q.first_chunk(), own_v.first_chunk());
-                            let (Some(all), Some(own_q), Some(own_v)) = rows else { return };
+                            let rows = (of_blocks.rows::<$b>(), own_q.first_chunk(), own_v.first_chunk());
+                            let (Some(all), Some(own_q), Some(own_v)) = rows else { unreachable!("not {} blocks", $b) };
                             let state = ([q.as_flattened(), v.as_flattened()], [own_q, own_v]);
                             let a = all.at(path, k, state, &waves, forces);
                             for b in 0..$b {
@@ -268,11 +269,11 @@ impl Compiled {
 }
 
 /// Most fours of contacts that the recurrence is compiled for as one group.
-pub(super) const MOST_FOURS: usize = 3;
+pub(super) const MOST_GROUPED: usize = 3;
 
 /// Fours in a group: all of them, or one by one.
 pub(super) fn group_size(fours: usize) -> usize {
-    if fours <= MOST_FOURS { fours.max(1) } else { 1 }
+    if fours <= MOST_GROUPED { fours.max(1) } else { 1 }
 }
 
 /// Blocks of four degrees of freedom of the largest structure that the fast path is compiled for.

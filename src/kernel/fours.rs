@@ -49,9 +49,9 @@ pub(super) struct FourSeries {
     pub is_mixed: bool,
     pub side: [f64; LANES],
     pub exponent: [f64; LANES],
-    /// Penetrations at the start; 1 for those that do without.
+    /// Of those that are [`Does::Pressed`] the penetration at the start, else 1.
     pub start: [f64; LANES],
-    /// Their powers; 0 for those.
+    /// And its power pⁿ, else 0.
     pub elastic: [f64; LANES],
     pub stiffness: [f64; LANES],
     pub chi: [f64; LANES],

@@ -259,9 +259,10 @@ impl Expansion<'_> {
         let given = state.side() != 0.0
             && !self.request.pinned.is_empty()
             && [Watch::DriveFlank, Watch::BackFlank, Watch::Force].iter().any(|w| self.pinned(j, *w));
-        let gap = state == ContactMode::Separated && carried;
-        if gap {
-            work[self.layout.gaps + j].abs()
+        let gap = work[self.layout.gaps + j].abs();
+        // A gap of zero is no exact one, and is taken from the state.
+        if state == ContactMode::Separated && carried && gap != 0.0 {
+            gap
         } else if clock.is_none() && (carried || given) {
             work[self.layout.stretches + j].abs()
         } else {

@@ -234,15 +234,20 @@ impl<'s> Lane<'s> {
         ride.lane.structure.instructions.run(ride).end == LapEnd::Bound
     }
 
+    /// What is noted of a fall of `watch` where it stands, if it is a strike.
+    #[inline(always)]
+    fn strike(&self, watch: Watch) -> Option<[f64; 3]> {
+        let Stand { at, x, gait, .. } = &self.stand;
+        let strikes = self.gaits[*gait].state == ContactMode::Separated && watch.side() != 0.0;
+        strikes.then(|| [at.phase.value(), self.structure.deflection(0, *at, x).1, watch.side()])
+    }
+
     /// The guard that watches `watch` falls where it stands, and its value is known to `error` there. `false` if that is not decided here.
     #[inline(always)]
     fn fire(&mut self, watch: Watch, error: f64, noted: &mut Noted, host: &mut dyn LaneHost) -> bool {
         let (s, gait, at) = (self.structure, self.stand.gait, self.stand.at);
-        let (c, was, side) = (&s.contacts[0], self.gaits[gait].state, watch.side());
+        let (c, side) = (&s.contacts[0], watch.side());
         let salts = self.salts && noted.columns.is_some();
-        if let Some(strikes) = noted.strikes.as_mut().filter(|_| was == ContactMode::Separated && side != 0.0) {
-            strikes.push([at.phase.value(), s.deflection(0, at, &self.stand.x).1, side]);
-        }
         let mut off = 0.0;
         if side != 0.0 {
             // As of `Structure::project`.
@@ -389,8 +394,12 @@ impl Work for Ride<'_, '_> {
                 lane.turn();
                 if let Some((number, error)) = stride.falls {
                     let watch = lane.gaits[lane.stand.gait].motion.guards[number].watch;
+                    let strike = noted.strikes.as_ref().and_then(|_| lane.strike(watch));
                     if !lane.fire(watch, error, noted, host) {
                         break 'arcs;
+                    }
+                    if let Some(strikes) = &mut noted.strikes {
+                        strikes.extend(strike);
                     }
                     lap.events += 1;
                     impact = lane.is_rigid.then_some(guard_id(0, watch)).filter(|_| watch != Watch::Force);

@@ -183,6 +183,7 @@ pub(super) fn first_fall<P: Path, const F: usize>(
     }
     let limit = part.min(bound);
     match first.filter(|fall| earliest(fall) <= limit) {
+        None if later <= limit => None,
         None => Some((None, limit)),
         // At the instant of another one, or of the bound, it is not decided here what happens.
         Some(fall) if fall.theta + APART * fall.width() >= later.min(bound) || fall.theta > limit => None,
@@ -420,6 +421,16 @@ impl Propagator {
         let mut gained: SmallVec<[f64; FEW]> = SmallVec::new();
         for (row, _) in &rows {
             gained.push(added(row));
+        }
+        if let Some(fall) = fall {
+            // A contact within its rounding of a flank, as one that was left a moment before, is near, and may take part in what follows.
+            let first = numbers[fall.index];
+            for (number, (line, row)) in lines.iter().zip(&self.guards).enumerate() {
+                let is_near = line.start + line.sign * gained[*row] <= leap.starts[number].error;
+                if is_near && self.firsts[number] != first {
+                    return false;
+                }
+            }
         }
         for (j, (_, start)) in starts.iter().enumerate() {
             let stretch = start.stretch + gained[self.deflections[j]];

@@ -2,14 +2,14 @@
 //!
 //! With every closed law linear, the mode is `q̈ = A_q q + A_v q̇ + f(t)` up to the contacts whose stiffness
 //! is itself a series. The forces of closed contacts are formed from their deflections, and the recurrence runs on
-//! blocks of four degrees of freedom and of four contacts, which the compiler turns into vector instructions.
+//! blocks of four degrees of freedom and of four contacts, each a vector.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
 use smallvec::{SmallVec, smallvec};
 
 use super::{
     Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STIFFNESS,
-    compiled::{Bodies, Four, MOST_BLOCKS, MOST_FOURS, View, group_size},
+    compiled::{Blocks, Four, MOST_BLOCKS, MOST_GROUPED, View, group_size},
     motion::Part,
     product, waves,
 };
@@ -36,8 +36,8 @@ impl Work for Recurrence<'_, '_> {
                 match (e.s.columns.blocks.len(), group_size(e.s.columns.fours.len())) {
                     $(($b, 1) => e.recurrence::<P, $b, 1>(path, out),
                     ($b, 2) => e.recurrence::<P, $b, 2>(path, out),
-                    ($b, MOST_FOURS) => e.recurrence::<P, $b, MOST_FOURS>(path, out),)*
-                    sizes => unreachable!("blocks and fours {sizes:?}, more than {MOST_BLOCKS} and {MOST_FOURS}"),
+                    ($b, MOST_GROUPED) => e.recurrence::<P, $b, MOST_GROUPED>(path, out),)*
+                    sizes => unreachable!("blocks and fours {sizes:?}, more than {MOST_BLOCKS} and {MOST_GROUPED}"),
                 }
             };
         }
@@ -96,12 +96,12 @@ impl Expansion<'_> {
         out.time.clear();
         let varying = self.motion.is_varying;
         let compiled = &self.motion.compiled;
-        let Some(accelerated) = compiled.bodies.first().and_then(Bodies::accelerated::<B>) else { return };
+        let Some(rows) = compiled.blocks.first().and_then(Blocks::rows::<B>) else { unreachable!("not {B} blocks") };
         let mut forces: SmallVec<[Four; 4]> = smallvec![[0.0; LANES]; C * compiled.groups.len()];
         let forces = forces.as_mut_slice();
         let mut groups: SmallVec<[View<'_, B, C>; 1]> = SmallVec::new();
         for group in &compiled.groups {
-            let Some(view) = group.view() else { return };
+            let Some(view) = group.view() else { unreachable!("not {C} fours") };
             groups.push(view);
         }
         let (work, orders) = out.work.split_at_mut(layout.orders);
@@ -123,7 +123,7 @@ impl Expansion<'_> {
             let waves = waves.as_chunks::<2>().0;
             self.contacts(path, (k, step), &groups, (v, waves), forces, work);
             let of = |i: usize| waves[i];
-            let mut a = accelerated.at(path, k, ([flat_q, flat_v], [q, v]), of, forces.as_flattened());
+            let mut a = rows.at(path, k, ([flat_q, flat_v], [q, v]), of, forces.as_flattened());
             if varying {
                 let mut sums = a.map(|four| path.numbers(four));
                 self.varying_forces(k, flat_v, sums.as_flattened_mut(), work);
@@ -207,7 +207,7 @@ impl Expansion<'_> {
             let Some(laws) = group.laws else { continue };
             for c in 0..C {
                 let at = if k == 0 { self.layout.stretches + LANES * (first + c) } else { place(c, k) };
-                let Some(stretch) = work[at..].first_chunk() else { return };
+                let Some(stretch) = work[at..].first_chunk() else { unreachable!("no four at {at}") };
                 let stretch = path.four(*stretch);
                 let spring = path.times(path.four(laws[c][0]), stretch);
                 forces[c] = path.numbers(path.fused(path.four(laws[c][1]), rates[c], spring));

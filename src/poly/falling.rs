@@ -158,11 +158,11 @@ pub(crate) fn pattern<P: Path, const F: usize>(path: P, of: &Signed<'_, P, F>, u
 /// Whether all coefficients of `s + t p` are above the `uncertainty` because those of `p` are too small to bring it there.
 #[inline(always)]
 pub(crate) fn stays_above<P: Path, const F: usize>(path: P, start: f64, row: &Row<P, F>, uncertainty: f64) -> bool {
-    let mut most = path.sizes(row[0]);
-    for four in &row[1..] {
-        most = path.larger(path.sizes(*four), most);
+    let (room, mut below) = (path.all(start - uncertainty), 0b1111);
+    for four in row {
+        below &= path.above(room, path.sizes(*four));
     }
-    path.above(path.all(start - uncertainty), most) == 0b1111
+    below == 0b1111
 }
 
 /// The largest size of `s + t p` at its control points up to `end`, point i of so many lying at i over their number.
@@ -300,7 +300,8 @@ impl<P: Path, const F: usize> Place<P, F> {
 /// Iterations of Halley's method: from the first guess two are enough most often.
 const ITERATIONS: usize = 32;
 
-/// Longest last step, relative to the place: a millionth cubed is far below rounding.
+/// Longest last step, relative to the place x: where `x² p‴` is below a hundred slopes, what is left is below a tenth of a unit in the last
+/// place.
 const SETTLED: f64 = 1e-6;
 
 /// Whether a `step` of Halley's method, over which the slope changes by a `share`, is the last one at `place`. What is left is of third
