@@ -76,10 +76,10 @@ impl Lane<'_> {
         }
         let z = &z[..];
         let deflection: (Row<P, FOURS>, f64) = (by.rows[0].columns.combine(path, z), by.rows[0].error(z));
-        let force: Option<(Row<P, FOURS>, f64)> = match by.rows.get(1) {
-            Some(row) => Some((row.columns.combine(path, z), row.error(z))),
-            None => None,
-        };
+        let mut force: Option<(Row<P, FOURS>, f64)> = None;
+        if let Some(row) = by.rows.get(1) {
+            force = Some((row.columns.combine(path, z), row.error(z)));
+        }
         // Guards that are not clear of zero, and their numbers.
         let mut guards: SmallVec<[Guard<'_, P, FOURS>; 2]> = SmallVec::new();
         let mut numbers = [0; 3];
