@@ -1,6 +1,8 @@
 //! A mode as its recurrences read it: blocks of four degrees of freedom, and contacts four at a time, as columns.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
+use std::borrow::Cow;
+
 use super::{LANES, motion::Part};
 use crate::{
     system::{Block, Elasticity, FourColumns, Structure},
@@ -43,9 +45,11 @@ impl Columns {
 /// `q̈ = A_q q + A_v q̇ + f − Σ push F`, `δ̇ = direction · q̇ − ė`, `F = stiffness · (δ − σ b) + damping · δ̇`.
 #[derive(Debug)]
 pub(super) struct Compiled {
-    /// All degrees of freedom, as many blocks together as a recurrence is compiled for.
+    /// All degrees of freedom, in parts of equal size.
     pub blocks: Box<[Blocks]>,
-    /// Of a linear mode its contacts.
+    /// Blocks in a part, at most as many as a recurrence is compiled for. Those beyond the last degree of freedom are zero.
+    pub together: usize,
+    /// The contacts: of a linear mode as many fours together as its recurrence is compiled for, else one by one.
     pub groups: Box<[Group]>,
 }
 
@@ -91,8 +95,8 @@ impl Blocks {
         }
         // Several loads may follow one oscillator.
         for (load, wave) in s.load_waves.iter().enumerate() {
-            let [cosine, sine] = [|b: &Block, i: usize| b.waves[i].1, |b: &Block, i: usize| b.waves[i].2];
-            let parts = [cosine, sine].map(|part| blocks.iter().map(move |b| part(b, load)));
+            let of = |b: &Block| b.waves.get(load).map_or([[0.0; LANES]; 2], |(_, cosine, sine)| [*cosine, *sine]);
+            let parts = [0, 1].map(|part| blocks.iter().map(move |b| of(b)[part]));
             all.waves.add(wave.index, parts.into_iter().flatten());
         }
         for j in (0..s.contacts.len()).filter(|j| pushes(*j)) {
@@ -161,7 +165,7 @@ impl<const B: usize> BlockRows<'_, B> {
     }
 }
 
-/// Several fours of contacts of a linear mode.
+/// Several fours of contacts.
 #[derive(Debug)]
 pub(super) struct Group {
     /// What the velocity of each degree of freedom adds to the rates; zero beyond the last of them, up to whole blocks.
@@ -175,8 +179,13 @@ pub(super) struct Group {
 }
 
 impl Group {
-    /// The contacts `fours`, which start with four number `first`; `law` gives the stiffness and damping of a contact.
-    fn new(s: &Structure, first: usize, fours: &[FourColumns], law: impl Fn(usize) -> Option<[f64; 2]>) -> Self {
+    /// The contacts `fours`, which start with four number `first`, on so many blocks; `law` gives the stiffness and damping of a contact.
+    fn new(
+        s: &Structure,
+        blocks: usize,
+        (first, fours): (usize, &[FourColumns]),
+        law: impl Fn(usize) -> Option<[f64; 2]>,
+    ) -> Self {
         let contacts = LANES * first..LANES * (first + fours.len());
         let laws =
             |c: usize| [0, 1].map(|part| std::array::from_fn(|l| law(LANES * c + l).map_or(0.0, |law| law[part])));
@@ -188,7 +197,7 @@ impl Group {
             waves.add(i, parts.into_iter().flatten());
         }
         Self {
-            directions: (0..s.n.next_multiple_of(LANES)).flat_map(direction).collect(),
+            directions: (0..LANES * blocks).flat_map(direction).collect(),
             waves,
             laws: (first..first + fours.len()).map(laws).collect(),
             carries: contacts.clone().any(|j| law(j).is_some()),
@@ -196,18 +205,19 @@ impl Group {
     }
 
     #[inline(always)]
-    pub fn view<const B: usize, const C: usize>(&self) -> Option<View<'_, B, C>> {
-        Some(View {
-            directions: self.directions.as_chunks().0.as_chunks().0.first_chunk()?,
+    pub fn view<const B: usize, const C: usize>(&self) -> View<'_, B, C> {
+        View {
+            directions: self.directions.as_chunks().0.as_chunks().0.as_chunks().0,
             waves: self.waves.list(),
             laws: self.laws.first_chunk().filter(|_| self.carries),
-        })
+        }
     }
 }
 
 /// A group of C fours, as it is read at every order.
 pub(super) struct View<'a, const B: usize, const C: usize> {
-    pub directions: &'a [[[Four; C]; LANES]; B],
+    /// By parts of B blocks.
+    pub directions: &'a [[[[Four; C]; LANES]; B]],
     pub waves: (&'a [usize], &'a [[[Four; C]; 2]]),
     /// Where a force is carried.
     pub laws: Option<&'a [[Four; 2]; C]>,
@@ -220,50 +230,25 @@ fn find(list: &[(usize, Four, Four)], i: usize) -> [Four; 2] {
 
 impl Compiled {
     pub fn new(s: &Structure, parts: &[Part], is_linear: bool) -> Self {
-        let (blocks, fours) = (&s.columns.blocks, &s.columns.fours);
+        let fours = &s.columns.fours;
         let law = |j: usize| match parts.get(j).and_then(Part::carried_linear) {
             Some((Elasticity::Constant(k), damping)) => Some([k, damping]),
             _ => None,
         };
+        let mut blocks: Cow<'_, [Block]> = Cow::Borrowed(&s.columns.blocks);
+        let together = blocks.len().div_ceil(blocks.len().div_ceil(MOST_BLOCKS));
+        if !blocks.len().is_multiple_of(together) {
+            let whole = blocks.len().next_multiple_of(together);
+            blocks.to_mut().resize_with(whole, Block::default);
+        }
         let of_blocks =
-            blocks.chunks(MOST_BLOCKS).map(|blocks| Blocks::new(s, blocks, |j| !is_linear || law(j).is_some()));
-        let size = group_size(fours.len());
-        let groups = fours.chunks(size).enumerate().filter(|_| is_linear);
+            blocks.chunks(together).map(|blocks| Blocks::new(s, blocks, |j| !is_linear || law(j).is_some()));
+        let size = if is_linear { group_size(fours.len()) } else { 1 };
+        let groups = fours.chunks(size).enumerate();
         Self {
             blocks: of_blocks.collect(),
-            groups: groups.map(|(group, fours)| Group::new(s, group * size, fours, law)).collect(),
-        }
-    }
-
-    /// The accelerations of all degrees of freedom at order `k`: of displacements and velocities, of oscillators, and of forces.
-    #[inline(always)]
-    pub fn accelerations<P: Path>(
-        &self,
-        path: P,
-        k: usize,
-        ([q, v], out): ([&[Four]; 2], &mut [Four]),
-        waves: impl Fn(usize) -> [f64; 2],
-        forces: &[f64],
-    ) {
-        let own = q.chunks(MOST_BLOCKS).zip(v.chunks(MOST_BLOCKS));
-        for ((of_blocks, (own_q, own_v)), out) in self.blocks.iter().zip(own).zip(out.chunks_mut(MOST_BLOCKS)) {
-            macro_rules! sizes {
-                ($($b:literal)*) => {
-                    match out.len() {
-                        $($b => {
-                            let rows = (of_blocks.rows::<$b>(), own_q.first_chunk(), own_v.first_chunk());
-                            let (Some(all), Some(own_q), Some(own_v)) = rows else { unreachable!("not {} blocks", $b) };
-                            let state = ([q.as_flattened(), v.as_flattened()], [own_q, own_v]);
-                            let a = all.at(path, k, state, &waves, forces);
-                            for b in 0..$b {
-                                out[b] = path.numbers(a[b]);
-                            }
-                        })*
-                        blocks => unreachable!("{blocks} blocks, more than {MOST_BLOCKS}"),
-                    }
-                };
-            }
-            sizes!(1 2 3 4 5 6);
+            together,
+            groups: groups.map(|(group, fours)| Group::new(s, blocks.len(), (group * size, fours), law)).collect(),
         }
     }
 }

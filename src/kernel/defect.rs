@@ -84,35 +84,31 @@ impl Structure {
 
 impl Expansion<'_> {
     #[inline(always)]
-    pub(super) fn largest(&self, room: &Room, out: &Jet) -> Largest {
+    pub(super) fn largest<P: Path>(&self, path: P, room: &Room, out: &Jet) -> Largest {
         let (s, work) = (self.s, &out.work);
         let zero = [0.0; ROW];
         let mut largest = Largest { velocity: zero, acceleration: zero, rate: zero, felt: zero, ring: zero };
         let blocks = &s.columns.blocks;
-        let largest_of = |rows: &[[f64; LANES]]| -> Sizes {
-            let mut sizes = [0.0; ROW];
-            for (size, row) in sizes.iter_mut().zip(rows.chunks_exact(blocks.len())) {
-                let mut most = [0.0; LANES];
+        for (sizes, rows) in
+            [(&mut largest.velocity, &room.velocities), (&mut largest.acceleration, &room.accelerations)]
+        {
+            for (size, row) in sizes.iter_mut().zip(rows.chunks_exact(rows.len() / ROW)) {
+                let mut most = path.all(0.0);
                 for (x, block) in row.iter().zip(blocks) {
-                    for l in 0..LANES {
-                        let weighted = x[l].abs() * block.weights[l];
-                        most[l] = if weighted > most[l] { weighted } else { most[l] };
-                    }
+                    let weighted = path.times(path.sizes(path.four(*x)), path.four(block.weights));
+                    most = path.larger(weighted, most);
                 }
-                *size = most.into_iter().fold(0.0, f64::max);
+                *size = largest_of(path.numbers(most));
             }
-            sizes
-        };
-        largest.velocity = largest_of(&room.velocities);
-        largest.acceleration = largest_of(&room.accelerations);
-        for four in &room.fours {
-            for k in 0..ROW {
-                for l in 0..LANES {
-                    let rate = four.rate[k][l].abs();
-                    largest.rate[k] = largest.rate[k].max(rate * four.per_across[l]);
-                    largest.felt[k] = largest.felt[k].max(rate * four.weight[l]);
-                }
+        }
+        for k in 0..ROW {
+            let [mut rates, mut felt] = [path.all(0.0); 2];
+            for four in &room.fours {
+                let rate = path.sizes(path.four(four.rate[k]));
+                rates = path.larger(path.times(rate, path.four(four.per_across)), rates);
+                felt = path.larger(path.times(rate, path.four(four.weight)), felt);
             }
+            (largest.rate[k], largest.felt[k]) = (largest_of(path.numbers(rates)), largest_of(path.numbers(felt)));
         }
         for i in 0..s.oscillators.len() {
             let (cosines, sines) = work[Layout::oscillator(i)..][..2 * ROW].split_at(ROW);
@@ -126,6 +122,7 @@ impl Expansion<'_> {
     #[inline(always)]
     pub(super) fn defect<P: Path>(
         &self,
+        path: P,
         clock: &StepClock,
         theta: f64,
         largest: &Largest,
@@ -161,7 +158,7 @@ impl Expansion<'_> {
         let mut least = f64::INFINITY;
         for (chunk, four) in fours.iter().enumerate() {
             let contacts = LANES * chunk..s.contacts.len().min(LANES * chunk + LANES);
-            let sums = if four.does.iter().any(Does::presses) { four.sums::<P>(&powers) } else { Sums::default() };
+            let sums = if four.does.iter().any(Does::presses) { four.sums(path, &powers) } else { Sums::default() };
             for (l, j) in contacts.enumerate() {
                 let (c, part) = (&s.contacts[j], &self.motion.parts[j]);
                 let push = c.push_norm;
@@ -362,6 +359,14 @@ impl<'a> Root<'a> {
         let slope = Factor::new(sizes(&self.work[self.step.layout.y(m)..], self.powers), self.missing[m]);
         n * slope.product(&Factor::new(*apart, 0.0)) + libm::pow(4.0 * (total(apart) - rounding).max(0.0), n)
     }
+}
+
+/// The largest of four; none is NaN.
+#[inline(always)]
+fn largest_of(sizes: [f64; LANES]) -> f64 {
+    let [a, b, c, d] = sizes;
+    let (ab, cd) = (if a > b { a } else { b }, if c > d { c } else { d });
+    if ab > cd { ab } else { cd }
 }
 
 /// `exp(B) d`.

@@ -2,10 +2,7 @@
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
 use super::{LANES, ORDER, ROW};
-use crate::{
-    gear::contact::PowerLaw,
-    vectors::{Path, fused},
-};
+use crate::{gear::contact::PowerLaw, vectors::Path};
 
 /// What a contact does in a root clock.
 #[derive(Clone, Copy, Debug, Default)]
@@ -97,8 +94,18 @@ impl FourSeries {
         let raised = path.times(order, path.plus(path.four(self.exponent), path.all(1.0)));
         self.raised[k] = path.numbers(path.times(raised, path.four(self.penetration[k])));
         let (mut raised, mut plain, mut product) = (zero, zero, zero);
-        let terms = self.raised[1..=k].iter().zip(&self.penetration[1..=k]).zip(&self.factor[1..=k]);
-        for (((r, p), f), u) in terms.zip(&self.backward[ROW - k..]) {
+        let [(r, last_r), (p, last_p), (f, last_f)] =
+            [&self.raised, &self.penetration, &self.factor].map(|series| series[1..=k].as_chunks::<2>());
+        let (u, last_u) = self.backward[ROW - k..].as_chunks::<2>();
+        for (((r, p), f), u) in r.iter().zip(p).zip(f).zip(u) {
+            for i in 0..2 {
+                let u = path.four(u[i]);
+                raised = path.fused(path.four(r[i]), u, raised);
+                plain = path.fused(path.four(p[i]), u, plain);
+                product = path.fused(path.four(f[i]), u, product);
+            }
+        }
+        for (((r, p), f), u) in last_r.iter().zip(last_p).zip(last_f).zip(last_u) {
             let u = path.four(*u);
             raised = path.fused(path.four(*r), u, raised);
             plain = path.fused(path.four(*p), u, plain);
@@ -129,48 +136,59 @@ pub(super) struct Sums {
 impl FourSeries {
     /// The sums, with the `powers` of the step's length.
     #[inline(always)]
-    pub fn sums<P: Path>(&self, powers: &[f64; ROW]) -> Sums {
-        let size = |series: &[[f64; LANES]; ROW]| -> [[f64; LANES]; ROW] {
-            std::array::from_fn(|k| std::array::from_fn(|l| series[k][l].abs() * powers[k]))
-        };
-        let backward = std::array::from_fn(|k| std::array::from_fn(|l| self.backward[k][l].abs() * powers[ORDER - k]));
-        let sum = |sizes: &[[f64; LANES]; ROW]| {
-            sizes.iter().fold([0.0; LANES], |sum, size| std::array::from_fn(|l| sum[l] + size[l]))
-        };
-        let (p, u, f): (_, [[f64; LANES]; ROW], _) = (size(&self.penetration), backward, size(&self.factor));
-        let (mut shortened, mut product) = ([0.0; LANES], [0.0; LANES]);
+    pub fn sums<P: Path>(&self, path: P, powers: &[f64; ROW]) -> Sums {
+        let start = path.sizes(path.four(self.penetration[0]));
+        let mut penetration = start;
         // `Σ_{i+j>N} a_i b_j`, the last of b summed on the way.
-        let (mut last_power, mut last_factor) = ([0.0; LANES], [0.0; LANES]);
+        let [mut shortened, mut product, mut last_power, mut last_factor] = [path.all(0.0); 4];
         for i in 1..ROW {
-            for l in 0..LANES {
-                last_power[l] += u[i - 1][l];
-                last_factor[l] += f[ROW - i][l];
-                shortened[l] = fused::<P>(p[i][l], last_power[l], shortened[l]);
-                product[l] = fused::<P>(u[ORDER - i][l], last_factor[l], product[l]);
-            }
+            let (power, last) = (path.all(powers[i]), path.all(powers[ROW - i]));
+            let p = path.times(path.sizes(path.four(self.penetration[i])), power);
+            let u = path.times(path.sizes(path.four(self.backward[ORDER - i])), power);
+            last_power = path.fused(path.sizes(path.four(self.backward[i - 1])), last, last_power);
+            last_factor = path.fused(path.sizes(path.four(self.factor[ROW - i])), last, last_factor);
+            penetration = path.plus(penetration, p);
+            shortened = path.fused(p, last_power, shortened);
+            product = path.fused(u, last_factor, product);
         }
-        Sums { start: p[0], penetration: sum(&p), factor: sum(&f), shortened, product }
+        let factor = path.plus(path.sizes(path.four(self.factor[0])), last_factor);
+        Sums {
+            start: path.numbers(start),
+            penetration: path.numbers(penetration),
+            factor: path.numbers(factor),
+            shortened: path.numbers(shortened),
+            product: path.numbers(product),
+        }
     }
 }
 
 /// `Σ w_i rows_{k−i}`; row k is `at`, and the others `stride` apart before it.
 #[inline(always)]
-pub(super) fn convolved<P: Path>(
+pub(super) fn convolved<P: Path, const B: usize>(
     path: P,
     weights: &[f64],
-    rows: &[[f64; LANES]],
+    rows: &[[[f64; LANES]; B]],
     stride: usize,
     mut at: usize,
-) -> P::Four {
-    // Plain time has one weight.
+) -> [[f64; LANES]; B] {
+    let mut sums = [path.all(0.0); B];
     if let ([w], Some(row)) = (weights, rows.get(at)) {
-        return path.times(path.all(*w), path.four(*row));
+        // Plain time has one weight.
+        for b in 0..B {
+            sums[b] = path.times(path.all(*w), path.four(row[b]));
+        }
+    } else {
+        for w in weights {
+            let Some(row) = rows.get(at) else { break };
+            for b in 0..B {
+                sums[b] = path.fused(path.all(*w), path.four(row[b]), sums[b]);
+            }
+            at = at.wrapping_sub(stride);
+        }
     }
-    let mut sum = path.all(0.0);
-    for w in weights {
-        let Some(row) = rows.get(at) else { break };
-        sum = path.fused(path.all(*w), path.four(*row), sum);
-        at = at.wrapping_sub(stride);
+    let mut all = [[0.0; LANES]; B];
+    for b in 0..B {
+        all[b] = path.numbers(sums[b]);
     }
-    sum
+    all
 }

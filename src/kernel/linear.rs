@@ -101,8 +101,7 @@ impl Expansion<'_> {
         let forces = forces.as_mut_slice();
         let mut groups: SmallVec<[View<'_, B, C>; 1]> = SmallVec::new();
         for group in &compiled.groups {
-            let Some(view) = group.view() else { unreachable!("not {C} fours") };
-            groups.push(view);
+            groups.push(group.view());
         }
         let (work, orders) = out.work.split_at_mut(layout.orders);
         orders[..layout.stride].fill(0.0);
@@ -185,9 +184,10 @@ impl Expansion<'_> {
                 }
             }
             // One after the other: so contacts of equal bodies are rounded alike, wherever these stand.
+            let [directions] = group.directions else { unreachable!("{} parts", group.directions.len()) };
             for b in 0..B {
                 for l in 0..LANES {
-                    let (columns, v) = (&group.directions[b][l], path.all(v[b][l]));
+                    let (columns, v) = (&directions[b][l], path.all(v[b][l]));
                     for c in 0..C {
                         rates[c] = path.fused(path.four(columns[c]), v, rates[c]);
                     }

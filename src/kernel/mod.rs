@@ -373,7 +373,7 @@ impl Motion<'_> {
             let reach = match &clock {
                 None => e.plain_reach(out),
                 Some(clock) => {
-                    let rooted = e.rooted_reach(clock, out);
+                    let rooted = e.rooted_reach(path, clock, out);
                     rooted.map(|(reach, defect)| (reach, Tail { rooted: Some(defect), ..Tail::default() }))
                 }
             };

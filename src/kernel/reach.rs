@@ -30,18 +30,18 @@ impl Work for Trial<'_> {
     type Output = (f64, Defect);
 
     #[inline(always)]
-    fn on<P: Path>(self, _: P) -> (f64, Defect) {
-        self.step.defect::<P>(self.clock, self.theta, self.largest, self.fours, self.out)
+    fn on<P: Path>(self, path: P) -> (f64, Defect) {
+        self.step.defect(path, self.clock, self.theta, self.largest, self.fours, self.out)
     }
 }
 
 impl Expansion<'_> {
     /// The step's length θ and its error: the error of each quantity is brought to the tolerance times its size.
     #[inline(always)]
-    pub(super) fn rooted_reach(&self, clock: &StepClock, out: &Jet) -> Option<(f64, Defect)> {
+    pub(super) fn rooted_reach<P: Path>(&self, path: P, clock: &StepClock, out: &Jet) -> Option<(f64, Defect)> {
         let goal = self.request.tolerance;
         let room = &*self.motion.room.borrow();
-        let largest = self.largest(room, out);
+        let largest = self.largest(path, room, out);
         let trial = |theta| {
             self.s.instructions.run(Trial { step: self, clock, theta, largest: &largest, fours: &room.fours, out })
         };

@@ -2,9 +2,12 @@
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
+use smallvec::SmallVec;
+
 use super::{
     Elasticity, Expansion, FACTOR, FORCE, Force, LANES, Layout, ORDER, PENETRATION, POWER, RATE, ROW, STIFFNESS,
     clock::StepClock,
+    compiled::{BlockRows, Four, MOST_BLOCKS, View},
     fours::{Does, FourSeries, convolved},
     product, waves,
 };
@@ -18,10 +21,10 @@ const UNFELT: f64 = f64::EPSILON / 64.0;
 pub(super) struct Room {
     /// Of the contacts.
     pub fours: Vec<FourSeries>,
-    /// Of displacements, velocities and accelerations, in blocks of four, order by order.
-    pub displacements: Vec<[f64; LANES]>,
-    pub velocities: Vec<[f64; LANES]>,
-    pub accelerations: Vec<[f64; LANES]>,
+    /// Of displacements, velocities and accelerations, in blocks of four, order by order, with zeros up to whole parts of [`Compiled::blocks`](super::compiled::Compiled::blocks).
+    pub displacements: Vec<Four>,
+    pub velocities: Vec<Four>,
+    pub accelerations: Vec<Four>,
     /// Forces of one order.
     forces: Vec<f64>,
 }
@@ -30,8 +33,22 @@ impl Expansion<'_> {
     /// All coefficients while power laws are closed.
     #[inline(always)]
     pub(super) fn rooted<P: Path>(&self, path: P, clock: &StepClock, out: &mut Jet) {
-        let (s, h) = (self.s, self.h);
-        let (n, dim, blocks) = (s.n, s.dim, s.columns.blocks.len());
+        macro_rules! sizes {
+            ($($b:literal)*) => {
+                match self.motion.compiled.together {
+                    $($b => self.in_clock::<P, $b>(path, clock, out),)*
+                    blocks => unreachable!("{blocks} blocks, more than {MOST_BLOCKS}"),
+                }
+            };
+        }
+        sizes!(1 2 3 4 5 6);
+    }
+
+    /// The recurrence on B blocks of degrees of freedom together, several such parts in large trains.
+    #[inline(always)]
+    fn in_clock<P: Path, const B: usize>(&self, path: P, clock: &StepClock, out: &mut Jet) {
+        let (s, h, compiled) = (self.s, self.h, &self.motion.compiled);
+        let (n, dim, parts) = (s.n, s.dim, compiled.blocks.len());
         let Jet { state, work, time, .. } = out;
         time.clear();
         if !clock.is_plain() {
@@ -39,21 +56,31 @@ impl Expansion<'_> {
         }
         let terms = clock.terms();
         self.begin_clock(clock, work);
+        let mut rows: SmallVec<[BlockRows<'_, B>; 1]> = SmallVec::new();
+        for blocks in &compiled.blocks {
+            let Some(of_part) = blocks.rows() else { unreachable!("not {B} blocks") };
+            rows.push(of_part);
+        }
+        let mut groups: SmallVec<[View<'_, B, 1>; 4]> = SmallVec::new();
+        for group in &compiled.groups {
+            groups.push(group.view());
+        }
         // Every number is written before it is read.
         let Room { fours, displacements, velocities, accelerations, forces } = &mut *self.motion.room.borrow_mut();
-        fours.resize_with(s.columns.fours.len(), FourSeries::default);
+        fours.resize_with(groups.len(), FourSeries::default);
         forces.resize(LANES * fours.len(), 0.0);
-        for rows in [&mut *displacements, &mut *velocities, &mut *accelerations] {
-            rows.resize(ROW * blocks, [0.0; LANES]);
-        }
-        displacements.as_flattened_mut()[..n].copy_from_slice(&self.request.x[..n]);
-        velocities.as_flattened_mut()[..n].copy_from_slice(&self.request.x[n..2 * n]);
+        let [displacements, velocities, accelerations] = [displacements, velocities, accelerations].map(|rows| {
+            rows.resize(ROW * parts * B, [0.0; LANES]);
+            rows.as_chunks_mut::<B>().0
+        });
+        displacements.as_flattened_mut().as_flattened_mut()[..n].copy_from_slice(&self.request.x[..n]);
+        velocities.as_flattened_mut().as_flattened_mut()[..n].copy_from_slice(&self.request.x[n..2 * n]);
         let mut weights = [0.0; ROW];
         for k in 0..=ORDER {
-            let (at, next) = (k * blocks, (k + 1) * blocks);
+            let (at, next) = (k * parts, (k + 1) * parts);
             let (q, v) = (&displacements[at..next], &velocities[at..next]);
-            for (chunk, four) in fours.iter_mut().enumerate() {
-                self.rates(path, chunk, four, (k, terms), &v.as_flattened()[..n], work);
+            for (chunk, (four, group)) in fours.iter_mut().zip(&groups).enumerate() {
+                self.rates(path, (chunk, group), four, (k, terms), v, work);
             }
             if let Some(owner) = clock.owner.filter(|_| !clock.is_plain()) {
                 let rate = if k > 0 { fours[owner / LANES].rate[k - 1][owner % LANES] } else { 0.0 };
@@ -66,10 +93,15 @@ impl Expansion<'_> {
                 *force = self.forces(path, clock, chunk, four, k, work);
             }
             let waves = |i: usize| [0, ROW].map(|sine| work[Layout::oscillator(i) + sine + k]);
-            let of_order = &mut accelerations[at..next];
-            self.motion.compiled.accelerations(path, k, ([q, v], of_order), waves, forces);
+            let flat = [q.as_flattened().as_flattened(), v.as_flattened().as_flattened()];
+            for (part, of_part) in rows.iter().enumerate() {
+                let a = of_part.at(path, k, (flat, [&q[part], &v[part]]), waves, forces);
+                for b in 0..B {
+                    accelerations[at + part][b] = path.numbers(a[b]);
+                }
+            }
             if let Some(held) = &self.motion.held {
-                let a = self.layout.accelerations + k * n;
+                let (a, of_order) = (self.layout.accelerations + k * n, accelerations[at..next].as_flattened_mut());
                 work[a..a + n].copy_from_slice(&of_order.as_flattened()[..n]);
                 self.hold(held, k, work);
                 of_order.as_flattened_mut()[..n].copy_from_slice(&work[a..a + n]);
@@ -81,9 +113,9 @@ impl Expansion<'_> {
             let clock_row = &work[self.layout.clock..=self.layout.clock + last];
             weights.iter_mut().zip(clock_row).for_each(|(w, rate)| *w = step * rate);
             let weights = &weights[..=last];
-            for b in 0..blocks {
-                displacements[next + b] = path.numbers(convolved(path, weights, velocities, blocks, at + b));
-                velocities[next + b] = path.numbers(convolved(path, weights, accelerations, blocks, at + b));
+            for part in 0..parts {
+                displacements[next + part] = convolved(path, weights, velocities, parts, at + part);
+                velocities[next + part] = convolved(path, weights, accelerations, parts, at + part);
             }
             if let Some(time) = time.get_mut(k + 1) {
                 *time = step * work[self.layout.clock + k];
@@ -99,10 +131,16 @@ impl Expansion<'_> {
                 (work[c + k + 1], work[c + ROW + k + 1]) = (o.omega * cosine, o.omega * sine);
             }
         }
-        let orders = displacements.chunks_exact(blocks).zip(velocities.chunks_exact(blocks));
+        let orders = displacements.chunks_exact(parts).zip(velocities.chunks_exact(parts));
         for (row, (q, v)) in state.chunks_exact_mut(dim).zip(orders).skip(1) {
-            row[..n].copy_from_slice(&q.as_flattened()[..n]);
-            row[n..2 * n].copy_from_slice(&v.as_flattened()[..n]);
+            let (to_q, to_v) = row[..2 * n].split_at_mut(n);
+            for (to, from) in [(to_q, q), (to_v, v)] {
+                match (to.as_chunks_mut::<LANES>().0.first_chunk_mut::<B>(), from) {
+                    // Of a size that is known when this is compiled.
+                    (Some(to), [from]) if n == LANES * B => *to = *from,
+                    _ => to.copy_from_slice(&from.as_flattened().as_flattened()[..n]),
+                }
+            }
         }
         fours.iter().enumerate().for_each(|(chunk, four)| self.keep(chunk, four, work));
     }
@@ -130,32 +168,28 @@ impl Expansion<'_> {
 
     /// Rates of four contacts at order `k`, and their deflections, the integrals of `w δ̇`, w of so many terms.
     #[inline(always)]
-    fn rates<P: Path>(
+    fn rates<P: Path, const B: usize>(
         &self,
         path: P,
-        chunk: usize,
+        (chunk, group): (usize, &View<'_, B, 1>),
         four: &mut FourSeries,
         (k, terms): (usize, usize),
-        v: &[f64],
+        v: &[[Four; B]],
         work: &mut [f64],
     ) {
-        let columns = &self.s.columns.fours[chunk];
         // One sum in the order of the bodies: what is equal stays equal to the last bit.
         let mut rate = path.all(0.0);
-        let (directions, rest) = columns.directions.as_chunks::<LANES>();
-        let (speeds, last) = v.as_chunks::<LANES>();
-        for (direction, v) in directions.iter().zip(speeds) {
-            for l in 0..LANES {
-                rate = path.fused(path.four(direction[l]), path.all(v[l]), rate);
+        for (directions, v) in group.directions.iter().zip(v) {
+            for b in 0..B {
+                for l in 0..LANES {
+                    rate = path.fused(path.four(directions[b][l][0]), path.all(v[b][l]), rate);
+                }
             }
         }
-        for (direction, v) in rest.iter().zip(last) {
-            rate = path.fused(path.four(*direction), path.all(*v), rate);
-        }
-        for (index, cosine, sine) in &columns.rates {
+        for (index, [[cosine], [sine]]) in group.waves.0.iter().zip(group.waves.1) {
             let o = Layout::oscillator(*index) + k;
-            let (cos, sin) = (path.all(work[o]), path.all(work[o + ROW]));
-            rate = path.minus(rate, path.fused(path.four(*cosine), cos, path.times(path.four(*sine), sin)));
+            rate = path.fused(path.four(*cosine), path.all(work[o]), rate);
+            rate = path.fused(path.four(*sine), path.all(work[o + ROW]), rate);
         }
         let mut rate = path.numbers(rate);
         if k == 0 && !self.request.still.is_empty() {
@@ -171,8 +205,8 @@ impl Expansion<'_> {
         if k > 0 {
             let terms = terms.min(k);
             let clock = &work[self.layout.clock..self.layout.clock + terms];
-            let sum = convolved(path, clock, &four.rate, 1, k - 1);
-            let deflection = path.times(path.all(self.h / k as f64), sum);
+            let [sum] = convolved(path, clock, four.rate.as_chunks().0, 1, k - 1);
+            let deflection = path.times(path.all(self.h / k as f64), path.four(sum));
             four.penetration[k] = path.numbers(path.times(path.four(four.side), deflection));
             work[at..at + LANES].copy_from_slice(&path.numbers(deflection));
         }
@@ -228,46 +262,68 @@ impl Expansion<'_> {
         k: usize,
         work: &mut [f64],
     ) -> [f64; LANES] {
-        let layout = self.layout;
         let rate = four.rate[k];
         let by_rate = path.times(path.four(four.chi), path.four(four.side));
         let factor = path.times(by_rate, path.four(rate));
         four.factor[k] = path.numbers(if k == 0 { path.plus(factor, path.all(1.0)) } else { factor });
         let [power, product] = four.powers(path, k);
         let mut power = path.numbers(power);
-        let contacts = LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES);
         if four.is_mixed {
-            for (l, j) in contacts.clone().enumerate() {
-                match (four.does[l], clock.owner) {
-                    (Does::Alone(law), _) => {
-                        work[layout.of(j, PENETRATION) + k] = four.penetration[k][l];
-                        self.power(clock, j, law, (k, four.side[l] * four.rate[0][l]), work);
-                        power[l] = work[layout.of(j, POWER) + k];
-                    }
-                    // What is equal stays equal to the last bit.
-                    (Does::AsOwner(law), Some(owner)) => {
-                        let (own, apart) = (layout.of(owner, PENETRATION) + k, layout.of(j, STIFFNESS));
-                        work[apart + k] = four.penetration[k][l] - work[own];
-                        let slope = layout.y((law.exponent.p - law.exponent.q) as usize);
-                        let changed = law.exponent.value() * super::product(work, slope, apart, k);
-                        power[l] = work[layout.of(owner, POWER) + k] + changed;
-                    }
-                    _ => {}
-                }
-            }
+            self.lone_powers(clock, chunk, four, k, &mut power, work);
         }
         *four.power(k) = power;
         let all = path.fused(path.four(four.factor[0]), path.four(power), product);
         let mut force = path.numbers(path.times(path.four(four.stiffness), all));
         if four.is_mixed {
-            for (l, j) in contacts.enumerate().filter(|(l, _)| matches!(four.does[*l], Does::Else)) {
-                let law = self.linear_force(j, rate[l], k, work);
-                work[layout.of(j, FORCE) + k] = law;
-                force[l] = if self.motion.parts[j].acting.is_some_and(|a| a.is_carried) { law } else { 0.0 };
-            }
+            self.other_forces(chunk, four, k, &mut force, work);
         }
         four.force[k] = force;
         force
+    }
+
+    /// The powers of penetrations at order `k` that have a way of their own.
+    // A call of its own keeps the recurrence small.
+    #[inline(never)]
+    fn lone_powers(
+        &self,
+        clock: &StepClock,
+        chunk: usize,
+        four: &FourSeries,
+        k: usize,
+        power: &mut [f64; LANES],
+        work: &mut [f64],
+    ) {
+        let layout = self.layout;
+        for (l, does) in four.does.iter().enumerate() {
+            let j = LANES * chunk + l;
+            match (does, clock.owner) {
+                (Does::Alone(law), _) => {
+                    work[layout.of(j, PENETRATION) + k] = four.penetration[k][l];
+                    self.power(clock, j, *law, (k, four.side[l] * four.rate[0][l]), work);
+                    power[l] = work[layout.of(j, POWER) + k];
+                }
+                // What is equal stays equal to the last bit.
+                (Does::AsOwner(law), Some(owner)) => {
+                    let (own, apart) = (layout.of(owner, PENETRATION) + k, layout.of(j, STIFFNESS));
+                    work[apart + k] = four.penetration[k][l] - work[own];
+                    let slope = layout.y((law.exponent.p - law.exponent.q) as usize);
+                    let changed = law.exponent.value() * super::product(work, slope, apart, k);
+                    power[l] = work[layout.of(owner, POWER) + k] + changed;
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// The forces at order `k` of contacts without a power law.
+    #[inline(never)]
+    fn other_forces(&self, chunk: usize, four: &FourSeries, k: usize, force: &mut [f64; LANES], work: &mut [f64]) {
+        for (l, _) in four.does.iter().enumerate().filter(|(_, does)| matches!(does, Does::Else)) {
+            let j = LANES * chunk + l;
+            let law = self.linear_force(j, four.rate[k][l], k, work);
+            work[self.layout.of(j, FORCE) + k] = law;
+            force[l] = if self.motion.parts[j].acting.is_some_and(|a| a.is_carried) { law } else { 0.0 };
+        }
     }
 
     /// The force of a contact without a power law at order `k`; that of one at rest follows from the accelerations.
