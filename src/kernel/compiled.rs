@@ -168,7 +168,8 @@ impl<const B: usize> BlockRows<'_, B> {
 /// Several fours of contacts.
 #[derive(Debug)]
 pub(super) struct Group {
-    /// What the velocity of each degree of freedom adds to the rates; zero beyond the last of them, up to whole blocks.
+    /// What the velocity of each degree of freedom adds to the rates, by parts of all blocks: the first, and those that are not zero.
+    parts: Vec<usize>,
     directions: Vec<Four>,
     /// By oscillator: what its cosine adds, then its sine.
     waves: Columns,
@@ -179,10 +180,11 @@ pub(super) struct Group {
 }
 
 impl Group {
-    /// The contacts `fours`, which start with four number `first`, on so many blocks; `law` gives the stiffness and damping of a contact.
+    /// The contacts `fours`, which start with four number `first`, on parts of so many blocks; `law` gives the stiffness and damping of a
+    /// contact.
     fn new(
         s: &Structure,
-        blocks: usize,
+        together: usize,
         (first, fours): (usize, &[FourColumns]),
         law: impl Fn(usize) -> Option<[f64; 2]>,
     ) -> Self {
@@ -191,13 +193,22 @@ impl Group {
             |c: usize| [0, 1].map(|part| std::array::from_fn(|l| law(LANES * c + l).map_or(0.0, |law| law[part])));
         let direction =
             |i: usize| fours.iter().map(move |four| four.directions.get(i).copied().unwrap_or([0.0; LANES]));
+        let (mut parts, mut directions) = (Vec::new(), Vec::new());
+        for first in (0..s.n).step_by(LANES * together) {
+            let of_part: Vec<Four> = (first..first + LANES * together).flat_map(direction).collect();
+            if first == 0 || of_part.as_flattened().iter().any(|x| *x != 0.0) {
+                parts.push(first / (LANES * together));
+                directions.extend(of_part);
+            }
+        }
         let mut waves = Columns::default();
         for i in 0..s.oscillators.len() {
             let parts = [0, 1].map(|part| fours.iter().map(move |four| find(&four.rates, i)[part].map(|x| -x)));
             waves.add(i, parts.into_iter().flatten());
         }
         Self {
-            directions: (0..LANES * blocks).flat_map(direction).collect(),
+            parts,
+            directions,
             waves,
             laws: (first..first + fours.len()).map(laws).collect(),
             carries: contacts.clone().any(|j| law(j).is_some()),
@@ -207,6 +218,7 @@ impl Group {
     #[inline(always)]
     pub fn view<const B: usize, const C: usize>(&self) -> View<'_, B, C> {
         View {
+            parts: &self.parts,
             directions: self.directions.as_chunks().0.as_chunks().0.as_chunks().0,
             waves: self.waves.list(),
             laws: self.laws.first_chunk().filter(|_| self.carries),
@@ -216,7 +228,9 @@ impl Group {
 
 /// A group of C fours, as it is read at every order.
 pub(super) struct View<'a, const B: usize, const C: usize> {
-    /// By parts of B blocks.
+    /// Numbers of parts of B blocks.
+    pub parts: &'a [usize],
+    /// And their columns.
     pub directions: &'a [[[[Four; C]; LANES]; B]],
     pub waves: (&'a [usize], &'a [[[Four; C]; 2]]),
     /// Where a force is carried.
@@ -248,7 +262,7 @@ impl Compiled {
         Self {
             blocks: of_blocks.collect(),
             together,
-            groups: groups.map(|(group, fours)| Group::new(s, blocks.len(), (group * size, fours), law)).collect(),
+            groups: groups.map(|(group, fours)| Group::new(s, together, (group * size, fours), law)).collect(),
         }
     }
 }

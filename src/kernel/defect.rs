@@ -11,9 +11,9 @@
 use super::{
     Elasticity, Expansion, Force, LANES, Layout, ORDER, PENETRATION, POWER, ROW, STIFFNESS,
     clock::StepClock,
+    clocked::Room,
     fours::{Does, FourSeries, Sums},
     guards::ROUNDING,
-    rooted::Room,
     sizes::{Factor, Sizes, beyond, paired, sizes, tails, total},
 };
 use crate::{

@@ -184,7 +184,7 @@ impl Expansion<'_> {
                 }
             }
             // One after the other: so contacts of equal bodies are rounded alike, wherever these stand.
-            let [directions] = group.directions else { unreachable!("{} parts", group.directions.len()) };
+            let [directions] = group.directions else { unreachable!("not one part") };
             for b in 0..B {
                 for l in 0..LANES {
                     let (columns, v) = (&directions[b][l], path.all(v[b][l]));

@@ -13,6 +13,7 @@
 mod bare;
 mod bound;
 mod clock;
+mod clocked;
 mod column;
 mod compiled;
 mod defect;
@@ -20,6 +21,7 @@ mod fold;
 mod formed;
 mod fours;
 mod guards;
+mod held;
 mod lane;
 mod leap;
 mod linear;
@@ -28,11 +30,9 @@ mod modulated;
 mod motion;
 mod nodes;
 mod piece;
-mod plain;
 mod pressed;
 mod propagator;
 mod reach;
-mod rooted;
 mod rows;
 mod sizes;
 mod stride;
@@ -366,8 +366,7 @@ impl Motion<'_> {
             out.low.clear();
             match &clock {
                 None if self.is_linear => e.linear(out),
-                None => e.plain(out),
-                Some(clock) => e.rooted(path, clock, out),
+                clock => e.in_clock(path, clock.as_ref().unwrap_or(&StepClock::TIME), out),
             }
             out.span = e.h;
             let reach = match &clock {

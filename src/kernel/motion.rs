@@ -8,10 +8,10 @@ use std::{
 use super::{
     Layout,
     bound::{Forcing, Growth},
+    clocked::Room,
     compiled::{Compiled, LARGEST},
     pressed::Pressed,
     propagator::Propagator,
-    rooted::Room,
 };
 use crate::{
     hybrid::{GuardId, JetField, Mode},
@@ -91,7 +91,7 @@ pub(super) struct Motion<'s> {
     pub(super) watched_forces: Box<[usize]>,
     /// What the recurrences read.
     pub(super) compiled: Compiled,
-    /// Room for series of closed power laws.
+    /// Room for series that are not of a linear mode.
     pub(super) room: RefCell<Room>,
     /// Formed when it is first asked for.
     pub(super) propagator: OnceCell<Option<Rc<Propagator>>>,

@@ -141,14 +141,9 @@ impl Contact {
     }
 }
 
-/// What the recurrence of linear modes reads, laid out for vector instructions.
+/// What the recurrences read, laid out for vector instructions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Columns {
-    /// Diagonals of `−M⁻¹K` and `−M⁻¹C`.
-    pub by_q: Vec<f64>,
-    pub by_v: Vec<f64>,
-    /// Their entries off the diagonal: row, column, by q, by v.
-    pub couplings: Vec<(u32, u32, f64, f64)>,
     /// The contacts, four at a time.
     pub fours: Vec<FourColumns>,
     /// The degrees of freedom, four at a time.
@@ -187,14 +182,7 @@ pub(crate) struct FourColumns {
 impl Columns {
     fn new(k: &DMatrix<f64>, c: &DMatrix<f64>, contacts: &[Contact], loads: Loads<'_>) -> Self {
         let n = k.nrows();
-        let entries = |i: usize, j: usize| (i as u32, j as u32, -k[(i, j)], -c[(i, j)]);
         Self {
-            by_q: (0..n).map(|i| -k[(i, i)]).collect(),
-            by_v: (0..n).map(|i| -c[(i, i)]).collect(),
-            couplings: (0..n)
-                .flat_map(|i| (0..n).filter(move |j| *j != i).map(move |j| entries(i, j)))
-                .filter(|(_, _, k, c)| *k != 0.0 || *c != 0.0)
-                .collect(),
             fours: contacts.chunks(4).map(|four| FourColumns::new(four, n)).collect(),
             blocks: (0..n).step_by(4).map(|first| Block::new(first, (k, c), contacts, loads)).collect(),
         }

@@ -121,8 +121,9 @@ impl Structure {
                 rates.oscillating = rates.oscillating.max(omega);
             }
         };
-        for (by_q, by_v) in self.columns.by_q.iter().zip(&self.columns.by_v) {
-            meet(-by_q, -by_v);
+        // Zero beyond the last freedom: that changes no maximum.
+        for block in &self.columns.blocks {
+            block.by_q.iter().zip(block.by_v).for_each(|(by_q, by_v)| meet(-by_q, -by_v));
         }
         for acting in self.carrying(mode) {
             let c = &self.contacts[acting.contact];

@@ -1,4 +1,4 @@
-//! The recurrence while some power law is closed, in one of three clocks.
+//! The recurrence of every mode that is not linear with few degrees of freedom, in the clock of the step.
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
@@ -11,17 +11,22 @@ use super::{
     fours::{Does, FourSeries, convolved},
     product, waves,
 };
-use crate::{gear::contact::PowerLaw, hybrid::Jet, system::Spring, vectors::Path};
+use crate::{
+    gear::contact::PowerLaw,
+    hybrid::Jet,
+    system::{Spring, Watch},
+    vectors::Path,
+};
 
 /// A change this much smaller than what it changes is far below rounding.
 const UNFELT: f64 = f64::EPSILON / 64.0;
 
-/// Room for the series of motions with closed power laws.
+/// Room for the series.
 #[derive(Debug, Default)]
 pub(super) struct Room {
     /// Of the contacts.
     pub fours: Vec<FourSeries>,
-    /// Of displacements, velocities and accelerations, in blocks of four, order by order, with zeros up to whole parts of [`Compiled::blocks`](super::compiled::Compiled::blocks).
+    /// Of displacements, velocities and accelerations, in blocks of four, order by order; zero beyond the last degree of freedom.
     pub displacements: Vec<Four>,
     pub velocities: Vec<Four>,
     pub accelerations: Vec<Four>,
@@ -30,13 +35,13 @@ pub(super) struct Room {
 }
 
 impl Expansion<'_> {
-    /// All coefficients while power laws are closed.
+    /// All coefficients in a clock.
     #[inline(always)]
-    pub(super) fn rooted<P: Path>(&self, path: P, clock: &StepClock, out: &mut Jet) {
+    pub(super) fn in_clock<P: Path>(&self, path: P, clock: &StepClock, out: &mut Jet) {
         macro_rules! sizes {
             ($($b:literal)*) => {
                 match self.motion.compiled.together {
-                    $($b => self.in_clock::<P, $b>(path, clock, out),)*
+                    $($b => self.recur::<P, $b>(path, clock, out),)*
                     blocks => unreachable!("{blocks} blocks, more than {MOST_BLOCKS}"),
                 }
             };
@@ -46,7 +51,7 @@ impl Expansion<'_> {
 
     /// The recurrence on B blocks of degrees of freedom together, several such parts in large trains.
     #[inline(always)]
-    fn in_clock<P: Path, const B: usize>(&self, path: P, clock: &StepClock, out: &mut Jet) {
+    fn recur<P: Path, const B: usize>(&self, path: P, clock: &StepClock, out: &mut Jet) {
         let (s, h, compiled) = (self.s, self.h, &self.motion.compiled);
         let (n, dim, parts) = (s.n, s.dim, compiled.blocks.len());
         let Jet { state, work, time, .. } = out;
@@ -179,10 +184,10 @@ impl Expansion<'_> {
     ) {
         // One sum in the order of the bodies: what is equal stays equal to the last bit.
         let mut rate = path.all(0.0);
-        for (directions, v) in group.directions.iter().zip(v) {
+        for (part, directions) in group.parts.iter().zip(group.directions) {
             for b in 0..B {
                 for l in 0..LANES {
-                    rate = path.fused(path.four(directions[b][l][0]), path.all(v[b][l]), rate);
+                    rate = path.fused(path.four(directions[b][l][0]), path.all(v[*part][b][l]), rate);
                 }
             }
         }
@@ -320,7 +325,8 @@ impl Expansion<'_> {
     fn other_forces(&self, chunk: usize, four: &FourSeries, k: usize, force: &mut [f64; LANES], work: &mut [f64]) {
         for (l, _) in four.does.iter().enumerate().filter(|(_, does)| matches!(does, Does::Else)) {
             let j = LANES * chunk + l;
-            let law = self.linear_force(j, four.rate[k][l], k, work);
+            let is_zero = k == 0 && self.pinned(j, Watch::Force);
+            let law = if is_zero { 0.0 } else { self.linear_force(j, four.rate[k][l], k, work) };
             work[self.layout.of(j, FORCE) + k] = law;
             force[l] = if self.motion.parts[j].acting.is_some_and(|a| a.is_carried) { law } else { 0.0 };
         }
