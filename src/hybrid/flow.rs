@@ -344,11 +344,10 @@ impl Jet {
         normalise(x, low);
     }
 
-    /// Whether all coefficients of the state and of the guards are finite.
+    /// Whether all coefficients of the guards are finite.
     #[must_use]
-    pub fn is_finite(&self) -> bool {
-        let state = &self.state[..(self.order + 1) * self.dim];
-        are_finite(state) && are_finite(&self.guard_series[..(self.order + 1) * self.guards.len()])
+    pub fn has_finite_guards(&self) -> bool {
+        are_finite(&self.guard_series[..(self.order + 1) * self.guards.len()])
     }
 
     /// Elapsed time at `θ`, s.

@@ -243,7 +243,7 @@ impl Integrator for Taylor {
             let request = JetRequest { at, x, low, pinned, still, carried, span, tolerance, left_out: before };
             field.jet(&request, jet);
             *left_out = jet.left_out;
-            if !jet.reach.is_finite() || !jet.is_finite() {
+            if !jet.reach.is_finite() || !jet.has_finite_guards() {
                 return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
             }
             if *varied {
@@ -252,6 +252,11 @@ impl Integrator for Taylor {
             }
             let elapsed = jet.time_at(1.0);
             extent.iter_mut().zip(&*x).for_each(|(e, x)| *e = e.max(x.abs()));
+            jet.state_in_two(1.0, x, low);
+            // One coefficient that is not finite makes the sum not finite.
+            if x.iter().any(|v| !v.is_finite()) {
+                return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
+            }
             count += 1;
             if visit(&Step { start: at, jet, blur, extent, count, before, field }).is_break() {
                 return Ok(());
@@ -260,11 +265,7 @@ impl Integrator for Taylor {
             if !advances(clock, at, elapsed, span) {
                 return Err(IntegrateError::StepTooSmall { t: clock.time(at).value(), step: elapsed });
             }
-            jet.state_in_two(1.0, x, low);
             field.carry(jet, 1.0, false, carried);
-            if x.iter().any(|v| !v.is_finite()) {
-                return Err(IntegrateError::NotFinite { t: clock.time(at).value() });
-            }
             let arrived = elapsed >= span * (1.0 - ARRIVED);
             at = if arrived { arc.bound } else { clock.advance(at, jet.time_in_two(1.0)) };
             field.restore(at, x);

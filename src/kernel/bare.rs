@@ -183,22 +183,6 @@ impl Expansion<'_> {
         }
     }
 
-    /// What the deflections have gained at `theta`, as [`Motion::carry`] forms it.
-    #[inline(always)]
-    fn gained<P: Path>(&self, path: P, jet: &Jet, theta: f64) -> Fours {
-        let mut all = Fours::new();
-        let s = path.all(theta * jet.reach);
-        for first in (0..self.s.contacts.len()).step_by(LANES) {
-            let rows = &jet.work[self.layout.deflection(first, 1)..self.layout.deflection(first, ORDER) + LANES];
-            let mut sum = path.all(0.0);
-            for row in rows.as_chunks::<LANES>().0.iter().rev() {
-                sum = path.times(path.plus(sum, path.four(*row)), s);
-            }
-            all.push(path.numbers(sum));
-        }
-        all
-    }
-
     /// The state at `theta` as [`Jet::state_at`] forms it.
     #[inline(always)]
     fn state_at<P: Path>(&self, path: P, jet: &Jet, theta: f64, x: &mut Vec<f64>) {
@@ -239,6 +223,22 @@ impl Expansion<'_> {
 }
 
 impl Motion<'_> {
+    /// What the deflections have gained at `theta` of a step.
+    #[inline(always)]
+    pub(super) fn gained<P: Path>(&self, path: P, step: &Jet, theta: f64) -> Fours {
+        let mut all = Fours::new();
+        let s = path.all(theta * step.reach);
+        for first in (0..self.parts.len()).step_by(LANES) {
+            let rows = &step.work[self.layout.deflection(first, 1)..self.layout.deflection(first, ORDER) + LANES];
+            let mut sum = path.all(0.0);
+            for row in rows.as_chunks::<LANES>().0.iter().rev() {
+                sum = path.times(path.plus(sum, path.four(*row)), s);
+            }
+            all.push(path.numbers(sum));
+        }
+        all
+    }
+
     /// Where the step from `request` leads; `false` where the step itself has to decide.
     #[inline(always)]
     pub(super) fn bare<P: Path>(&self, path: P, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
@@ -306,7 +306,7 @@ impl Motion<'_> {
         if leap.x.iter().any(|x| !x.is_finite()) {
             return false;
         }
-        let gained = e.gained(path, jet, limit);
+        let gained = self.gained(path, jet, limit);
         let gained = gained.as_flattened();
         self.keep(jet, leap.passage.is_some(), |j| [gained[j], sizes[j]], &mut leap.carried);
         leap.carried.push(f64::NAN);

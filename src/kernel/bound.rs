@@ -11,7 +11,7 @@
 //! F is the forcing by harmonics, k the part of the stiffnesses that varies, p the penetrations. This is a proof: `docs/EVENTS.md`
 //! has the derivation.
 
-use super::{Elasticity, Expansion, Force, LANES, ORDER, ROW, defect::Defect, motion::Part};
+use super::{Elasticity, Expansion, Force, LANES, ORDER, ROW, defect::Defect, motion::Part, sizes::largest_of};
 use crate::{
     hybrid::{FULL_PRECISION, Jet},
     system::{Contact, Oscillator, Sticking, Structure},
@@ -214,12 +214,6 @@ fn keep_largest(largest: &mut [f64; LANES], row: &[f64], weights: &[f64; LANES])
         // A comparison that vectors have. NaN is left to the check of the whole step.
         largest[l] = if size > largest[l] { size } else { largest[l] };
     }
-}
-
-/// The largest.
-#[inline(always)]
-fn largest_of(sizes: &[f64; LANES]) -> f64 {
-    sizes.iter().copied().fold(0.0, f64::max)
 }
 
 /// Sums `term` over the contacts at rest; `norm` is the weighted acceleration that the multipliers answer a unit of

@@ -135,7 +135,7 @@ impl Expansion<'_> {
         let span = LONGEST * usual;
         let since =
             if starting.is_some() { 0.0 } else { request.carried.get(motion.parts.len()).copied().unwrap_or(f64::NAN) };
-        let plain = StepClock { owner: None, root: 1, start: 0.0, window: 2, span, since };
+        let plain = StepClock { span, since, ..StepClock::TIME };
         let window = (law.exponent.p + root) as usize;
         if time == 0.0 {
             // With neither penetration nor speed a root clock stands still, and `p ~ t²` has its root already.

@@ -1,4 +1,4 @@
-//! The recurrence of every mode that is not linear with few degrees of freedom, in the clock of the step.
+//! The recurrence, in the clock of the step, of all modes but linear ones of few degrees of freedom.
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
@@ -35,9 +35,9 @@ pub(super) struct Room {
 }
 
 impl Expansion<'_> {
-    /// All coefficients in a clock.
+    /// All coefficients: in the `clock` of a step with closed power laws, else in plain time.
     #[inline(always)]
-    pub(super) fn in_clock<P: Path>(&self, path: P, clock: &StepClock, out: &mut Jet) {
+    pub(super) fn in_clock<P: Path>(&self, path: P, clock: Option<&StepClock>, out: &mut Jet) {
         macro_rules! sizes {
             ($($b:literal)*) => {
                 match self.motion.compiled.together {
@@ -49,11 +49,12 @@ impl Expansion<'_> {
         sizes!(1 2 3 4 5 6);
     }
 
-    /// The recurrence on B blocks of degrees of freedom together, several such parts in large trains.
+    /// The recurrence on B blocks of degrees of freedom together, several such panels in large trains.
     #[inline(always)]
-    fn recur<P: Path, const B: usize>(&self, path: P, clock: &StepClock, out: &mut Jet) {
+    fn recur<P: Path, const B: usize>(&self, path: P, clock: Option<&StepClock>, out: &mut Jet) {
+        let (presses, clock) = (clock.is_some(), clock.unwrap_or(&StepClock::TIME));
         let (s, h, compiled) = (self.s, self.h, &self.motion.compiled);
-        let (n, dim, parts) = (s.n, s.dim, compiled.blocks.len());
+        let (n, dim, panels) = (s.n, s.dim, compiled.blocks.len());
         let Jet { state, work, time, .. } = out;
         time.clear();
         if !clock.is_plain() {
@@ -63,26 +64,26 @@ impl Expansion<'_> {
         self.begin_clock(clock, work);
         let mut rows: SmallVec<[BlockRows<'_, B>; 1]> = SmallVec::new();
         for blocks in &compiled.blocks {
-            let Some(of_part) = blocks.rows() else { unreachable!("not {B} blocks") };
-            rows.push(of_part);
+            let Some(of_panel) = blocks.rows() else { unreachable!("not {B} blocks") };
+            rows.push(of_panel);
         }
         let mut groups: SmallVec<[View<'_, B, 1>; 4]> = SmallVec::new();
         for group in &compiled.groups {
             groups.push(group.view());
         }
-        // Every number is written before it is read.
+        // Every number is written before it is read, but for zeros beyond the last degree of freedom and the last contact.
         let Room { fours, displacements, velocities, accelerations, forces } = &mut *self.motion.room.borrow_mut();
         fours.resize_with(groups.len(), FourSeries::default);
         forces.resize(LANES * fours.len(), 0.0);
         let [displacements, velocities, accelerations] = [displacements, velocities, accelerations].map(|rows| {
-            rows.resize(ROW * parts * B, [0.0; LANES]);
+            rows.resize(ROW * panels * B, [0.0; LANES]);
             rows.as_chunks_mut::<B>().0
         });
         displacements.as_flattened_mut().as_flattened_mut()[..n].copy_from_slice(&self.request.x[..n]);
         velocities.as_flattened_mut().as_flattened_mut()[..n].copy_from_slice(&self.request.x[n..2 * n]);
         let mut weights = [0.0; ROW];
         for k in 0..=ORDER {
-            let (at, next) = (k * parts, (k + 1) * parts);
+            let (at, next) = (k * panels, (k + 1) * panels);
             let (q, v) = (&displacements[at..next], &velocities[at..next]);
             for (chunk, (four, group)) in fours.iter_mut().zip(&groups).enumerate() {
                 self.rates(path, (chunk, group), four, (k, terms), v, work);
@@ -93,23 +94,20 @@ impl Expansion<'_> {
             }
             for (chunk, (four, force)) in fours.iter_mut().zip(forces.as_chunks_mut().0).enumerate() {
                 if k == 0 {
-                    self.begin(clock, chunk, four, work);
+                    self.begin((clock, presses), chunk, four, work);
                 }
                 *force = self.forces(path, clock, chunk, four, k, work);
             }
             let waves = |i: usize| [0, ROW].map(|sine| work[Layout::oscillator(i) + sine + k]);
             let flat = [q.as_flattened().as_flattened(), v.as_flattened().as_flattened()];
-            for (part, of_part) in rows.iter().enumerate() {
-                let a = of_part.at(path, k, (flat, [&q[part], &v[part]]), waves, forces);
+            for (panel, of_panel) in rows.iter().enumerate() {
+                let a = of_panel.at(path, k, (flat, [&q[panel], &v[panel]]), waves, forces);
                 for b in 0..B {
-                    accelerations[at + part][b] = path.numbers(a[b]);
+                    accelerations[at + panel][b] = path.numbers(a[b]);
                 }
             }
             if let Some(held) = &self.motion.held {
-                let (a, of_order) = (self.layout.accelerations + k * n, accelerations[at..next].as_flattened_mut());
-                work[a..a + n].copy_from_slice(&of_order.as_flattened()[..n]);
-                self.hold(held, k, work);
-                of_order.as_flattened_mut()[..n].copy_from_slice(&work[a..a + n]);
+                self.hold(held, k, accelerations[at..next].as_flattened_mut().as_flattened_mut(), work);
             }
             if k == ORDER {
                 break;
@@ -118,9 +116,9 @@ impl Expansion<'_> {
             let clock_row = &work[self.layout.clock..=self.layout.clock + last];
             weights.iter_mut().zip(clock_row).for_each(|(w, rate)| *w = step * rate);
             let weights = &weights[..=last];
-            for part in 0..parts {
-                displacements[next + part] = convolved(path, weights, velocities, parts, at + part);
-                velocities[next + part] = convolved(path, weights, accelerations, parts, at + part);
+            for panel in 0..panels {
+                displacements[next + panel] = convolved(path, weights, velocities, panels, at + panel);
+                velocities[next + panel] = convolved(path, weights, accelerations, panels, at + panel);
             }
             if let Some(time) = time.get_mut(k + 1) {
                 *time = step * work[self.layout.clock + k];
@@ -136,7 +134,7 @@ impl Expansion<'_> {
                 (work[c + k + 1], work[c + ROW + k + 1]) = (o.omega * cosine, o.omega * sine);
             }
         }
-        let orders = displacements.chunks_exact(parts).zip(velocities.chunks_exact(parts));
+        let orders = displacements.chunks_exact(panels).zip(velocities.chunks_exact(panels));
         for (row, (q, v)) in state.chunks_exact_mut(dim).zip(orders).skip(1) {
             let (to_q, to_v) = row[..2 * n].split_at_mut(n);
             for (to, from) in [(to_q, q), (to_v, v)] {
@@ -184,10 +182,10 @@ impl Expansion<'_> {
     ) {
         // One sum in the order of the bodies: what is equal stays equal to the last bit.
         let mut rate = path.all(0.0);
-        for (part, directions) in group.parts.iter().zip(group.directions) {
+        for (panel, directions) in group.panels.iter().zip(group.directions) {
             for b in 0..B {
                 for l in 0..LANES {
-                    rate = path.fused(path.four(directions[b][l][0]), path.all(v[*part][b][l]), rate);
+                    rate = path.fused(path.four(directions[b][l][0]), path.all(v[*panel][b][l]), rate);
                 }
             }
         }
@@ -217,8 +215,9 @@ impl Expansion<'_> {
         }
     }
 
-    /// What the contacts of four do, from their penetrations at order zero on.
-    fn begin(&self, clock: &StepClock, chunk: usize, four: &mut FourSeries, work: &mut [f64]) {
+    /// What the contacts of four do, from their penetrations at order zero on. A closed power law `presses` unless it is leaving at this
+    /// very instant.
+    fn begin(&self, (clock, presses): (&StepClock, bool), chunk: usize, four: &mut FourSeries, work: &mut [f64]) {
         let layout = self.layout;
         for (l, j) in (LANES * chunk..self.s.contacts.len().min(LANES * chunk + LANES)).enumerate() {
             let part = &self.motion.parts[j];
@@ -234,7 +233,7 @@ impl Expansion<'_> {
             let n = law.exponent.value();
             (four.side[l], four.exponent[l], four.chi[l]) = (part.side, n, power.chi(self.request.x));
             work[layout.of(j, PENETRATION)] = four.penetration[0][l];
-            if !part.is_pressed() {
+            if !part.is_pressed() || !presses {
                 four.does[l] = Does::Watched;
                 continue;
             }
@@ -325,8 +324,9 @@ impl Expansion<'_> {
     fn other_forces(&self, chunk: usize, four: &FourSeries, k: usize, force: &mut [f64; LANES], work: &mut [f64]) {
         for (l, _) in four.does.iter().enumerate().filter(|(_, does)| matches!(does, Does::Else)) {
             let j = LANES * chunk + l;
-            let is_zero = k == 0 && self.pinned(j, Watch::Force);
-            let law = if is_zero { 0.0 } else { self.linear_force(j, four.rate[k][l], k, work) };
+            // Formed where it is zero too: a stiffness that varies and its stretch are read again at later orders.
+            let formed = self.linear_force(j, four.rate[k][l], k, work);
+            let law = if k == 0 && self.pinned(j, Watch::Force) { 0.0 } else { formed };
             work[self.layout.of(j, FORCE) + k] = law;
             force[l] = if self.motion.parts[j].acting.is_some_and(|a| a.is_carried) { law } else { 0.0 };
         }
@@ -341,7 +341,7 @@ impl Expansion<'_> {
     }
 
     /// `k(t) (δ − σ b)` at order `k`.
-    fn spring(&self, j: usize, stiffness: Elasticity, k: usize, work: &mut [f64]) -> f64 {
+    pub(super) fn spring(&self, j: usize, stiffness: Elasticity, k: usize, work: &mut [f64]) -> f64 {
         let layout = self.layout;
         let (s, p) = (layout.of(j, STIFFNESS), layout.of(j, PENETRATION));
         let stretch = self.stretch(j, k, work);

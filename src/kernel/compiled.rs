@@ -45,9 +45,9 @@ impl Columns {
 /// `q̈ = A_q q + A_v q̇ + f − Σ push F`, `δ̇ = direction · q̇ − ė`, `F = stiffness · (δ − σ b) + damping · δ̇`.
 #[derive(Debug)]
 pub(super) struct Compiled {
-    /// All degrees of freedom, in parts of equal size.
+    /// All degrees of freedom, in panels of equal size.
     pub blocks: Box<[Blocks]>,
-    /// Blocks in a part, at most as many as a recurrence is compiled for. Those beyond the last degree of freedom are zero.
+    /// Blocks in a panel, at most as many as a recurrence is compiled for. Those beyond the last degree of freedom are zero.
     pub together: usize,
     /// The contacts: of a linear mode as many fours together as its recurrence is compiled for, else one by one.
     pub groups: Box<[Group]>,
@@ -168,8 +168,9 @@ impl<const B: usize> BlockRows<'_, B> {
 /// Several fours of contacts.
 #[derive(Debug)]
 pub(super) struct Group {
-    /// What the velocity of each degree of freedom adds to the rates, by parts of all blocks: the first, and those that are not zero.
-    parts: Vec<usize>,
+    /// Numbers of panels: the first, and those in which some direction is not zero.
+    panels: Vec<usize>,
+    /// What the velocity of each of their degrees of freedom adds to the rates.
     directions: Vec<Four>,
     /// By oscillator: what its cosine adds, then its sine.
     waves: Columns,
@@ -180,8 +181,8 @@ pub(super) struct Group {
 }
 
 impl Group {
-    /// The contacts `fours`, which start with four number `first`, on parts of so many blocks; `law` gives the stiffness and damping of a
-    /// contact.
+    /// The contacts `fours`, which start with four number `first`, on panels of so many blocks; `law` gives the stiffness and damping of
+    /// a contact.
     fn new(
         s: &Structure,
         together: usize,
@@ -193,12 +194,12 @@ impl Group {
             |c: usize| [0, 1].map(|part| std::array::from_fn(|l| law(LANES * c + l).map_or(0.0, |law| law[part])));
         let direction =
             |i: usize| fours.iter().map(move |four| four.directions.get(i).copied().unwrap_or([0.0; LANES]));
-        let (mut parts, mut directions) = (Vec::new(), Vec::new());
+        let (mut panels, mut directions) = (Vec::new(), Vec::new());
         for first in (0..s.n).step_by(LANES * together) {
-            let of_part: Vec<Four> = (first..first + LANES * together).flat_map(direction).collect();
-            if first == 0 || of_part.as_flattened().iter().any(|x| *x != 0.0) {
-                parts.push(first / (LANES * together));
-                directions.extend(of_part);
+            let of_panel: Vec<Four> = (first..first + LANES * together).flat_map(direction).collect();
+            if first == 0 || of_panel.as_flattened().iter().any(|x| *x != 0.0) {
+                panels.push(first / (LANES * together));
+                directions.extend(of_panel);
             }
         }
         let mut waves = Columns::default();
@@ -207,7 +208,7 @@ impl Group {
             waves.add(i, parts.into_iter().flatten());
         }
         Self {
-            parts,
+            panels,
             directions,
             waves,
             laws: (first..first + fours.len()).map(laws).collect(),
@@ -218,7 +219,7 @@ impl Group {
     #[inline(always)]
     pub fn view<const B: usize, const C: usize>(&self) -> View<'_, B, C> {
         View {
-            parts: &self.parts,
+            panels: &self.panels,
             directions: self.directions.as_chunks().0.as_chunks().0.as_chunks().0,
             waves: self.waves.list(),
             laws: self.laws.first_chunk().filter(|_| self.carries),
@@ -228,8 +229,8 @@ impl Group {
 
 /// A group of C fours, as it is read at every order.
 pub(super) struct View<'a, const B: usize, const C: usize> {
-    /// Numbers of parts of B blocks.
-    pub parts: &'a [usize],
+    /// Numbers of panels of B blocks.
+    pub panels: &'a [usize],
     /// And their columns.
     pub directions: &'a [[[[Four; C]; LANES]; B]],
     pub waves: (&'a [usize], &'a [[[Four; C]; 2]]),
@@ -275,7 +276,7 @@ pub(super) fn group_size(fours: usize) -> usize {
     if fours <= MOST_GROUPED { fours.max(1) } else { 1 }
 }
 
-/// Blocks of four degrees of freedom of the largest structure that the fast path is compiled for.
+/// Most blocks of four degrees of freedom that the recurrences are compiled for.
 pub(super) const MOST_BLOCKS: usize = 6;
-/// Degrees of freedom of it.
+/// Degrees of freedom up to which linear modes have a recurrence of their own.
 pub(super) const LARGEST: usize = LANES * MOST_BLOCKS;

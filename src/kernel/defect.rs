@@ -14,7 +14,7 @@ use super::{
     clocked::Room,
     fours::{Does, FourSeries, Sums},
     guards::ROUNDING,
-    sizes::{Factor, Sizes, beyond, paired, sizes, tails, total},
+    sizes::{Factor, Sizes, beyond, largest_of, paired, sizes, tails, total},
 };
 use crate::{
     gear::contact::PowerLaw,
@@ -98,7 +98,7 @@ impl Expansion<'_> {
                     let weighted = path.times(path.sizes(path.four(*x)), path.four(block.weights));
                     most = path.larger(weighted, most);
                 }
-                *size = largest_of(path.numbers(most));
+                *size = largest_of(&path.numbers(most));
             }
         }
         for k in 0..ROW {
@@ -108,7 +108,7 @@ impl Expansion<'_> {
                 rates = path.larger(path.times(rate, path.four(four.per_across)), rates);
                 felt = path.larger(path.times(rate, path.four(four.weight)), felt);
             }
-            (largest.rate[k], largest.felt[k]) = (largest_of(path.numbers(rates)), largest_of(path.numbers(felt)));
+            (largest.rate[k], largest.felt[k]) = (largest_of(&path.numbers(rates)), largest_of(&path.numbers(felt)));
         }
         for i in 0..s.oscillators.len() {
             let (cosines, sines) = work[Layout::oscillator(i)..][..2 * ROW].split_at(ROW);
@@ -226,7 +226,7 @@ impl Expansion<'_> {
                 span * w.total * held * forces.by_rate,
             ],
         ];
-        let [at_root, time, stretch, rate] = grown(&b, [d.root, d.time, d.stretch, d.rate]);
+        let [at_root, time, stretch, rate] = grown(path, &b, [d.root, d.time, d.stretch, d.rate]);
         let elapsed = match clock.is_plain() {
             true => span,
             false => out.time.iter().zip(&powers).map(|(t, power)| t.abs() * power).sum::<f64>(),
@@ -361,24 +361,25 @@ impl<'a> Root<'a> {
     }
 }
 
-/// The largest of four; none is NaN.
-#[inline(always)]
-fn largest_of(sizes: [f64; LANES]) -> f64 {
-    let [a, b, c, d] = sizes;
-    let (ab, cd) = (if a > b { a } else { b }, if c > d { c } else { d });
-    if ab > cd { ab } else { cd }
-}
-
 /// `exp(B) d`.
-fn grown(b: &[[f64; 4]; 4], d: [f64; 4]) -> [f64; 4] {
-    let (mut sum, mut term) = (d, d);
+#[inline(always)]
+fn grown<P: Path>(path: P, b: &[[f64; 4]; 4], d: [f64; 4]) -> [f64; 4] {
+    let mut columns = [path.all(0.0); 4];
+    for j in 0..4 {
+        columns[j] = path.four([b[0][j], b[1][j], b[2][j], b[3][j]]);
+    }
+    let (mut sum, mut term) = (path.four(d), d);
     for k in 1..60 {
-        let next: [f64; 4] =
-            std::array::from_fn(|i| b[i].iter().zip(&term).map(|(b, t)| b * t).sum::<f64>() / k as f64);
-        term = next;
-        sum.iter_mut().zip(&term).for_each(|(s, t)| *s += t);
-        if sum.iter().zip(&term).all(|(s, t)| *t <= 1e-3 * s) {
-            return sum.map(|s| 1.01 * s);
+        let mut next = path.all(0.0);
+        for j in 0..4 {
+            next = path.fused(columns[j], path.all(term[j]), next);
+        }
+        let next = path.times(next, path.all(1.0 / k as f64));
+        sum = path.plus(sum, next);
+        term = path.numbers(next);
+        let share = path.numbers(path.times(path.all(1e-3), sum));
+        if term.iter().zip(&share).all(|(t, s)| t <= s) {
+            return path.numbers(path.times(path.all(1.01), sum));
         }
     }
     [f64::INFINITY; 4]

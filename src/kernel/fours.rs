@@ -4,7 +4,7 @@
 use super::{LANES, ORDER, ROW};
 use crate::{gear::contact::PowerLaw, vectors::Path};
 
-/// What a contact does in a root clock.
+/// What a contact does in a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) enum Does {
     /// Neither force nor guard.
@@ -94,6 +94,7 @@ impl FourSeries {
         let raised = path.times(order, path.plus(path.four(self.exponent), path.all(1.0)));
         self.raised[k] = path.numbers(path.times(raised, path.four(self.penetration[k])));
         let (mut raised, mut plain, mut product) = (zero, zero, zero);
+        // In pairs, which saves a fifth of the instructions.
         let [(r, last_r), (p, last_p), (f, last_f)] =
             [&self.raised, &self.penetration, &self.factor].map(|series| series[1..=k].as_chunks::<2>());
         let (u, last_u) = self.backward[ROW - k..].as_chunks::<2>();
@@ -172,19 +173,12 @@ pub(super) fn convolved<P: Path, const B: usize>(
     mut at: usize,
 ) -> [[f64; LANES]; B] {
     let mut sums = [path.all(0.0); B];
-    if let ([w], Some(row)) = (weights, rows.get(at)) {
-        // Plain time has one weight.
+    for w in weights {
+        let Some(row) = rows.get(at) else { break };
         for b in 0..B {
-            sums[b] = path.times(path.all(*w), path.four(row[b]));
+            sums[b] = path.fused(path.all(*w), path.four(row[b]), sums[b]);
         }
-    } else {
-        for w in weights {
-            let Some(row) = rows.get(at) else { break };
-            for b in 0..B {
-                sums[b] = path.fused(path.all(*w), path.four(row[b]), sums[b]);
-            }
-            at = at.wrapping_sub(stride);
-        }
+        at = at.wrapping_sub(stride);
     }
     let mut all = [[0.0; LANES]; B];
     for b in 0..B {

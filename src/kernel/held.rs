@@ -4,14 +4,13 @@ use super::{Expansion, FORCE, Layout, ROW};
 use crate::system::{Sticking, zeros};
 
 impl Expansion<'_> {
-    /// The multipliers that hold the resting contacts, `g·a = ë`, at order `k`.
-    pub(super) fn hold(&self, held: &Sticking, k: usize, work: &mut [f64]) {
+    /// The multipliers that hold the resting contacts, `g·a = ë`, at order `k`, and what they do to the accelerations.
+    pub(super) fn hold(&self, held: &Sticking, k: usize, accelerations: &mut [f64], work: &mut [f64]) {
         let s = self.s;
-        let a = self.layout.accelerations + k * s.n;
         let mut forces = zeros(held.contacts().len());
         for (force, &j) in forces.iter_mut().zip(held.contacts()) {
             let c = &s.contacts[j];
-            *force = c.direction.iter().fold(0.0, |sum, (i, g)| sum + g * work[a + *i as usize]);
+            *force = c.direction.iter().fold(0.0, |sum, (i, g)| sum + g * accelerations[*i as usize]);
             for w in &c.error {
                 let o = Layout::oscillator(w.index) + k;
                 let omega = s.oscillators[w.index].omega;
@@ -25,7 +24,7 @@ impl Expansion<'_> {
         for (force, &j) in forces.iter().zip(held.contacts()) {
             work[self.layout.of(j, FORCE) + k] = *force;
             for (i, p) in &s.contacts[j].push {
-                work[a + *i as usize] -= p * force;
+                accelerations[*i as usize] -= p * force;
             }
         }
     }

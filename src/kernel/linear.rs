@@ -8,14 +8,14 @@
 use smallvec::{SmallVec, smallvec};
 
 use super::{
-    Expansion, FORCE, LANES, Layout, ORDER, PENETRATION, ROW, STIFFNESS,
+    Expansion, FORCE, LANES, Layout, ORDER, ROW,
+    clock::StepClock,
     compiled::{Blocks, Four, MOST_BLOCKS, MOST_GROUPED, View, group_size},
     motion::Part,
-    product, waves,
 };
 use crate::{
     hybrid::Jet,
-    system::{Elasticity, Force, Spring, Watch},
+    system::{Elasticity, Force, Watch},
     vectors::{Path, Work},
 };
 
@@ -49,7 +49,7 @@ impl Expansion<'_> {
     /// All coefficients of a linear mode.
     pub(super) fn linear(&self, out: &mut Jet) {
         if self.motion.is_varying {
-            self.ramps(&mut out.work);
+            self.begin_clock(&StepClock::TIME, &mut out.work);
         }
         self.s.instructions.run(Recurrence { expansion: self, out });
         if self.keeps_low() {
@@ -60,32 +60,6 @@ impl Expansion<'_> {
             };
             self.low(carried.filter_map(constant).collect(), out);
         }
-    }
-
-    /// Writes the stiffnesses that rise along a ramp as series, in plain time.
-    pub(super) fn ramps(&self, work: &mut [f64]) {
-        for (j, part) in self.motion.parts.iter().enumerate() {
-            if let Some(Force::Linear { stiffness: ramp @ Elasticity::Ramp { slope, .. }, .. }) = part.force() {
-                let s = self.layout.of(j, STIFFNESS);
-                work[s..s + ROW].fill(0.0);
-                work[s] = self.s.stiffness_at(j, ramp, self.request.at).0;
-                work[s + 1] = slope * self.h;
-            }
-        }
-    }
-
-    /// `k (δ − σ b)` of contact `j` at order `k`.
-    pub(super) fn linear_spring(&self, j: usize, stiffness: Elasticity, k: usize, work: &mut [f64]) -> f64 {
-        let stretch = self.stretch(j, k, work);
-        if let Elasticity::Constant(stiffness) = stiffness {
-            return stiffness * stretch;
-        }
-        let (s, p) = (self.layout.of(j, STIFFNESS), self.layout.of(j, PENETRATION));
-        if let Spring::Waves(mean, stiffness) = &self.s.contacts[j].spring {
-            work[s + k] = waves(if k == 0 { *mean } else { 0.0 }, stiffness, k, work);
-        }
-        work[p + k] = stretch;
-        product(work, s, p, k)
     }
 
     /// Each order is a row: displacements and velocities in blocks of four, zero beyond the last degree of freedom, and the oscillators.
@@ -225,7 +199,7 @@ impl Expansion<'_> {
         for (j, part) in self.motion.parts.iter().enumerate() {
             let Some((stiffness, damping)) = part.carried_linear() else { continue };
             if stiffness.varies() {
-                let force = self.linear_spring(j, stiffness, k, work) + damping * self.rate(j, k, v, work);
+                let force = self.spring(j, stiffness, k, work) + damping * self.rate(j, k, v, work);
                 self.s.contacts[j].push.iter().for_each(|(i, p)| a[*i as usize] -= p * force);
             }
         }
@@ -245,7 +219,7 @@ impl Expansion<'_> {
         let d = |k: usize| self.layout.deflection(j, k);
         for k in 0..=ORDER {
             let rate = if k < ORDER { work[d(k + 1)] * (k + 1) as f64 / self.h } else { 0.0 };
-            work[self.layout.of(j, FORCE) + k] = self.linear_spring(j, stiffness, k, work) + damping * rate;
+            work[self.layout.of(j, FORCE) + k] = self.spring(j, stiffness, k, work) + damping * rate;
         }
     }
 }

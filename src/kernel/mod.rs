@@ -50,7 +50,7 @@ use pressed::Pressed;
 
 use crate::hybrid::{GuardId, GuardSet, Instant, Jet, JetField, JetRequest, Leap, Made, Power, Samples, Shown};
 use crate::system::{ContactMode, Elasticity, Force, Structure, Watch, Wave, dot, guard_id};
-use crate::vectors::{Path, Work};
+use crate::vectors::{Baseline, Path, Work};
 
 /// Highest power of a step.
 const ORDER: usize = 24;
@@ -79,8 +79,6 @@ struct Layout {
     contacts: usize,
     deflections: usize,
     clock: usize,
-    /// Accelerations of all orders, `n` each.
-    accelerations: usize,
     /// `δ − σ b` of each contact at order zero, σ b its flank.
     stretches: usize,
     /// `δ − σ b` at order zero of separated contacts from the flank that they have left, where it is known better than by the
@@ -102,8 +100,7 @@ impl Layout {
     fn new(s: &Structure) -> Self {
         let contacts = 2 * s.oscillators.len() * ROW;
         let clock = contacts + s.contacts.len() * CONTACT_ROWS * ROW;
-        let accelerations = clock + CLOCK_ROWS * ROW;
-        let deflections = accelerations + ROW * s.n;
+        let deflections = clock + CLOCK_ROWS * ROW;
         let lanes = s.contacts.len().next_multiple_of(LANES);
         let stretches = deflections + ROW * lanes;
         let gaps = stretches + lanes;
@@ -114,7 +111,6 @@ impl Layout {
             contacts,
             deflections,
             clock,
-            accelerations,
             stretches,
             gaps,
             owner,
@@ -293,13 +289,9 @@ impl JetField for Motion<'_> {
     /// nowhere, and a gap would lose the digits that tell when it closes. Where it is not small nothing is kept (NaN): the
     /// state is then as good, and cannot drift apart from it. The last number is the time since contacts with power laws started.
     fn carry(&self, step: &Jet, theta: f64, ends: bool, carried: &mut Vec<f64>) {
-        let s = theta * step.reach;
-        let added = |j: usize| {
-            let highest = self.layout.deflection(j, step.order);
-            let added = (0..step.order).fold(0.0, |sum, k| (sum + step.work[highest - k * LANES]) * s);
-            [added, self.structure.deflection_size(&self.structure.contacts[j], &step.state)]
-        };
-        self.keep(step, ends, added, carried);
+        let gained = self.gained(Baseline, step, theta);
+        let size = |j: usize| self.structure.deflection_size(&self.structure.contacts[j], &step.state);
+        self.keep(step, ends, |j| [gained.as_flattened()[j], size(j)], carried);
         carried.push(step.work[self.layout.since] + step.time_at(theta));
     }
 }
@@ -355,7 +347,8 @@ impl Motion<'_> {
         out.order = ORDER;
         let mut e = Expansion { s, motion: self, request, layout, h: request.span, is_bare };
         e.start(out);
-        let clock = if self.is_pressed { e.step_clock(&out.work) } else { None };
+        // What is bare is linear: the other recurrence is not compiled for it.
+        let clock = if !is_bare && self.is_pressed { e.step_clock(&out.work) } else { None };
         if let Some(clock) = &clock {
             e.h = e.clock_span(clock, &out.work);
         }
@@ -365,8 +358,8 @@ impl Motion<'_> {
         loop {
             out.low.clear();
             match &clock {
-                None if self.is_linear => e.linear(out),
-                clock => e.in_clock(path, clock.as_ref().unwrap_or(&StepClock::TIME), out),
+                None if is_bare || self.is_linear => e.linear(out),
+                clock => e.in_clock(path, clock.as_ref(), out),
             }
             out.span = e.h;
             let reach = match &clock {

@@ -167,7 +167,7 @@ impl Rows<'_> {
     /// `δ̇`. The linear recurrence does without it.
     #[inline(always)]
     fn rate(&self, j: usize) -> Series {
-        if self.is_pressed || !self.motion.is_linear {
+        if !self.motion.is_linear {
             return self.work(j, RATE);
         }
         let deflection = self.deflection(j);
@@ -198,8 +198,12 @@ impl Rows<'_> {
     #[inline(always)]
     fn stiffness(&self, j: usize) -> Series {
         let Spring::Waves(mean, waves) = &self.motion.structure.contacts[j].spring else {
-            // A ramp is written with all its orders.
-            return self.work(j, STIFFNESS);
+            let Some(Force::Linear { stiffness: Elasticity::Ramp { slope, .. }, .. }) = self.force_of(j) else {
+                return [0.0; ROW];
+            };
+            let mut ramp = [0.0; ROW];
+            (ramp[0], ramp[1]) = (self.work(j, STIFFNESS)[0], slope * self.step.span * self.step.reach);
+            return ramp;
         };
         let mut series = self.follow(waves.iter().copied()).unwrap_or([0.0; ROW]);
         series[0] += mean;

@@ -1,7 +1,15 @@
 //! Sums of absolute coefficients, which bound what a truncated product leaves out.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use super::{ORDER, ROW};
+use super::{LANES, ORDER, ROW};
+
+/// The largest of four sizes.
+#[inline(always)]
+pub(super) fn largest_of(sizes: &[f64; LANES]) -> f64 {
+    // Comparisons that vectors have; none of them is NaN.
+    let larger = |a: f64, b: f64| if a > b { a } else { b };
+    larger(larger(sizes[0], sizes[1]), larger(sizes[2], sizes[3]))
+}
 
 /// Absolute coefficients of a series at the end of the step.
 pub(super) type Sizes = [f64; ROW];

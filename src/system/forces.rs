@@ -121,7 +121,7 @@ impl Structure {
                 rates.oscillating = rates.oscillating.max(omega);
             }
         };
-        // Zero beyond the last freedom: that changes no maximum.
+        // Zero beyond the last degree of freedom: that changes no maximum.
         for block in &self.columns.blocks {
             block.by_q.iter().zip(block.by_v).for_each(|(by_q, by_v)| meet(-by_q, -by_v));
         }

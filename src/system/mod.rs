@@ -36,7 +36,7 @@ pub use spec::{ContactSpec, Flanks, LoadHarmonic, Spec};
 pub use statics::{Equilibrium, EquilibriumError, bonded_modes, bonded_stiffness, equilibrium, tangent_stiffness};
 pub(crate) use sticking::Sticking;
 pub use tangent::{Columns, Saltation};
-pub(crate) use tangent::{Gradient, LANES, Lanes};
+pub(crate) use tangent::{Eight, Gradient, LANES, Lanes};
 pub(crate) use variation::By;
 pub use variation::Variation;
 pub use view::damped_restitution;

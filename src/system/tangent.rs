@@ -14,7 +14,7 @@ use super::{
 use crate::{
     gear::contact::Law,
     hybrid::{GuardSet, Instant, Jump, Mode},
-    vectors::{Path, fused},
+    vectors::Path,
 };
 
 /// Changes of a state side by side: one row of `count` numbers for each component of the state.
@@ -55,6 +55,51 @@ impl Columns {
 pub(crate) const LANES: usize = 8;
 /// A component of so many columns.
 pub(crate) type Lanes = [f64; LANES];
+
+/// The same as two vectors. From plain arrays the compiler makes scalar products in large loops.
+#[derive(Clone, Copy)]
+pub(crate) struct Eight<P: Path>([P::Four; 2]);
+
+impl<P: Path> Eight<P> {
+    #[inline(always)]
+    pub fn zero(path: P) -> Self {
+        Self([path.all(0.0); 2])
+    }
+
+    #[inline(always)]
+    pub fn new(path: P, x: &Lanes) -> Self {
+        let mut all = Self::zero(path);
+        for (to, four) in all.0.iter_mut().zip(x.as_chunks().0) {
+            *to = path.four(*four);
+        }
+        all
+    }
+
+    /// Adds `by x`.
+    #[inline(always)]
+    pub fn add(&mut self, path: P, by: f64, x: &Lanes) {
+        let by = path.all(by);
+        for (sum, four) in self.0.iter_mut().zip(x.as_chunks().0) {
+            *sum = path.fused(by, path.four(*four), *sum);
+        }
+    }
+
+    #[inline(always)]
+    pub fn numbers(self, path: P) -> Lanes {
+        let mut lanes = [0.0; LANES];
+        for (to, four) in lanes.as_chunks_mut().0.iter_mut().zip(self.0) {
+            *to = path.numbers(four);
+        }
+        lanes
+    }
+
+    /// Whether all sizes are below `most`. NaN is not.
+    #[inline(always)]
+    pub fn is_below(self, path: P, most: f64) -> bool {
+        let ([first, second], most) = (self.0, path.all(most));
+        path.above(most, path.sizes(first)) & path.above(most, path.sizes(second)) == 0b1111
+    }
+}
 
 /// How the force of a contact along its direction changes with deflection, rate and latched speed.
 #[derive(Clone, Copy, Debug)]
@@ -161,37 +206,38 @@ impl Structure {
 
     /// `f_x ξ` without contacts, for some columns side by side: a row for each component.
     #[inline(always)]
-    pub(crate) fn apply_lanes<P: Path>(&self, columns: &[Lanes], out: &mut [Lanes]) {
+    pub(crate) fn apply_lanes<P: Path>(&self, path: P, columns: &[Lanes], out: &mut [Lanes]) {
         let n = self.n;
         out[..n].copy_from_slice(&columns[n..2 * n]);
         for (row, out) in self.rows.iter().zip(&mut out[n..2 * n]) {
-            let mut sum = [0.0; LANES];
+            let mut sum = Eight::zero(path);
             for (j, k, c) in row {
-                let (q, v) = (&columns[*j as usize], &columns[n + *j as usize]);
-                sum = std::array::from_fn(|l| fused::<P>(-k, q[l], fused::<P>(-c, v[l], sum[l])));
+                sum.add(path, -c, &columns[n + *j as usize]);
+                sum.add(path, -k, &columns[*j as usize]);
             }
-            *out = sum;
+            *out = sum.numbers(path);
         }
         out[2 * n..].fill([0.0; LANES]);
     }
 
     /// `gᵀξ` of contact `j` for the rows of `columns`, those of displacements or of velocities.
     #[inline(always)]
-    pub(crate) fn along_lanes<P: Path>(&self, j: usize, columns: &[Lanes]) -> Lanes {
-        let mut sum = [0.0; LANES];
+    pub(crate) fn along_lanes<P: Path>(&self, path: P, j: usize, columns: &[Lanes]) -> Lanes {
+        let mut sum = Eight::zero(path);
         for (i, g) in &self.contacts[j].direction {
-            let x = &columns[*i as usize];
-            sum = std::array::from_fn(|l| fused::<P>(*g, x[l], sum[l]));
+            sum.add(path, *g, &columns[*i as usize]);
         }
-        sum
+        sum.numbers(path)
     }
 
     /// Takes `force` of contact `j` out of the rows of velocity.
     #[inline(always)]
-    pub(crate) fn push_lanes<P: Path>(&self, j: usize, force: &Lanes, velocities: &mut [Lanes]) {
+    pub(crate) fn push_lanes<P: Path>(&self, path: P, j: usize, force: &Lanes, velocities: &mut [Lanes]) {
         for (i, p) in &self.contacts[j].push {
             let x = &mut velocities[*i as usize];
-            *x = std::array::from_fn(|l| fused::<P>(-p, force[l], x[l]));
+            let mut sum = Eight::new(path, x);
+            sum.add(path, -p, force);
+            *x = sum.numbers(path);
         }
     }
 

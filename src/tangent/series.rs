@@ -4,8 +4,8 @@ use super::{DEEPEST, Tangent, largest};
 use crate::{
     hybrid::{Mode, Shown},
     integrate::DenseStep,
-    system::{Columns, Gradient, LANES, Lanes, Sticking, Structure},
-    vectors::{Path, Work, fused},
+    system::{Columns, Eight, Gradient, LANES, Lanes, Sticking, Structure},
+    vectors::{Path, Work},
 };
 
 /// Highest power of the columns' series.
@@ -88,7 +88,7 @@ impl Work for Recurrence<'_> {
     type Output = bool;
 
     #[inline(always)]
-    fn on<P: Path>(self, _: P) -> bool {
+    fn on<P: Path>(self, path: P) -> bool {
         let Self { structure, held, coefficients, sizes, columns, work } = self;
         let (dim, m, contacts) = (sizes.len(), columns.count, coefficients.changes.len());
         work.terms.resize((ORDER + 1) * dim, [0.0; LANES]);
@@ -101,13 +101,13 @@ impl Work for Recurrence<'_> {
                 *term = [0.0; LANES];
                 term[..width].copy_from_slice(&row[first..first + width]);
             }
-            let Some(highest) = expand::<P>(structure, held, coefficients, sizes, work) else { return false };
+            let Some(highest) = expand(path, (structure, held), coefficients, sizes, work) else { return false };
             for (i, row) in work.sums.chunks_exact_mut(m).enumerate() {
-                let mut sum = [0.0; LANES];
+                let mut sum = Eight::zero(path);
                 for k in (0..=highest).rev() {
-                    sum = std::array::from_fn(|l| sum[l] + work.terms[k * dim + i][l]);
+                    sum.add(path, 1.0, &work.terms[k * dim + i]);
                 }
-                row[first..first + width].copy_from_slice(&sum[..width]);
+                row[first..first + width].copy_from_slice(&sum.numbers(path)[..width]);
             }
         }
         columns.values.copy_from_slice(&work.sums);
@@ -118,51 +118,39 @@ impl Work for Recurrence<'_> {
 /// The terms up to the order that is returned; `None` where they are not short enough.
 #[inline(always)]
 fn expand<P: Path>(
-    s: &Structure,
-    held: Option<&Sticking>,
+    path: P,
+    (s, held): (&Structure, Option<&Sticking>),
     c: &Coefficients,
     sizes: &[f64],
     work: &mut Orders,
 ) -> Option<usize> {
     let (n, dim) = (s.freedoms(), sizes.len());
     let gap = 3 + c.clock.iter().take_while(|a| **a == 0.0).count();
-    let is_small = |terms: &[Lanes], share: f64| {
-        let largest = |lanes: &Lanes| lanes.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        terms.iter().zip(sizes).all(|(lanes, size)| largest(lanes) <= share * size)
-    };
     let mut small = 0;
     for k in 0..ORDER {
         let (low, high) = work.terms.split_at_mut((k + 1) * dim);
         let (start, low, next) = (&low[..dim], &low[k * dim..], &mut high[..dim]);
-        s.apply_lanes::<P>(low, &mut work.base[k * dim..(k + 1) * dim]);
-        if let [clock] = c.clock[..] {
-            for (term, base) in next.iter_mut().zip(&work.base[k * dim..]) {
-                *term = base.map(|x| clock * x);
+        s.apply_lanes(path, low, &mut work.base[k * dim..(k + 1) * dim]);
+        for (i, term) in next.iter_mut().enumerate() {
+            let mut sum = Eight::zero(path);
+            for (a, clock) in c.clock.iter().enumerate().take(k + 1) {
+                sum.add(path, *clock, &work.base[(k - a) * dim + i]);
             }
-        } else {
-            for (i, term) in next.iter_mut().enumerate() {
-                let mut sum = [0.0; LANES];
-                for (a, clock) in c.clock.iter().enumerate().take(k + 1) {
-                    let base = &work.base[(k - a) * dim + i];
-                    sum = std::array::from_fn(|l| fused::<P>(*clock, base[l], sum[l]));
-                }
-                *term = sum;
-            }
+            *term = sum.numbers(path);
         }
         for (place, (j, latch, [by_deflection, by_rate, by_latch])) in c.changes.iter().enumerate() {
-            let mut force = [0.0; LANES];
+            let mut force = Eight::zero(path);
             for (half, by) in [by_deflection, by_rate].into_iter().enumerate() {
                 let along = &mut work.along[half][place * ORDER..][..=k];
-                along[k] = s.along_lanes::<P>(*j, &low[half * n..]);
+                along[k] = s.along_lanes(path, *j, &low[half * n..]);
                 for (by, x) in by.iter().zip(along.iter().rev()) {
-                    force = std::array::from_fn(|l| fused::<P>(*by, x[l], force[l]));
+                    force.add(path, *by, x);
                 }
             }
             if let (Some(latch), Some(by)) = (latch, by_latch.get(k)) {
-                let x = &start[*latch];
-                force = std::array::from_fn(|l| fused::<P>(*by, x[l], force[l]));
+                force.add(path, *by, &start[*latch]);
             }
-            s.push_lanes::<P>(*j, &force, &mut next[n..]);
+            s.push_lanes(path, *j, &force.numbers(path), &mut next[n..]);
         }
         if let Some(held) = held {
             let mut columns = Columns { count: LANES, values: next.as_flattened().to_vec() };
@@ -170,14 +158,21 @@ fn expand<P: Path>(
             next.as_flattened_mut().copy_from_slice(&columns.values);
         }
         let share = 1.0 / (k + 1) as f64;
-        next.as_flattened_mut().iter_mut().for_each(|x| *x *= share);
-        small = if is_small(next, NEGLIGIBLE * f64::EPSILON) { small + 1 } else { 0 };
+        let mut is_small = true;
+        for (term, size) in next.iter_mut().zip(sizes) {
+            let mut x = Eight::zero(path);
+            x.add(path, share, term);
+            *term = x.numbers(path);
+            is_small &= x.is_below(path, NEGLIGIBLE * f64::EPSILON * size + f64::MIN_POSITIVE);
+        }
+        small = if is_small { small + 1 } else { 0 };
         if small > gap {
             return Some(k + 1);
         }
     }
     let last = &work.terms[(ORDER - 1) * dim..(ORDER + 1) * dim];
-    last.chunks_exact(dim).all(|terms| is_small(terms, 4.0 * f64::EPSILON)).then_some(ORDER)
+    let is_small = |(lanes, size): (&Lanes, &f64)| lanes.iter().all(|x| x.abs() <= 4.0 * f64::EPSILON * size);
+    last.chunks_exact(dim).all(|terms| terms.iter().zip(sizes).all(is_small)).then_some(ORDER)
 }
 
 impl Tangent<'_> {

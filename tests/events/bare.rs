@@ -64,6 +64,20 @@ fn agree(system: &Structure, start: &State, end: Instant) -> Result<usize, TestC
 
 /// A chain of masses before a wall, each coupled to the next by a mesh with backlash, on springs and dampers.
 pub fn chain(n: usize, law: Law, kinds: &[usize], sizes: &[f64], load: f64) -> Structure {
+    chain_beside(0, n, |_| law, kinds, sizes, load)
+}
+
+/// The same beside `idle` masses that nothing moves; each contact has a law.
+pub fn chain_beside(
+    idle: usize,
+    n: usize,
+    law: impl Fn(usize) -> Law,
+    kinds: &[usize],
+    sizes: &[f64],
+    load: f64,
+) -> Structure {
+    let all = n + idle;
+    let beside = |x: Vec<f64>| x.into_iter().chain(std::iter::repeat_n(0.0, idle)).collect::<Vec<_>>();
     let stiffness = |j: usize| match kinds[j % kinds.len()] {
         0 => Stiffness::Constant(sizes[j] * 40.0),
         1 => Stiffness::Periodic {
@@ -80,21 +94,27 @@ pub fn chain(n: usize, law: Law, kinds: &[usize], sizes: &[f64], load: f64) -> S
     };
     let contacts = (0..n).map(|j| ContactSpec {
         name: format!("contact {j}"),
-        direction: (0..n).map(|i| [0.0, 1.0, -1.0][usize::from(i == j) + 2 * usize::from(i == j + 1)]).collect(),
+        direction: beside(
+            (0..n).map(|i| [0.0, 1.0, -1.0][usize::from(i == j) + 2 * usize::from(i == j + 1)]).collect(),
+        ),
         error: vec![Harmonic { omega: 1.0, amplitude: 0.1 * sizes[j], phase: j as f64 }],
         error_offset: 0.0,
         half_backlash: 0.2 + 0.1 * sizes[n + j],
         flanks: if kinds[j % kinds.len()] == 1 { Flanks::Drive } else { Flanks::Both },
         stiffness: stiffness(j),
-        law,
+        law: law(j),
     });
     Structure::new(Spec {
-        freedoms: (0..n).map(|i| format!("x_{i}")).collect(),
-        mass: DMatrix::from_fn(n, n, |i, j| if i == j { sizes[i] } else { 0.0 }),
-        damping: DMatrix::identity(n, n) * 0.1,
-        stiffness: DMatrix::identity(n, n) * 0.5,
-        load: vec![load; n],
-        load_harmonics: vec![LoadHarmonic { vector: sizes[..n].to_vec(), omega: 1.0, phase: 0.2 }],
+        freedoms: (0..all).map(|i| format!("x_{i}")).collect(),
+        mass: DMatrix::from_fn(
+            all,
+            all,
+            |i, j| if i == j { sizes.get(i).filter(|_| i < n).map_or(1.0, |m| *m) } else { 0.0 },
+        ),
+        damping: DMatrix::identity(all, all) * 0.1,
+        stiffness: DMatrix::identity(all, all) * 0.5,
+        load: beside(vec![load; n]),
+        load_harmonics: vec![LoadHarmonic { vector: beside(sizes[..n].to_vec()), omega: 1.0, phase: 0.2 }],
         contacts: contacts.collect(),
         omega: None,
     })

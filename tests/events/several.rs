@@ -4,7 +4,10 @@ use flank::{
     Simulation,
     engine::{Engine, Options, State},
     event::EventRecord,
-    gear::Stiffness,
+    gear::{
+        Stiffness,
+        contact::{Law, PowerLaw, Ratio},
+    },
     integrate::Taylor,
     system::{ContactSpec, Flanks, LoadHarmonic, Spec, Structure},
 };
@@ -13,7 +16,7 @@ use proptest::prelude::*;
 
 use crate::{
     arcs::{First, agreed},
-    bare::chain,
+    bare::{chain, chain_beside},
     leaps::laws,
     support::{Log, engine, state},
 };
@@ -131,5 +134,43 @@ proptest! {
         let system = chain(n, laws()[which], &kinds, &sizes, load);
         let start = state(&system, &vec![0.0; n], &sizes[..n]);
         agree(&system, &events(&system, &start, 40).0)?;
+    }
+}
+
+/// Beside so many masses a chain has another recurrence, in more than one panel.
+const BESIDE: usize = 24;
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
+
+    /// Masses that nothing moves change no event of a chain: from each state behind an event the next one is the same, within the
+    /// uncertainties that both state.
+    #[test]
+    fn masses_beside_a_chain_change_nothing(
+        n in 1..6usize, which in prop::collection::vec(0..5usize, 2), kinds in prop::collection::vec(0..3usize, 3),
+        sizes in prop::collection::vec(0.3..1.5, 10), load in -0.3..0.3,
+    ) {
+        let exponent = Ratio { p: 3, q: 2 };
+        let power = Law::Power(PowerLaw { exponent, hysteresis: 0.2, speed_floor: 0.05, initial_speed: 1.0 });
+        let law = |j: usize| laws().get(which[j % 2]).copied().unwrap_or(power);
+        // A power law has a constant stiffness.
+        let kinds = if which.contains(&4) { vec![0] } else { kinds };
+        let [narrow, wide] = [0, BESIDE].map(|idle| chain_beside(idle, n, law, &kinds, &sizes, load));
+        let start = state(&narrow, &vec![0.0; n], &sizes[..n]);
+        let mut log = Log { stop_after: Some(40), ..Log::default() };
+        engine(&narrow, start, Options::default()).run(narrow.clock().at(3, 0.0), &mut log).unwrap();
+        log.records.retain(|record| !record.graze);
+        for pair in log.records.windows(2).filter(|pair| pair[1].accumulation.is_none()) {
+            let left = narrow.clock().between(pair[0].at, pair[1].at);
+            let next = |system: &Structure, x: Vec<f64>| {
+                let mut first = First(None);
+                let start = State { at: pair[0].at, x, jump: pair[0].jump.clone() };
+                engine(system, start, Options::default()).run(system.clock().advance(pair[0].at, 1.5 * left), &mut first).unwrap();
+                first.0
+            };
+            let x = &pair[0].x_plus;
+            let padded = [&x[..n], &[0.0; BESIDE], &x[n..2 * n], &[0.0; BESIDE], &x[2 * n..]].concat();
+            agreed(&narrow, next(&narrow, x.clone()), next(&wide, padded))?;
+        }
     }
 }
