@@ -12,14 +12,10 @@ use super::{
     product, waves,
 };
 use crate::{
-    gear::contact::PowerLaw,
     hybrid::Jet,
-    system::{Spring, Watch},
+    system::{Acting, Spring, Watch},
     vectors::Path,
 };
-
-/// A change this much smaller than what it changes is far below rounding.
-const UNFELT: f64 = f64::EPSILON / 64.0;
 
 /// Room for the series.
 #[derive(Debug, Default)]
@@ -139,8 +135,7 @@ impl Expansion<'_> {
             let (to_q, to_v) = row[..2 * n].split_at_mut(n);
             for (to, from) in [(to_q, q), (to_v, v)] {
                 match (to.as_chunks_mut::<LANES>().0.first_chunk_mut::<B>(), from) {
-                    // Of a size that is known when this is compiled.
-                    (Some(to), [from]) if n == LANES * B => *to = *from,
+                    (Some(to), [from]) if n == LANES * B => *to = *from, // of a size known when this is compiled
                     _ => to.copy_from_slice(&from.as_flattened().as_flattened()[..n]),
                 }
             }
@@ -159,9 +154,11 @@ impl Expansion<'_> {
             };
             write(RATE, &four.rate);
             if !matches!(four.does[l], Does::Nothing | Does::Else) {
+                write(FORCE, &four.force);
+            }
+            if matches!(four.does[l], Does::Watched | Does::Pressed | Does::AsOwner(_) | Does::Alone(_)) {
                 write(PENETRATION, &four.penetration);
                 write(FACTOR, &four.factor);
-                write(FORCE, &four.force);
                 if let Some(row) = work[self.layout.of(j, POWER)..].first_chunk_mut::<ROW>() {
                     row.iter_mut().zip(four.backward.iter().rev()).for_each(|(c, lanes)| *c = lanes[l]);
                 }
@@ -226,8 +223,21 @@ impl Expansion<'_> {
             let c = &self.s.contacts[j];
             (four.per_across[l], four.weight[l]) = (c.across.recip(), c.weight);
             four.penetration[0][l] = part.side * work[layout.stretches + j];
+            (four.spring[l], four.damping[l], four.carried[l]) = (0.0, 0.0, 0.0);
             let Some(power @ Force::Power { law, stiffness, .. }) = part.force() else {
-                four.does[l] = if part.acting.is_some() { Does::Else } else { Does::Nothing };
+                four.does[l] = match part.acting {
+                    None => Does::Nothing,
+                    Some(Acting {
+                        force: Force::Linear { stiffness: Elasticity::Constant(k), damping },
+                        is_carried,
+                        ..
+                    }) => {
+                        (four.spring[l], four.damping[l]) = (k, damping);
+                        four.carried[l] = f64::from(u8::from(is_carried));
+                        Does::Spring
+                    }
+                    Some(_) => Does::Else,
+                };
                 continue;
             };
             let n = law.exponent.value();
@@ -251,8 +261,13 @@ impl Expansion<'_> {
                 Does::Alone(law)
             };
         }
-        let is_lone = |does: &Does| matches!(does, Does::Alone(_) | Does::AsOwner(_) | Does::Else);
-        four.is_mixed = four.does.iter().any(is_lone);
+        let any = |is: fn(&Does) -> bool| four.does.iter().any(is);
+        [four.has_power, four.has_lone, four.has_spring, four.has_other] = [
+            any(|does| does.presses() || matches!(does, Does::Watched)),
+            any(|does| matches!(does, Does::Alone(_) | Does::AsOwner(_))),
+            any(|does| matches!(does, Does::Spring)),
+            any(|does| matches!(does, Does::Else)),
+        ];
     }
 
     /// The forces of four contacts along their directions that are carried at order `k`.
@@ -266,77 +281,61 @@ impl Expansion<'_> {
         k: usize,
         work: &mut [f64],
     ) -> [f64; LANES] {
-        let rate = four.rate[k];
-        let by_rate = path.times(path.four(four.chi), path.four(four.side));
-        let factor = path.times(by_rate, path.four(rate));
-        four.factor[k] = path.numbers(if k == 0 { path.plus(factor, path.all(1.0)) } else { factor });
-        let [power, product] = four.powers(path, k);
-        let mut power = path.numbers(power);
-        if four.is_mixed {
-            self.lone_powers(clock, chunk, four, k, &mut power, work);
-        }
-        *four.power(k) = power;
-        let all = path.fused(path.four(four.factor[0]), path.four(power), product);
-        let mut force = path.numbers(path.times(path.four(four.stiffness), all));
-        if four.is_mixed {
-            self.other_forces(chunk, four, k, &mut force, work);
-        }
-        four.force[k] = force;
-        force
-    }
-
-    /// The powers of penetrations at order `k` that have a way of their own.
-    // A call of its own keeps the recurrence small.
-    #[inline(never)]
-    fn lone_powers(
-        &self,
-        clock: &StepClock,
-        chunk: usize,
-        four: &FourSeries,
-        k: usize,
-        power: &mut [f64; LANES],
-        work: &mut [f64],
-    ) {
-        let layout = self.layout;
-        for (l, does) in four.does.iter().enumerate() {
-            let j = LANES * chunk + l;
-            match (does, clock.owner) {
-                (Does::Alone(law), _) => {
-                    work[layout.of(j, PENETRATION) + k] = four.penetration[k][l];
-                    self.power(clock, j, *law, (k, four.side[l] * four.rate[0][l]), work);
-                    power[l] = work[layout.of(j, POWER) + k];
-                }
-                // What is equal stays equal to the last bit.
-                (Does::AsOwner(law), Some(owner)) => {
-                    let (own, apart) = (layout.of(owner, PENETRATION) + k, layout.of(j, STIFFNESS));
-                    work[apart + k] = four.penetration[k][l] - work[own];
-                    let slope = layout.y((law.exponent.p - law.exponent.q) as usize);
-                    let changed = law.exponent.value() * super::product(work, slope, apart, k);
-                    power[l] = work[layout.of(owner, POWER) + k] + changed;
-                }
-                _ => {}
+        let rate = path.four(four.rate[k]);
+        // What the laws give, and what of it is carried.
+        let [mut laws, mut carried] = [path.all(0.0); 2];
+        if four.has_power {
+            let by_rate = path.times(path.four(four.chi), path.four(four.side));
+            let factor = path.times(by_rate, rate);
+            four.factor[k] = path.numbers(if k == 0 { path.plus(factor, path.all(1.0)) } else { factor });
+            let [power, product] = four.powers(path, k);
+            let mut power = path.numbers(power);
+            if four.has_lone {
+                self.lone_powers(clock, chunk, four, k, &mut power, work);
             }
+            *four.power(k) = power;
+            let all = path.fused(path.four(four.factor[0]), path.four(power), product);
+            carried = path.times(path.four(four.stiffness), all);
+            laws = carried;
         }
+        if four.has_spring {
+            let first = LANES * chunk;
+            let at = if k == 0 { self.layout.stretches + first } else { self.layout.deflection(first, k) };
+            let Some(stretch) = work[at..].first_chunk() else { unreachable!("no four at {at}") };
+            let spring = path.times(path.four(four.spring), path.four(*stretch));
+            let mut force = path.fused(path.four(four.damping), rate, spring);
+            if k == 0 && !self.request.pinned.is_empty() {
+                let mut numbers = path.numbers(force);
+                let zero = |l: usize| first + l < self.s.contacts.len() && self.pinned(first + l, Watch::Force);
+                numbers.iter_mut().enumerate().filter(|(l, _)| zero(*l)).for_each(|(_, force)| *force = 0.0);
+                force = path.four(numbers);
+            }
+            laws = path.plus(laws, force);
+            carried = path.fused(path.four(four.carried), force, carried);
+        }
+        four.force[k] = path.numbers(laws);
+        let mut carried = path.numbers(carried);
+        if four.has_other {
+            self.other_forces(chunk, four, k, &mut carried, work);
+        }
+        carried
     }
 
-    /// The forces at order `k` of contacts without a power law.
+    /// The forces at order `k` of contacts whose stiffness is a series; those at rest follow from the accelerations.
     #[inline(never)]
-    fn other_forces(&self, chunk: usize, four: &FourSeries, k: usize, force: &mut [f64; LANES], work: &mut [f64]) {
+    fn other_forces(&self, chunk: usize, four: &FourSeries, k: usize, carried: &mut [f64; LANES], work: &mut [f64]) {
         for (l, _) in four.does.iter().enumerate().filter(|(_, does)| matches!(does, Does::Else)) {
             let j = LANES * chunk + l;
+            let Some(Acting { force: Force::Linear { stiffness, damping }, is_carried, .. }) =
+                self.motion.parts[j].acting
+            else {
+                continue;
+            };
             // Formed where it is zero too: a stiffness that varies and its stretch are read again at later orders.
-            let formed = self.linear_force(j, four.rate[k][l], k, work);
-            let law = if k == 0 && self.pinned(j, Watch::Force) { 0.0 } else { formed };
-            work[self.layout.of(j, FORCE) + k] = law;
-            force[l] = if self.motion.parts[j].acting.is_some_and(|a| a.is_carried) { law } else { 0.0 };
-        }
-    }
-
-    /// The force of a contact without a power law at order `k`; that of one at rest follows from the accelerations.
-    fn linear_force(&self, j: usize, rate: f64, k: usize, work: &mut [f64]) -> f64 {
-        match self.motion.parts[j].force() {
-            Some(Force::Linear { stiffness, damping }) => self.spring(j, stiffness, k, work) + damping * rate,
-            _ => 0.0,
+            let formed = self.spring(j, stiffness, k, work) + damping * four.rate[k][l];
+            let force = if k == 0 && self.pinned(j, Watch::Force) { 0.0 } else { formed };
+            work[self.layout.of(j, FORCE) + k] = force;
+            carried[l] = if is_carried { force } else { 0.0 };
         }
     }
 
@@ -356,63 +355,5 @@ impl Expansion<'_> {
         work[s + k] = at_order;
         work[p + k] = stretch;
         product(work, s, p, k)
-    }
-
-    /// Whether contact `j` is leaving and so near its end that the rest of its force changes neither its rate nor, in
-    /// proportion, its penetration: with `p/|ṗ|` left, by `K p^(n+1)/(m ṗ²)`. Where it leaves together with the clock's
-    /// owner its branch point would hold up every step.
-    fn leaves_unfelt(&self, j: usize, law: PowerLaw, rate: f64, work: &[f64]) -> bool {
-        let c = &self.s.contacts[j];
-        let p = work[self.layout.of(j, PENETRATION)];
-        let energy = |p: f64| c.spec.stiffness.mean() * c.mobility * law.exponent.power(p) * p;
-        rate < 0.0 && p > 0.0 && energy(p) <= UNFELT * rate * rate
-    }
-
-    /// `pⁿ` at order `k` of a contact with the `rate` ṗ at the start.
-    fn power(&self, clock: &StepClock, j: usize, law: PowerLaw, (k, rate): (usize, f64), work: &mut [f64]) {
-        let layout = self.layout;
-        let (p, u) = (layout.of(j, PENETRATION), layout.of(j, POWER));
-        let exponent = law.exponent;
-        if clock.owner == Some(j) && clock.root == exponent.q {
-            // n = a + r/q: pⁿ = p^a y^r, products only.
-            let (a, r) = ((exponent.p / exponent.q) as usize, (exponent.p % exponent.q) as usize);
-            let mut series = p;
-            for m in 2..=a {
-                let next = layout.y(16 + m - 1);
-                work[next + k] = product(work, series, p, k);
-                series = next;
-            }
-            work[u + k] = match (a, r) {
-                (0, r) => work[layout.y(r) + k],
-                (_, 0) => work[series + k],
-                (_, r) => product(work, series, layout.y(r), k),
-            };
-            return;
-        }
-        // Another contact's clock, or plain time. If this contact starts here, p = θ^m β with m exact zeros in front
-        // (the owner's q; twice as many from rest), and pⁿ = θ^(mn) βⁿ; βⁿ by the recurrence of a power of a series. Where mn
-        // is not whole there is no power series: the force is left out, and the step so short that it changes nothing.
-        let n = exponent.value();
-        if k > 0 && work[u] == 0.0 && work[p] > 0.0 || k == 0 && self.leaves_unfelt(j, law, rate, work) {
-            work[u + k] = 0.0;
-            return;
-        }
-        let m = work[p..=p + k].iter().position(|c| *c != 0.0);
-        let Some(m) = m.filter(|m| (m * exponent.p as usize).is_multiple_of(exponent.q as usize)) else {
-            work[u + k] = 0.0;
-            return;
-        };
-        let shift = m * exponent.p as usize / exponent.q as usize;
-        if k < shift {
-            work[u + k] = 0.0;
-            return;
-        }
-        let i = k - shift;
-        work[u + k] = if i == 0 {
-            exponent.power(work[p + m].max(0.0))
-        } else {
-            let sum: f64 = (1..=i).map(|l| (l as f64 * (n + 1.0) - i as f64) * work[p + m + l] * work[u + k - l]).sum();
-            sum / (i as f64 * work[p + m])
-        };
     }
 }

@@ -181,8 +181,7 @@ pub(super) struct Group {
 }
 
 impl Group {
-    /// The contacts `fours`, which start with four number `first`, on panels of so many blocks; `law` gives the stiffness and damping of
-    /// a contact.
+    /// The contacts `fours`, from four number `first` on, on panels of so many blocks; `law` gives stiffness and damping.
     fn new(
         s: &Structure,
         together: usize,
@@ -251,7 +250,7 @@ impl Compiled {
             _ => None,
         };
         let mut blocks: Cow<'_, [Block]> = Cow::Borrowed(&s.columns.blocks);
-        let together = blocks.len().div_ceil(blocks.len().div_ceil(MOST_BLOCKS));
+        let together = if blocks.len() <= MOST_BLOCKS { blocks.len() } else { SPARSE };
         if !blocks.len().is_multiple_of(together) {
             let whole = blocks.len().next_multiple_of(together);
             blocks.to_mut().resize_with(whole, Block::default);
@@ -278,5 +277,7 @@ pub(super) fn group_size(fours: usize) -> usize {
 
 /// Most blocks of four degrees of freedom that the recurrences are compiled for.
 pub(super) const MOST_BLOCKS: usize = 6;
+/// Blocks in a panel of larger trains: few bodies move any one, and columns that are zero on a panel are left out.
+const SPARSE: usize = 2;
 /// Degrees of freedom up to which linear modes have a recurrence of their own.
 pub(super) const LARGEST: usize = LANES * MOST_BLOCKS;

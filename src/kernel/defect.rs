@@ -167,7 +167,7 @@ impl Expansion<'_> {
                 }
                 match four.does[l] {
                     Does::Nothing | Does::Watched => continue,
-                    Does::Else => {
+                    Does::Spring | Does::Else => {
                         self.linear_defect(j, &powers, work, &mut forces);
                         continue;
                     }

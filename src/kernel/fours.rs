@@ -18,6 +18,8 @@ pub(super) enum Does {
     AsOwner(PowerLaw),
     /// A closed power law that has a way of its own: the owner of the clock, one that starts, one that leaves unfelt.
     Alone(PowerLaw),
+    /// A linear law of constant stiffness.
+    Spring,
     /// Another law.
     Else,
 }
@@ -39,11 +41,14 @@ pub(super) struct FourSeries {
     /// `l (n + 1) p_l`.
     pub raised: [[f64; LANES]; ROW],
     pub factor: [[f64; LANES]; ROW],
-    /// Forces carried.
+    /// What the laws give, carried or not.
     pub force: [[f64; LANES]; ROW],
     pub does: [Does; LANES],
-    /// Some of them have a way of their own.
-    pub is_mixed: bool,
+    /// Some of them have a power law, one with a way of its own, a linear law of constant stiffness, another one.
+    pub has_power: bool,
+    pub has_lone: bool,
+    pub has_spring: bool,
+    pub has_other: bool,
     pub side: [f64; LANES],
     pub exponent: [f64; LANES],
     /// Of those that are [`Does::Pressed`] the penetration at the start, else 1.
@@ -52,6 +57,10 @@ pub(super) struct FourSeries {
     pub elastic: [f64; LANES],
     pub stiffness: [f64; LANES],
     pub chi: [f64; LANES],
+    /// Of linear laws of constant stiffness that and the damping, and 1 if the force is carried; else 0.
+    pub spring: [f64; LANES],
+    pub damping: [f64; LANES],
+    pub carried: [f64; LANES],
     /// `1/Contact::across` and `Contact::weight`.
     pub per_across: [f64; LANES],
     pub weight: [f64; LANES],
@@ -68,13 +77,19 @@ impl Default for FourSeries {
             factor: rows,
             force: rows,
             does: [Does::Nothing; LANES],
-            is_mixed: false,
+            has_power: false,
+            has_lone: false,
+            has_spring: false,
+            has_other: false,
             side: [1.0; LANES],
             exponent: zeros,
             start: [1.0; LANES],
             elastic: zeros,
             stiffness: zeros,
             chi: zeros,
+            spring: zeros,
+            damping: zeros,
+            carried: zeros,
             per_across: zeros,
             weight: zeros,
         }

@@ -25,6 +25,7 @@ mod held;
 mod lane;
 mod leap;
 mod linear;
+mod lone;
 mod low;
 mod modulated;
 mod motion;

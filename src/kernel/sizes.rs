@@ -3,10 +3,9 @@
 
 use super::{LANES, ORDER, ROW};
 
-/// The largest of four sizes.
+/// The largest of four sizes, none of them NaN, by comparisons that vectors have.
 #[inline(always)]
 pub(super) fn largest_of(sizes: &[f64; LANES]) -> f64 {
-    // Comparisons that vectors have; none of them is NaN.
     let larger = |a: f64, b: f64| if a > b { a } else { b };
     larger(larger(sizes[0], sizes[1]), larger(sizes[2], sizes[3]))
 }

@@ -1,0 +1,105 @@
+//! Powers of penetrations that have a way of their own: of the owner of a clock, and of contacts that start or leave.
+
+use super::{
+    Expansion, LANES, PENETRATION, POWER, STIFFNESS,
+    clock::StepClock,
+    fours::{Does, FourSeries},
+    product,
+};
+use crate::gear::contact::PowerLaw;
+
+/// A change this much smaller than what it changes is far below rounding.
+const UNFELT: f64 = f64::EPSILON / 64.0;
+
+impl Expansion<'_> {
+    /// The powers of penetrations at order `k` that have a way of their own.
+    #[inline(never)] // a call of its own keeps the recurrence small
+    pub(super) fn lone_powers(
+        &self,
+        clock: &StepClock,
+        chunk: usize,
+        four: &FourSeries,
+        k: usize,
+        power: &mut [f64; LANES],
+        work: &mut [f64],
+    ) {
+        let layout = self.layout;
+        for (l, does) in four.does.iter().enumerate() {
+            let j = LANES * chunk + l;
+            match (does, clock.owner) {
+                (Does::Alone(law), _) => {
+                    work[layout.of(j, PENETRATION) + k] = four.penetration[k][l];
+                    self.power(clock, j, *law, (k, four.side[l] * four.rate[0][l]), work);
+                    power[l] = work[layout.of(j, POWER) + k];
+                }
+                // What is equal stays equal to the last bit.
+                (Does::AsOwner(law), Some(owner)) => {
+                    let (own, apart) = (layout.of(owner, PENETRATION) + k, layout.of(j, STIFFNESS));
+                    work[apart + k] = four.penetration[k][l] - work[own];
+                    let slope = layout.y((law.exponent.p - law.exponent.q) as usize);
+                    let changed = law.exponent.value() * product(work, slope, apart, k);
+                    power[l] = work[layout.of(owner, POWER) + k] + changed;
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Whether contact `j` is leaving and so near its end that the rest of its force changes neither its rate nor, in
+    /// proportion, its penetration: with `p/|ṗ|` left, by `K p^(n+1)/(m ṗ²)`. Where it leaves together with the clock's
+    /// owner its branch point would hold up every step.
+    pub(super) fn leaves_unfelt(&self, j: usize, law: PowerLaw, rate: f64, work: &[f64]) -> bool {
+        let c = &self.s.contacts[j];
+        let p = work[self.layout.of(j, PENETRATION)];
+        let energy = |p: f64| c.spec.stiffness.mean() * c.mobility * law.exponent.power(p) * p;
+        rate < 0.0 && p > 0.0 && energy(p) <= UNFELT * rate * rate
+    }
+
+    /// `pⁿ` at order `k` of a contact with the `rate` ṗ at the start.
+    fn power(&self, clock: &StepClock, j: usize, law: PowerLaw, (k, rate): (usize, f64), work: &mut [f64]) {
+        let layout = self.layout;
+        let (p, u) = (layout.of(j, PENETRATION), layout.of(j, POWER));
+        let exponent = law.exponent;
+        if clock.owner == Some(j) && clock.root == exponent.q {
+            // n = a + r/q: pⁿ = p^a y^r, products only.
+            let (a, r) = ((exponent.p / exponent.q) as usize, (exponent.p % exponent.q) as usize);
+            let mut series = p;
+            for m in 2..=a {
+                let next = layout.y(16 + m - 1);
+                work[next + k] = product(work, series, p, k);
+                series = next;
+            }
+            work[u + k] = match (a, r) {
+                (0, r) => work[layout.y(r) + k],
+                (_, 0) => work[series + k],
+                (_, r) => product(work, series, layout.y(r), k),
+            };
+            return;
+        }
+        // Another contact's clock, or plain time. If this contact starts here, p = θ^m β with m exact zeros in front
+        // (the owner's q; twice as many from rest), and pⁿ = θ^(mn) βⁿ; βⁿ by the recurrence of a power of a series. Where mn
+        // is not whole there is no power series: the force is left out, and the step so short that it changes nothing.
+        let n = exponent.value();
+        if k > 0 && work[u] == 0.0 && work[p] > 0.0 || k == 0 && self.leaves_unfelt(j, law, rate, work) {
+            work[u + k] = 0.0;
+            return;
+        }
+        let m = work[p..=p + k].iter().position(|c| *c != 0.0);
+        let Some(m) = m.filter(|m| (m * exponent.p as usize).is_multiple_of(exponent.q as usize)) else {
+            work[u + k] = 0.0;
+            return;
+        };
+        let shift = m * exponent.p as usize / exponent.q as usize;
+        if k < shift {
+            work[u + k] = 0.0;
+            return;
+        }
+        let i = k - shift;
+        work[u + k] = if i == 0 {
+            exponent.power(work[p + m].max(0.0))
+        } else {
+            let sum: f64 = (1..=i).map(|l| (l as f64 * (n + 1.0) - i as f64) * work[p + m + l] * work[u + k - l]).sum();
+            sum / (i as f64 * work[p + m])
+        };
+    }
+}
