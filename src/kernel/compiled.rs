@@ -1,11 +1,11 @@
 //! A mode as its recurrences read it: blocks of four degrees of freedom, and contacts four at a time, as columns.
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use std::borrow::Cow;
+use std::{borrow::Cow, cell::RefCell, rc::Rc};
 
 use super::{LANES, motion::Part};
 use crate::{
-    system::{Block, Elasticity, FourColumns, Structure},
+    system::{Block, Elasticity, FourColumns, Structure, VectorColumns},
     vectors::Path,
 };
 
@@ -242,8 +242,28 @@ fn find(list: &[(usize, Four, Four)], i: usize) -> [Four; 2] {
     list.iter().find(|(of, ..)| *of == i).map_or([[0.0; LANES]; 2], |(_, a, b)| [*a, *b])
 }
 
+thread_local! {
+    /// What all modes of a train share that are not linear, by the columns that it is formed of: a large train has many modes.
+    static SHARED: RefCell<Option<(VectorColumns, Rc<Compiled>)>> = const { RefCell::new(None) };
+}
+
 impl Compiled {
-    pub fn new(s: &Structure, parts: &[Part], is_linear: bool) -> Self {
+    /// Of a mode.
+    pub fn of(s: &Structure, parts: &[Part], is_linear: bool) -> Rc<Self> {
+        if is_linear {
+            return Rc::new(Self::new(s, parts, true));
+        }
+        SHARED.with_borrow_mut(|shared| match shared {
+            Some((columns, compiled)) if *columns == s.columns => Rc::clone(compiled),
+            _ => {
+                let compiled = Rc::new(Self::new(s, &[], false));
+                *shared = Some((s.columns.clone(), Rc::clone(&compiled)));
+                compiled
+            }
+        })
+    }
+
+    fn new(s: &Structure, parts: &[Part], is_linear: bool) -> Self {
         let fours = &s.columns.fours;
         let law = |j: usize| match parts.get(j).and_then(Part::carried_linear) {
             Some((Elasticity::Constant(k), damping)) => Some([k, damping]),

@@ -90,7 +90,7 @@ pub(super) struct Motion<'s> {
     /// The contacts whose force is a guard.
     pub(super) watched_forces: Box<[usize]>,
     /// What the recurrences read.
-    pub(super) compiled: Compiled,
+    pub(super) compiled: Rc<Compiled>,
     /// Room for series that are not of a linear mode.
     pub(super) room: RefCell<Room>,
     /// Formed when it is first asked for.
@@ -126,7 +126,7 @@ impl<'s> Motion<'s> {
             is_linear,
             is_pressed: parts.iter().any(Part::is_pressed),
             is_varying: parts.iter().any(varies),
-            compiled: Compiled::new(structure, &parts, is_linear),
+            compiled: Compiled::of(structure, &parts, is_linear),
             held,
             parts,
             room: RefCell::default(),

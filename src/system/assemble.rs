@@ -143,7 +143,7 @@ impl Contact {
 
 /// What the recurrences read, laid out for vector instructions.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Columns {
+pub(crate) struct VectorColumns {
     /// The contacts, four at a time.
     pub fours: Vec<FourColumns>,
     /// The degrees of freedom, four at a time.
@@ -179,7 +179,7 @@ pub(crate) struct FourColumns {
     pub rates: Vec<(usize, [f64; 4], [f64; 4])>,
 }
 
-impl Columns {
+impl VectorColumns {
     fn new(k: &DMatrix<f64>, c: &DMatrix<f64>, contacts: &[Contact], loads: Loads<'_>) -> Self {
         let n = k.nrows();
         Self {
@@ -256,7 +256,7 @@ pub struct Structure {
     pub(crate) forms: [Vec<Sparse>; 3],
     /// Rows of `M⁻¹ K` and `M⁻¹ C` together: column, stiffness, damping.
     pub(crate) rows: Vec<Vec<(u32, f64, f64)>>,
-    pub(crate) columns: Columns,
+    pub(crate) columns: VectorColumns,
     pub(crate) contacts: Vec<Contact>,
     /// `√M_ii`, the weights that make freedoms of different kinds comparable.
     pub(crate) weights: Vec<f64>,
@@ -366,7 +366,7 @@ impl Structure {
             [load[i].abs() + waves, rows[i].iter().map(|(_, k, _)| k.abs()).sum()]
         };
         let structure = Self {
-            columns: Columns::new(&k, &c, &contacts, (&load, &load_waves, &weights)),
+            columns: VectorColumns::new(&k, &c, &contacts, (&load, &load_waves, &weights)),
             pulls: (0..n).map(pull).collect(),
             load,
             rows,

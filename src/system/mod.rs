@@ -26,7 +26,9 @@ mod variation;
 mod view;
 
 pub(crate) use acting::{Acting, Elasticity, Force};
-pub(crate) use assemble::{Block, FourColumns, LoadWave, Oscillator, PerContact, Spring, Wave, dot, zeros};
+pub(crate) use assemble::{
+    Block, FourColumns, LoadWave, Oscillator, PerContact, Spring, VectorColumns, Wave, dot, zeros,
+};
 pub use assemble::{Contact, Structure};
 pub use automaton::{Start, StartError};
 pub use check::AssembleError;
