@@ -243,7 +243,7 @@ fn find(list: &[(usize, Four, Four)], i: usize) -> [Four; 2] {
 }
 
 thread_local! {
-    /// What all modes of a train share that are not linear, by the columns that it is formed of: a large train has many modes.
+    /// What all modes share that are not linear, beside the columns that it is formed of: a large train has many modes.
     static SHARED: RefCell<Option<(VectorColumns, Rc<Compiled>)>> = const { RefCell::new(None) };
 }
 

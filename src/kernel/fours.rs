@@ -44,7 +44,7 @@ pub(super) struct FourSeries {
     /// What the laws give, carried or not.
     pub force: [[f64; LANES]; ROW],
     pub does: [Does; LANES],
-    /// Some of them have a power law, one with a way of its own, a linear law of constant stiffness, another one.
+    /// Some contact has a power law, a power with a way of its own, a linear law of constant stiffness, another law.
     pub has_power: bool,
     pub has_lone: bool,
     pub has_spring: bool,
@@ -57,7 +57,7 @@ pub(super) struct FourSeries {
     pub elastic: [f64; LANES],
     pub stiffness: [f64; LANES],
     pub chi: [f64; LANES],
-    /// Of linear laws of constant stiffness that and the damping, and 1 if the force is carried; else 0.
+    /// Stiffness and damping of linear laws of constant stiffness, and 1 if the force is carried; else 0.
     pub spring: [f64; LANES],
     pub damping: [f64; LANES],
     pub carried: [f64; LANES],

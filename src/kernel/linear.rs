@@ -158,7 +158,7 @@ impl Expansion<'_> {
                 }
             }
             // One after the other: so contacts of equal bodies are rounded alike, wherever these stand.
-            let [directions] = group.directions else { unreachable!("not one part") };
+            let [directions] = group.directions else { unreachable!("not one panel") };
             for b in 0..B {
                 for l in 0..LANES {
                     let (columns, v) = (&directions[b][l], path.all(v[b][l]));

@@ -200,8 +200,9 @@ impl Block {
         (load, waves, weights): Loads<'_>,
     ) -> Self {
         let n = k.nrows();
+        // No −0: columns that are equal then have equal bits.
         let four = |f: &dyn Fn(usize) -> f64| -> [f64; 4] {
-            std::array::from_fn(|l| if first + l < n { f(first + l) } else { 0.0 })
+            std::array::from_fn(|l| if first + l < n { f(first + l) + 0.0 } else { 0.0 })
         };
         let is_any = |four: &[f64; 4]| four.iter().any(|x| *x != 0.0);
         let off = |m: &DMatrix<f64>, j: usize| four(&|i| if i == j { 0.0 } else { -m[(i, j)] });
@@ -224,7 +225,7 @@ impl Block {
 
 impl FourColumns {
     fn new(four: &[Contact], n: usize) -> Self {
-        let part = |f: &dyn Fn(&Contact) -> f64| std::array::from_fn(|l| four.get(l).map_or(0.0, f));
+        let part = |f: &dyn Fn(&Contact) -> f64| std::array::from_fn(|l| four.get(l).map_or(0.0, f) + 0.0);
         let mut waves: BTreeMap<usize, [[f64; 4]; 2]> = BTreeMap::new();
         for (l, w) in four.iter().enumerate().flat_map(|(l, c)| c.error_rate.iter().map(move |w| (l, w))) {
             let [cosine, sine] = waves.entry(w.index).or_default();

@@ -154,7 +154,8 @@ proptest! {
         let power = Law::Power(PowerLaw { exponent, hysteresis: 0.2, speed_floor: 0.05, initial_speed: 1.0 });
         let law = |j: usize| laws().get(which[j % 2]).copied().unwrap_or(power);
         // A power law has a constant stiffness.
-        let kinds = if which.contains(&4) { vec![0] } else { kinds };
+        let kind = |i: usize| if which[i] == 4 { 0 } else { kinds[i] };
+        let kinds = if which.contains(&4) { vec![kind(0), kind(1)] } else { kinds.clone() };
         let [narrow, wide] = [0, BESIDE].map(|idle| chain_beside(idle, n, law, &kinds, &sizes, load));
         let start = state(&narrow, &vec![0.0; n], &sizes[..n]);
         let mut log = Log { stop_after: Some(40), ..Log::default() };
