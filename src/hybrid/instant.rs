@@ -199,7 +199,8 @@ impl Clock {
             let t = self.period;
             let turns = (at.phase.hi / t.hi).floor();
             if turns != 0.0 {
-                at.phase = at.phase - t * turns;
+                // A product by one is the period itself.
+                at.phase = at.phase - if turns == 1.0 { t } else { t * turns };
                 at.cycle += turns as i64;
             }
             // The floor of a rounded quotient can be one off: put the phase into [0, T).

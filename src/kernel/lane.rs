@@ -3,7 +3,7 @@
 //! What happens is what the engine does with the same leaps, and the numbers are the same to the last bit. A lane makes no record and shows
 //! no step. Where a leap is not decided, where numbers do not agree, or where a contact comes to rest, it stops, and an engine goes on.
 
-use super::{Motion, formed::WORTH, guards::ROUNDING, leap::MOST_LEAPS, propagator::MOST_INPUTS, stride::Bound};
+use super::{Motion, formed::WORTH, guards::ROUNDING, leap::MOST_LEAPS, propagator::MOST_INPUTS, stride::{Bound, Derivatives}};
 use crate::{
     gear::contact::Law,
     hybrid::{self, GuardSet, HybridSystem, Instant, Jump, LaneHost, LanePoint, Lap, LapEnd, Made, Mode, Rebound},
@@ -348,6 +348,7 @@ impl Work for Ride<'_, '_> {
         let mut lap = Lap::default();
         // The start of the last arc of which something was decided, and what was done up to there.
         let (mut last, mut done) = (lane.stand, Lap::default());
+        let mut rebound = Derivatives::default();
         'arcs: loop {
             let mut leaps = 0;
             loop {
@@ -371,11 +372,12 @@ impl Work for Ride<'_, '_> {
                     break 'arcs;
                 }
                 let bound_by = Bound { span, is_switch: switch.is_some() };
-                let stride = lane.stride(path, propagator, bound_by, impact.is_some(), noted.columns.as_mut());
+                let after = impact.is_some().then_some(&mut rebound);
+                let stride = lane.stride(path, propagator, bound_by, after, noted.columns.as_mut());
                 let Some(stride) = stride else { break 'arcs };
                 if leaps == 0 {
                     if let Some(guard) = impact.take() {
-                        let (derivatives, rounding) = stride.rebound[usize::from(guard.0)];
+                        let (derivatives, rounding) = rebound[usize::from(guard.0)];
                         let left = clock.between(at, switch.unwrap_or(bound));
                         if host.ends(&Rebound { at, guard, derivatives, rounding, left }) {
                             return Lap { arcs: lap.arcs + 1, steps: lap.steps + 1, end: LapEnd::Sequence, ..lap };

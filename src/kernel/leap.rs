@@ -287,10 +287,12 @@ impl Propagator {
         };
         let rate = |j: usize| dot(&s.contacts[j].direction, &x[n..]) - wave(&s.contacts[j].error_rate);
         let mut starts: SmallVec<[(Given<'_>, Start); FEW]> = SmallVec::new();
+        let mut stretches: SmallVec<[f64; FEW]> = SmallVec::new();
         for (j, c) in s.contacts.iter().enumerate() {
             let first = self.fold.contacts[j];
             if first < j {
                 let equal = starts[first];
+                stretches.push(equal.1.stretch);
                 starts.push(equal);
                 continue;
             }
@@ -302,13 +304,11 @@ impl Propagator {
                 let stretch = start.deflection - motion.parts[j].side * c.offset();
                 (start.stretch, start.error) = (motion.forceless(j, request.at, stretch, error, || rate(j)), error);
             }
+            stretches.push(start.stretch);
             starts.push((given, start));
         }
         let mut z: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
-        let angles = self.angles(motion, request.at);
-        for (input, wave) in &self.terms {
-            z.push(input.value(s, x, |j| starts[j].1.stretch, &oscillators) * angles[*wave]);
-        }
+        self.weigh(path, motion, (request.at, x), (&stretches, &oscillators), &mut z);
         let mut rows: SmallVec<[(Row<P, F>, f64); FEW]> = SmallVec::new();
         for line in &self.rows {
             rows.push((line.columns.combine(path, &z), line.error(&z)));

@@ -22,6 +22,7 @@ use super::{
 use crate::{
     hybrid::Instant,
     system::{Acting, Force, Structure, Watch},
+    vectors::Path,
 };
 
 /// How long a span is, and what its columns are.
@@ -51,7 +52,8 @@ const NEGLIGIBLE: f64 = 1e-19;
 pub(super) const SHORTEST: f64 = 0.25;
 pub(super) const CUT: f64 = 1e-16;
 /// Room for [`Propagator::angles`].
-const MOST_ANGLES: usize = 2 * MOST_DEGREES + 1;
+pub(super) const MOST_ANGLES: usize = 2 * MOST_DEGREES.next_multiple_of(4) + 1;
+pub(super) type Angles = [f64; MOST_ANGLES];
 /// Roundings of a value of a row in units of ε, besides half a unit for each input that its coefficients are summed over: half for the
 /// columns, one and a half for an angle and its cosine, four each for the polynomials of the basis and the sum over them.
 const ROUNDED: f64 = 10.0;
@@ -78,11 +80,11 @@ pub(super) enum Input {
 impl Input {
     /// Its value where a span starts: of `x`, n displacements and n velocities, of the `stretches`, and of the oscillators.
     #[inline(always)]
-    pub fn value(self, s: &Structure, x: &[f64], stretch: impl Fn(usize) -> f64, waves: &[[f64; 2]]) -> f64 {
+    pub fn value(self, s: &Structure, x: &[f64], stretches: &[f64], waves: &[[f64; 2]]) -> f64 {
         match self {
             Self::Displacement(i) => x[i],
             Self::Velocity(i) => x[s.n + i],
-            Self::Stretch(j) => stretch(j),
+            Self::Stretch(j) => stretches[j],
             Self::Load => load_size(&s.load),
             Self::Cosine(i) => waves[i][0],
             Self::Sine(i) => waves[i][1],
@@ -140,8 +142,10 @@ pub(super) struct Propagator {
     pub span: f64,
     /// Fours of a column.
     pub fours: usize,
-    /// What it is a sum of: an input times one of `1, cos φ, sin φ, cos 2φ, …`.
-    pub terms: Box<[(Input, usize)]>,
+    /// What it is a sum of: inputs, each times some of `1, cos φ, sin φ, cos 2φ, …`. Where the terms of each input end.
+    pub inputs: Box<[(Input, usize)]>,
+    /// Of each term the place of its angle.
+    pub waves: Box<[usize]>,
     /// Where the stiffness follows the forcing: rad/s and order of φ, and the largest degree.
     pub modulation: Option<(f64, u32, usize)>,
     /// The state.
@@ -162,21 +166,56 @@ pub(super) fn load_size(load: &[f64]) -> f64 {
 }
 
 impl Propagator {
-    /// `1, cos φ, sin φ, …` where a span starts; the first alone where nothing is modulated.
+    /// `1, cos φ, sin φ, cos 2φ, …` where a span starts; the first alone where nothing is modulated.
     #[inline(always)]
-    pub fn angles(&self, motion: &Motion, at: Instant) -> SmallVec<[f64; MOST_ANGLES]> {
-        let mut all = SmallVec::new();
-        all.push(1.0);
-        if let Some((omega, order, degrees)) = self.modulation {
-            let (sine, cosine) = motion.structure.clock.sincos(omega, Some(order), at);
-            let [mut c, mut s] = [1.0, 0.0];
-            for _ in 0..degrees {
-                [c, s] = [c * cosine - s * sine, s * cosine + c * sine];
-                all.push(c);
-                all.push(s);
+    pub fn angles<P: Path>(&self, path: P, motion: &Motion, at: Instant, all: &mut Angles) {
+        all[0] = 1.0;
+        let Some((omega, order, degrees)) = self.modulation else { return };
+        let (s, c) = motion.structure.clock.sincos(omega, Some(order), at);
+        let turned = |[c1, s1]: [f64; 2], [c2, s2]: [f64; 2]| [c1 * c2 - s1 * s2, s1 * c2 + c1 * s2];
+        let (one, two) = ([c, s], turned([c, s], [c, s]));
+        let (three, four) = (turned(two, one), turned(two, two));
+        let mut cosines = path.four([c, two[0], three[0], four[0]]);
+        let mut sines = path.four([s, two[1], three[1], four[1]]);
+        let by = four.map(|x| path.all(x));
+        // Four degrees at a time: each is formed from the one four before.
+        for first in (0..degrees).step_by(4) {
+            let [c, s] = [cosines, sines].map(|x| path.numbers(x));
+            for l in 0..4 {
+                [all[2 * (first + l) + 1], all[2 * (first + l) + 2]] = [c[l], s[l]];
             }
+            let next = path.minus(path.times(cosines, by[0]), path.times(sines, by[1]));
+            sines = path.plus(path.times(sines, by[0]), path.times(cosines, by[1]));
+            cosines = next;
         }
-        all
+    }
+
+    /// What the motion over a span is a sum of, into `z`, where it starts: at `at`, from the state `x`, the stretches of the contacts and the
+    /// oscillators.
+    #[inline(always)]
+    pub fn weigh<P: Path>(
+        &self,
+        path: P,
+        motion: &Motion,
+        (at, x): (Instant, &[f64]),
+        (stretches, waves): (&[f64], &[[f64; 2]]),
+        z: &mut SmallVec<[f64; MOST_TERMS]>,
+    ) {
+        let s = motion.structure;
+        if self.modulation.is_none() {
+            for (input, _) in &self.inputs {
+                z.push(input.value(s, x, stretches, waves));
+            }
+            return;
+        }
+        let mut angles = [0.0; MOST_ANGLES];
+        self.angles(path, motion, at, &mut angles);
+        let mut first = 0;
+        for (input, end) in &self.inputs {
+            let value = input.value(s, x, stretches, waves);
+            z.extend(self.waves[first..*end].iter().map(|wave| value * angles[*wave]));
+            first = *end;
+        }
     }
 
     pub fn new(motion: &Motion, fold: Fold) -> Option<Self> {
@@ -238,7 +277,7 @@ impl Propagator {
                 .collect(),
             Some(modulation) => inputs.iter().map(|input| modulation.series(motion, span, *input, &outputs)).collect(),
         };
-        let mut kept = Vec::new();
+        let (mut kept, mut ends) = (Vec::new(), Vec::new());
         let mut state: Vec<Vec<_>> = vec![Vec::new(); 2 * s.n];
         let mut rows: Vec<(Vec<_>, Vec<f64>)> = outputs.iter().map(|_| Default::default()).collect();
         for (number, (input, all)) in inputs.into_iter().zip(all).enumerate() {
@@ -255,7 +294,7 @@ impl Propagator {
                         continue;
                     }
                 }
-                kept.push((input, wave));
+                kept.push(wave);
                 let is_coarse = wave > 2 * (COARSE - 1);
                 for (i, (columns, series)) in state.iter_mut().zip(&series.state).enumerate() {
                     if is_first(&fold.freedoms, &(i % s.n)) {
@@ -270,11 +309,12 @@ impl Propagator {
                 for (i, ((columns, errors), series)) in rows.iter_mut().zip(&series.rows).enumerate() {
                     let (column, left) = s.instructions.run(Conversion { series, fours, is_coarse });
                     columns.push(column);
-                    // Each degree is formed from the one before.
+                    // A degree is as far off as if each were formed from the one before.
                     let rounded = (ROUNDED + wave.div_ceil(2) as f64) * f64::EPSILON;
                     errors.push(left + cut(i) + rounded * largest(&column));
                 }
             }
+            ends.push((input, kept.len()));
         }
         if kept.len() > MOST_TERMS {
             return None;
@@ -298,7 +338,8 @@ impl Propagator {
         Some(Self {
             span,
             fours,
-            terms: kept.into(),
+            inputs: ends.into(),
+            waves: kept.into(),
             modulation: modulation.map(|m| (m.omega, m.order, m.degrees)),
             state,
             rows: rows.collect(),

@@ -7,7 +7,7 @@ use super::{
     guards::ROUNDING,
     lane::Lane,
     leap::{AFRESH, Given, Guard, SHORTEST, first_fall},
-    propagator::{Component, Input, MOST_TERMS, Propagator, SHORT},
+    propagator::{Component, Input, MOST_ANGLES, MOST_TERMS, Propagator, SHORT},
 };
 use crate::{
     poly::{self, Pattern, Place, Row},
@@ -39,19 +39,21 @@ pub(super) struct Stride {
     pub falls: Option<(usize, f64)>,
     pub is_bound: bool,
     pub carried: f64,
-    /// Where an impact was before it: the first three derivatives of each guard of position at the start, and the rounding of its value.
-    pub rebound: [([f64; 3], f64); 2],
 }
 
+/// After an impact: the first three derivatives of each guard of position, and the rounding of its value.
+pub(super) type Derivatives = [([f64; 3], f64); 2];
+
 impl Lane<'_> {
-    /// As [`Propagator::leap`], and without what an engine wants to know besides: from where it stands.
+    /// As [`Propagator::leap`], and without what an engine wants to know besides: from where it stands. Where an impact was before it,
+    /// `rebound` takes what follows from that.
     #[inline(always)]
     pub(super) fn stride<P: Path>(
         &self,
         path: P,
         by: &Propagator,
         to: Bound,
-        after_impact: bool,
+        rebound: Option<&mut Derivatives>,
         columns: Option<&mut Columns>,
     ) -> Option<Stride> {
         let Self { structure: s, gaits, stand, waves: oscillators, .. } = self;
@@ -70,10 +72,7 @@ impl Lane<'_> {
             (start.stretch, start.error) = (motion.forceless(0, given.at, stretch, error, rate), error);
         }
         let mut z: SmallVec<[f64; MOST_TERMS]> = SmallVec::new();
-        let angles = by.angles(motion, stand.at);
-        for (input, wave) in &by.terms {
-            z.push(input.value(s, x, |_| start.stretch, oscillators) * angles[*wave]);
-        }
+        by.weigh(path, motion, (stand.at, x), (&[start.stretch], oscillators), &mut z);
         let z = &z[..];
         let deflection: (Row<P, FOURS>, f64) = (by.rows[0].columns.combine(path, z), by.rows[0].error(z));
         let mut force: Option<(Row<P, FOURS>, f64)> = None;
@@ -97,8 +96,7 @@ impl Lane<'_> {
                 guards.push(guard);
             }
         }
-        let mut rebound = [([f64::NAN; 3], f64::NAN); 2];
-        if after_impact {
+        if let Some(rebound) = rebound {
             let rounding = ROUNDING * size + AFRESH * deflection.1;
             for watched in motion.guards.iter().filter(|watched| watched.watch != Watch::Force) {
                 let derivatives = by.derivatives(&poly::numbers(path, &deflection.0)).map(|d| watched.along() * d);
@@ -127,6 +125,8 @@ impl Lane<'_> {
         }
         if let Some(columns) = columns {
             // The derivative of the leap, `∂x(end)/∂x(start)`.
+            let mut angles = [0.0; MOST_ANGLES];
+            by.angles(path, motion, stand.at, &mut angles);
             let mut flow = [[1.0, 0.0], [0.0, 1.0]];
             for (flow, columns) in flow.iter_mut().zip(&by.state) {
                 let columns = match columns {
@@ -135,8 +135,8 @@ impl Lane<'_> {
                     Component::Same(_) => return None,
                 };
                 for (term, column) in columns.iter::<FOURS>() {
-                    let (input, wave) = &by.terms[term];
-                    let added = |row: &Row<P, FOURS>| angles[*wave] * added(row);
+                    let Some((input, _)) = by.inputs.iter().find(|(_, end)| term < *end) else { break };
+                    let added = |row: &Row<P, FOURS>| angles[by.waves[term]] * added(row);
                     match *input {
                         Input::Displacement(_) => flow[0] += added(&poly::fours(path, column)),
                         Input::Stretch(_) => flow[0] += dot(&c.direction, &[1.0]) * added(&poly::fours(path, column)),
@@ -165,7 +165,6 @@ impl Lane<'_> {
             falls: fall.map(|fall| (numbers[fall.index], fall.error)),
             is_bound: fall.is_none() && bound <= part,
             carried,
-            rebound,
         })
     }
 }

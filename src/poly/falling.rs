@@ -123,36 +123,38 @@ pub(crate) fn coefficients<P: Path, const F: usize>(path: P, of: &Signed<'_, P, 
 #[inline(always)]
 pub(crate) fn pattern<P: Path, const F: usize>(path: P, of: &Signed<'_, P, F>, uncertainty: f64) -> (Pattern, f64) {
     let Signed { start, row, .. } = *of;
-    let sign = path.all(of.sign);
-    let (mut above, mut below) = (0u32, 0u32);
-    let (high, low) = (path.all(uncertainty), path.all(-uncertainty));
+    let (sign, high, low) = (path.all(of.sign), path.all(uncertainty), path.all(-uncertainty));
     let shares = Tables::<F>::SHARES;
     let is_whole = start != 0.0;
-    let mut points = [start; MOST + 1];
+    let (mut b, mut all) = (*row, 0b1111);
     for i in 0..F {
         let by = if is_whole { path.times(sign, path.four(shares[i])) } else { sign };
-        let b = path.fused(row[i], by, path.all(start));
-        above |= path.above(b, high) << (4 * i);
-        below |= path.above(low, b) << (4 * i);
-        points[4 * i + usize::from(is_whole)..][..4].copy_from_slice(&path.numbers(b));
+        b[i] = path.fused(row[i], by, path.all(start));
+        all &= path.above(b[i], high);
     }
-    if is_whole {
-        above = above << 1 | u32::from(start > uncertainty);
-        below = below << 1 | u32::from(start < -uncertainty);
+    if all == 0b1111 && (start > uncertainty || !is_whole) {
+        return (Pattern::Clear, f64::NAN);
+    }
+    let (mut above, mut below) = (u32::from(start > uncertainty), u32::from(start < -uncertainty));
+    for i in 0..F {
+        above |= path.above(b[i], high) << (4 * i + 1);
+        below |= path.above(low, b[i]) << (4 * i + 1);
+    }
+    if !is_whole {
+        (above, below) = (above >> 1, below >> 1);
     }
     let count = 4 * F as u32 + u32::from(is_whole);
     let falling = (above.trailing_ones(), (below << (u32::BITS - count)).leading_ones());
-    let pattern = match falling {
-        (above, _) if above == count => Pattern::Clear,
-        (above, below) if above > 0 && below > 0 && above + below + 1 >= count => Pattern::Falls,
-        _ => Pattern::Unclear,
-    };
-    if pattern != Pattern::Falls {
-        return (pattern, f64::NAN);
+    if falling.0 == 0 || falling.1 == 0 || falling.0 + falling.1 + 1 < count {
+        return (Pattern::Unclear, f64::NAN);
+    }
+    let mut points = [start; MOST + 1];
+    for i in 0..F {
+        points[4 * i + usize::from(is_whole)..][..4].copy_from_slice(&path.numbers(b[i]));
     }
     // Of the one that may be undecided its sign.
     let first = falling.0 as usize;
-    (pattern, crossing(&points[..count as usize], first + usize::from(points[first] >= 0.0)))
+    (Pattern::Falls, crossing(&points[..count as usize], first + usize::from(points[first] >= 0.0)))
 }
 
 /// Whether all coefficients of `s + t p` are above the `uncertainty` because those of `p` are too small to bring it there.
