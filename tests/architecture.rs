@@ -208,7 +208,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("gear", 1000),
     ("hybrid", 1500),
     ("integrate", 1800),
-    ("kernel", 7900),
+    ("kernel", 7950),
     ("linalg", 150),
     ("map", 3200),
     ("orbit", 4150),

@@ -3,7 +3,14 @@
 //! What happens is what the engine does with the same leaps, and the numbers are the same to the last bit. A lane makes no record and shows
 //! no step. Where a leap is not decided, where numbers do not agree, or where a contact comes to rest, it stops, and an engine goes on.
 
-use super::{Motion, formed::WORTH, guards::ROUNDING, leap::MOST_LEAPS, propagator::MOST_INPUTS, stride::{Bound, Derivatives}};
+use super::{
+    Motion,
+    formed::WORTH,
+    guards::ROUNDING,
+    leap::MOST_LEAPS,
+    propagator::MOST_INPUTS,
+    stride::{Bound, Derivatives},
+};
 use crate::{
     gear::contact::Law,
     hybrid::{self, GuardSet, HybridSystem, Instant, Jump, LaneHost, LanePoint, Lap, LapEnd, Made, Mode, Rebound},

@@ -214,7 +214,7 @@ impl Work for Forward<'_> {
             }
         }
         match motion.pressed.get_or_init(|| Pressed::new(motion)) {
-            Some(pressed) => made.leaps < MOST_LEAPS && pressed.leap::<P>(motion, request, leap),
+            Some(pressed) => made.leaps < MOST_LEAPS && pressed.leap(path, motion, request, leap),
             None => !shown && motion.bare(path, request, leap),
         }
     }

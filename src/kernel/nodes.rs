@@ -10,7 +10,7 @@
 
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
-use std::{hint::black_box, sync::LazyLock};
+use std::sync::LazyLock;
 
 use crate::{
     hybrid::Wide,
@@ -39,6 +39,9 @@ pub(super) const ROUNDED: f64 = 1.001;
 
 /// Values, or coefficients: the even ones, then the odd ones.
 pub(super) type Values = [f64; LANES];
+/// Fours of one half, and all of them.
+const THREE: usize = SIDE / 4;
+pub(super) type Fours<P> = [<P as Path>::Four; 2 * THREE];
 type Half = [f64; SIDE];
 type Matrix = [Half; PAIRS];
 
@@ -142,28 +145,60 @@ static TABLE: LazyLock<Box<Nodes>> = LazyLock::new(|| {
     table
 });
 
-/// Even and odd part.
+/// Values four side by side.
 #[inline(always)]
-fn parts(f: &Values) -> [Half; 2] {
-    let mut parts = [[0.0; SIDE]; 2];
-    for l in 0..SIDE {
-        parts[0][l] = 0.5 * (f[l] + f[l + SIDE]);
-        parts[1][l] = 0.5 * (f[l] - f[l + SIDE]);
+pub(super) fn fours<P: Path>(path: P, values: &Values) -> Fours<P> {
+    let mut fours = [path.all(0.0); 2 * THREE];
+    for (four, values) in fours.iter_mut().zip(values.as_chunks::<4>().0) {
+        *four = path.four(*values);
     }
-    parts
+    fours
 }
 
-/// `Σ parts_i matrix_i`, of both parts.
+/// The numbers.
 #[inline(always)]
-fn products<P: Path>(matrices: &[Matrix; 2], parts: &[Half; 2]) -> [Half; 2] {
-    let mut sums = [[0.0; SIDE]; 2];
+pub(super) fn numbers<P: Path>(path: P, fours: &Fours<P>) -> Values {
+    let mut values = [0.0; LANES];
+    for (values, four) in values.as_chunks_mut::<4>().0.iter_mut().zip(fours) {
+        *values = path.numbers(*four);
+    }
+    values
+}
+
+/// Even and odd part.
+#[inline(always)]
+fn parts<P: Path>(path: P, f: &Fours<P>) -> Values {
+    let (half, mut parts) = (path.all(0.5), *f);
+    for i in 0..THREE {
+        parts[i] = path.times(half, path.plus(f[i], f[i + THREE]));
+        parts[i + THREE] = path.times(half, path.minus(f[i], f[i + THREE]));
+    }
+    numbers(path, &parts)
+}
+
+/// `Σ parts_i matrix_i` of even and odd parts, for each pair of matrices: so many sums fill the registers.
+#[inline(always)]
+fn products<P: Path, const N: usize>(path: P, of: [(&[Matrix; 2], &Values); N]) -> [Fours<P>; N] {
+    let mut sums = [[path.all(0.0); 2 * THREE]; N];
     for i in 0..PAIRS {
-        for l in 0..SIDE {
-            sums[0][l] = fused::<P>(matrices[0][i][l], parts[0][i], sums[0][l]);
-            sums[1][l] = fused::<P>(matrices[1][i][l], parts[1][i], sums[1][l]);
+        for n in 0..N {
+            let (matrices, parts) = of[n];
+            let [even, odd] = [path.all(parts[i]), path.all(parts[SIDE + i])];
+            for k in 0..THREE {
+                let [first, second] = [matrices[0][i].as_chunks::<4>().0[k], matrices[1][i].as_chunks::<4>().0[k]];
+                sums[n][k] = path.fused(path.four(first), even, sums[n][k]);
+                sums[n][k + THREE] = path.fused(path.four(second), odd, sums[n][k + THREE]);
+            }
         }
     }
-    black_box(sums)
+    sums
+}
+
+/// What is `start` at the start, in the middle: by `h` times the integral from there, of which the odd part comes first.
+#[inline(always)]
+fn middle<P: Path>(path: P, integral: &Fours<P>, h: f64, start: f64) -> f64 {
+    let [first, second] = [path.numbers(integral[THREE - 1])[3], path.numbers(integral[2 * THREE - 1])[3]];
+    fused::<P>(h, first - second, start)
 }
 
 impl Nodes {
@@ -174,101 +209,71 @@ impl Nodes {
 
     /// `v = start + h ∫ f dθ`.
     #[inline(always)]
-    pub fn integral<P: Path>(&self, f: &Values, h: f64, start: f64) -> Values {
+    pub fn integral<P: Path>(&self, path: P, f: &Fours<P>, h: f64, start: f64) -> Fours<P> {
         // The integral of an even function from the middle is odd.
-        let [odd, even] = products::<P>(&self.once, &parts(f));
-        let middle = fused::<P>(h, odd[END] - even[END], start);
-        let mut v = [0.0; LANES];
-        for l in 0..SIDE {
-            v[l] = fused::<P>(h, even[l] + odd[l], middle);
-            v[l + SIDE] = fused::<P>(h, even[l] - odd[l], middle);
-        }
-        v
+        let [once] = products(path, [(&self.once, &parts(path, f))]);
+        added(path, &once, h, path.all(middle(path, &once, h, start)))
     }
 
     /// `v = rate + h ∫ f dθ`, and `start + h ∫ v dθ`.
     #[inline(always)]
-    pub fn integrals<P: Path>(&self, f: &Values, h: f64, [start, rate]: [f64; 2]) -> [Values; 2] {
-        let parts = parts(f);
-        let [mut once, mut twice] = [[[0.0; SIDE]; 2]; 2];
-        for i in 0..PAIRS {
-            for l in 0..SIDE {
-                once[0][l] = fused::<P>(self.once[0][i][l], parts[0][i], once[0][l]);
-                once[1][l] = fused::<P>(self.once[1][i][l], parts[1][i], once[1][l]);
-                twice[0][l] = fused::<P>(self.twice[0][i][l], parts[0][i], twice[0][l]);
-                twice[1][l] = fused::<P>(self.twice[1][i][l], parts[1][i], twice[1][l]);
-            }
-        }
-        let [[odd, even], [second_even, second_odd]] = [once, twice];
-        let middle = fused::<P>(h, odd[END] - even[END], rate);
-        let from = fused::<P>(h * h, second_odd[END] - second_even[END], start);
-        let (mut v, mut y) = ([0.0; LANES], [0.0; LANES]);
-        for l in 0..SIDE {
-            v[l] = fused::<P>(h, even[l] + odd[l], middle);
-            v[l + SIDE] = fused::<P>(h, even[l] - odd[l], middle);
-            let straight = fused::<P>(h * middle, self.theta[l], from);
-            y[l] = fused::<P>(h * h, second_even[l] + second_odd[l], straight);
-            let straight = fused::<P>(h * middle, self.theta[l + SIDE], from);
-            y[l + SIDE] = fused::<P>(h * h, second_even[l] - second_odd[l], straight);
+    pub fn integrals<P: Path>(&self, path: P, f: &Fours<P>, h: f64, [start, rate]: [f64; 2]) -> [Fours<P>; 2] {
+        let parts = parts(path, f);
+        let [once, twice] = products(path, [(&self.once, &parts), (&self.twice, &parts)]);
+        let from_middle = middle(path, &once, h, rate);
+        let v = added(path, &once, h, path.all(from_middle));
+        // The second integral of an even function is even.
+        let [even, odd] = [path.numbers(twice[THREE - 1])[3], path.numbers(twice[2 * THREE - 1])[3]];
+        let from = path.all(fused::<P>(h * h, odd - even, start));
+        let (rise, square, theta) = (path.all(h * from_middle), path.all(h * h), fours(path, &self.theta));
+        let mut y = twice;
+        for i in 0..THREE {
+            let straight = path.fused(rise, theta[i], from);
+            y[i] = path.fused(square, path.plus(twice[i], twice[i + THREE]), straight);
+            let straight = path.fused(rise, theta[i + THREE], from);
+            y[i + THREE] = path.fused(square, path.minus(twice[i], twice[i + THREE]), straight);
         }
         [v, y]
     }
 
     /// The Chebyshev coefficients of the interpolants of two functions.
     #[inline(always)]
-    pub fn coefficients<P: Path>(&self, f: &Values, g: &Values) -> [Values; 2] {
-        twin_products::<P>(&self.coefficients, [&parts(f), &parts(g)]).map(|[even, odd]| joined(&even, &odd))
+    pub fn coefficients<P: Path>(&self, path: P, f: &Fours<P>, g: &Fours<P>) -> [Values; 2] {
+        let [f, g] = [parts(path, f), parts(path, g)];
+        let [f, g] = products(path, [(&self.coefficients, &f), (&self.coefficients, &g)]);
+        [numbers(path, &f), numbers(path, &g)]
     }
 
     /// Bounds on the differences between two functions and the polynomials with these coefficients, at the nodes.
     #[inline(always)]
-    pub fn differences<P: Path>(&self, [a, b]: [&Values; 2], [f, g]: [&Values; 2]) -> [f64; 2] {
-        let [a, b] = twin_products::<P>(&self.values, [&halves(a), &halves(b)]);
-        [difference::<P>(&a, f), difference::<P>(&b, g)]
+    pub fn differences<P: Path>(&self, path: P, [a, b]: [&Values; 2], [f, g]: [&Fours<P>; 2]) -> [f64; 2] {
+        let [a, b] = products(path, [(&self.values, a), (&self.values, b)]);
+        [difference(path, &a, f), difference(path, &b, g)]
     }
 }
 
-/// Even and odd coefficients.
+/// What is `from` in the middle, by `h` times the integral from there, of which the odd part comes first.
 #[inline(always)]
-fn halves(a: &Values) -> [Half; 2] {
-    let mut halves = [[0.0; SIDE]; 2];
-    halves[0].copy_from_slice(&a[..SIDE]);
-    halves[1].copy_from_slice(&a[SIDE..]);
-    halves
-}
-
-#[inline(always)]
-fn joined(even: &Half, odd: &Half) -> Values {
-    let mut joined = [0.0; LANES];
-    joined[..SIDE].copy_from_slice(even);
-    joined[SIDE..].copy_from_slice(odd);
-    joined
+fn added<P: Path>(path: P, integral: &Fours<P>, h: f64, from: P::Four) -> Fours<P> {
+    let (h, mut v) = (path.all(h), *integral);
+    for i in 0..THREE {
+        let [odd, even] = [integral[i], integral[i + THREE]];
+        v[i] = path.fused(h, path.plus(even, odd), from);
+        v[i + THREE] = path.fused(h, path.minus(even, odd), from);
+    }
+    v
 }
 
 /// Of a function with these even and odd parts, and f, at the nodes.
 #[inline(always)]
-fn difference<P: Path>([even, odd]: &[Half; 2], f: &Values) -> f64 {
-    let mut difference = [0.0; LANES];
-    for l in 0..SIDE {
-        difference[l] = INSIDE[l] * (even[l] + odd[l] - f[l]);
-        difference[l + SIDE] = INSIDE[l] * (even[l] - odd[l] - f[l + SIDE]);
+fn difference<P: Path>(path: P, parts: &Fours<P>, f: &Fours<P>) -> f64 {
+    let mut difference = *parts;
+    for i in 0..THREE {
+        let ([even, odd], inside) = ([parts[i], parts[i + THREE]], path.four(INSIDE.as_chunks::<4>().0[i]));
+        difference[i] = path.times(inside, path.minus(path.plus(even, odd), f[i]));
+        difference[i + THREE] = path.times(inside, path.minus(path.minus(even, odd), f[i + THREE]));
     }
-    dot::<P>(&difference, &difference).sqrt()
-}
-
-/// `Σ parts_i matrix_i` of the parts of two functions: so many sums fill the registers.
-#[inline(always)]
-fn twin_products<P: Path>(matrices: &[Matrix; 2], [a, b]: [&[Half; 2]; 2]) -> [[Half; 2]; 2] {
-    let [mut first, mut second] = [[[0.0; SIDE]; 2]; 2];
-    for i in 0..PAIRS {
-        for l in 0..SIDE {
-            first[0][l] = fused::<P>(matrices[0][i][l], a[0][i], first[0][l]);
-            first[1][l] = fused::<P>(matrices[1][i][l], a[1][i], first[1][l]);
-            second[0][l] = fused::<P>(matrices[0][i][l], b[0][i], second[0][l]);
-            second[1][l] = fused::<P>(matrices[1][i][l], b[1][i], second[1][l]);
-        }
-    }
-    black_box([first, second])
+    dot(path, &difference, &difference).sqrt()
 }
 
 /// `1/4k`, in the order of coefficients.
@@ -322,32 +327,32 @@ pub(super) fn value(a: &Values, theta: f64) -> f64 {
 
 /// `Σ a_k b_k`.
 #[inline(always)]
-pub(super) fn dot<P: Path>(a: &Values, b: &Values) -> f64 {
-    let mut sums = [0.0; 4];
-    for (a, b) in a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0) {
-        for l in 0..4 {
-            sums[l] = fused::<P>(a[l], b[l], sums[l]);
-        }
+pub(super) fn dot<P: Path>(path: P, a: &Fours<P>, b: &Fours<P>) -> f64 {
+    let mut sums = path.all(0.0);
+    for i in 0..2 * THREE {
+        sums = path.fused(a[i], b[i], sums);
     }
-    (sums[0] + sums[1]) + (sums[2] + sums[3])
+    let [a, b, c, d] = path.numbers(sums);
+    (a + b) + (c + d)
 }
 
 /// `Σ |a_k|`.
 #[inline(always)]
-pub(super) fn total(a: &Values) -> f64 {
-    let mut sums = [0.0; 4];
-    for a in a.as_chunks::<4>().0 {
-        for l in 0..4 {
-            sums[l] += a[l].abs();
-        }
+pub(super) fn total<P: Path>(path: P, a: &Values) -> f64 {
+    let mut sums = path.all(0.0);
+    for four in fours(path, a) {
+        sums = path.plus(sums, path.sizes(four));
     }
-    (sums[0] + sums[1]) + (sums[2] + sums[3])
+    let [a, b, c, d] = path.numbers(sums);
+    (a + b) + (c + d)
 }
 
 /// The sizes of coefficients.
 #[inline(always)]
-pub(super) fn sizes(a: &Values) -> Values {
-    let mut sizes = *a;
-    sizes.iter_mut().for_each(|a| *a = a.abs());
+pub(super) fn sizes<P: Path>(path: P, a: &Values) -> Fours<P> {
+    let mut sizes = fours(path, a);
+    for i in 0..2 * THREE {
+        sizes[i] = path.sizes(sizes[i]);
+    }
     sizes
 }

@@ -12,10 +12,10 @@
 #![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
 
 use super::nodes::{
-    END, Ellipse, LANES, LEBESGUE, Nodes, ROUNDED, SUMMED, Values, antiderivative, coefficient, dot, sizes, total,
-    value,
+    END, Ellipse, Fours, LANES, LEBESGUE, Nodes, ROUNDED, SUMMED, Values, antiderivative, coefficient, dot, fours,
+    numbers, sizes, total, value,
 };
-use crate::vectors::{Path, fused};
+use crate::vectors::Path;
 
 /// Powers of the time in the series of what drives the contact.
 pub(super) const POWERS: usize = 16;
@@ -128,14 +128,14 @@ fn power(mut y: f64, mut n: u32) -> f64 {
 
 /// Exponents are small: products one by one are as short as squares.
 #[inline(always)]
-fn powers(y: &Values, n: u32) -> Values {
-    if n == 0 {
-        return [1.0; LANES];
-    }
+fn powers<P: Path>(path: P, y: &Fours<P>, n: u32) -> Fours<P> {
     let mut product = *y;
+    if n == 0 {
+        return [path.all(1.0); LANES / 4];
+    }
     for _ in 1..n {
-        for l in 0..LANES {
-            product[l] *= y[l];
+        for i in 0..LANES / 4 {
+            product[i] = path.times(product[i], y[i]);
         }
     }
     product
@@ -144,23 +144,28 @@ fn powers(y: &Values, n: u32) -> Values {
 impl Law {
     /// w, and f.
     #[inline(always)]
-    fn forces<P: Path>(&self, drive: &[f64], [y, v, t]: [&Values; 3]) -> [Values; 2] {
-        let mut w = powers(y, self.exponent[1] - 1);
-        let force = powers(y, self.exponent[0]);
-        let mut a = [drive[drive.len() - 1]; LANES];
+    fn forces<P: Path>(&self, path: P, drive: &[f64], [y, v, t]: [&Fours<P>; 3]) -> [Fours<P>; 2] {
+        let mut w = powers(path, y, self.exponent[1] - 1);
+        let force = powers(path, y, self.exponent[0]);
+        let mut a = [path.all(drive[drive.len() - 1]); LANES / 4];
         for c in drive[..drive.len() - 1].iter().rev() {
-            for l in 0..LANES {
-                a[l] = fused::<P>(a[l], t[l], *c);
+            let c = path.all(*c);
+            for i in 0..LANES / 4 {
+                a[i] = path.fused(a[i], t[i], c);
             }
         }
         if self.is_held {
-            for l in 0..LANES {
-                a[l] = fused::<P>(-self.spring, w[l] * y[l], fused::<P>(-self.damping, v[l], a[l]));
+            let [spring, damping] = [path.all(-self.spring), path.all(-self.damping)];
+            for i in 0..LANES / 4 {
+                a[i] = path.fused(spring, path.times(w[i], y[i]), path.fused(damping, v[i], a[i]));
             }
         }
-        for l in 0..LANES {
-            w[l] *= self.root;
-            a[l] = w[l] * fused::<P>(-self.stiffness * force[l], fused::<P>(self.hysteresis, v[l], 1.0), a[l]);
+        let [root, stiffness] = [path.all(self.root), path.all(-self.stiffness)];
+        let [one, chi] = [path.all(1.0), path.all(self.hysteresis)];
+        for i in 0..LANES / 4 {
+            w[i] = path.times(w[i], root);
+            let factor = path.fused(chi, v[i], one);
+            a[i] = path.times(w[i], path.fused(path.times(stiffness, force[i]), factor, a[i]));
         }
         [w, a]
     }
@@ -261,21 +266,24 @@ pub(super) fn lasting(angle: f64) -> usize {
 
 /// Values of a polynomial by its first coefficients, at `1 + ratio·2θ`.
 #[inline(always)]
-fn continued<P: Path>(f: &Values, ratio: f64, theta: &Values) -> Values {
-    let (mut b, mut before, mut twice) = ([coefficient(f, CONTINUED - 1); LANES], [0.0; LANES], [0.0; LANES]);
-    for l in 0..LANES {
-        twice[l] = 2.0 + 4.0 * ratio * theta[l];
+fn continued<P: Path>(path: P, f: &Values, ratio: f64, theta: &Values) -> Fours<P> {
+    let (two, by) = (path.all(2.0), path.all(4.0 * ratio));
+    let mut twice = fours(path, theta);
+    let mut b = [path.all(coefficient(f, CONTINUED - 1)); LANES / 4];
+    let mut before = [path.all(0.0); LANES / 4];
+    for i in 0..LANES / 4 {
+        twice[i] = path.plus(two, path.times(by, twice[i]));
     }
     for k in (1..CONTINUED - 1).rev() {
-        let c = coefficient(f, k);
-        for l in 0..LANES {
-            let next = fused::<P>(twice[l], b[l], c - before[l]);
-            before[l] = b[l];
-            b[l] = next;
+        let c = path.all(coefficient(f, k));
+        for i in 0..LANES / 4 {
+            let next = path.fused(twice[i], b[i], path.minus(c, before[i]));
+            (before[i], b[i]) = (b[i], next);
         }
     }
-    for l in 0..LANES {
-        b[l] = fused::<P>(0.5 * twice[l], b[l], f[0] - before[l]);
+    let (half, c) = (path.all(0.5), path.all(f[0]));
+    for i in 0..LANES / 4 {
+        b[i] = path.fused(path.times(half, twice[i]), b[i], path.minus(c, before[i]));
     }
     b
 }
@@ -292,6 +300,7 @@ impl Piece {
     /// against the speed `scale`.
     #[inline(always)]
     pub fn new<P: Path>(
+        path: P,
         law: &Law,
         drive: &Drive,
         start: &Point,
@@ -300,42 +309,42 @@ impl Piece {
         scale: f64,
     ) -> Option<Self> {
         let nodes = Nodes::table();
-        let mut values = Sweep::new(start, h);
+        let mut values = Sweep::new(path, start, h);
         if let Some(before) = before {
-            values.f = continued::<P>(&before.f, h / before.h, &nodes.theta);
+            values.f = continued(path, &before.f, h / before.h, &nodes.theta);
         }
-        [values.v, values.y] = nodes.integrals::<P>(&values.f, h, [start.y, start.v]);
-        let residual = values.settle::<P>(nodes, law, drive, start)?;
+        [values.v, values.y] = nodes.integrals(path, &values.f, h, [start.y, start.v]);
+        let residual = values.settle(path, nodes, law, drive, start)?;
         let Sweep { f, w, y, v, t, .. } = &values;
-        let [coefficients, clock] = nodes.coefficients::<P>(f, w);
+        let [coefficients, clock] = nodes.coefficients(path, f, w);
         let velocity = antiderivative(&coefficients, h, start.v);
         let root = antiderivative(&velocity, h, start.y);
         let time = antiderivative(&clock, h, 0.0);
-        let end = [y[END], v[END], t[END]];
+        let end = [numbers(path, y)[END], numbers(path, v)[END], numbers(path, t)[END]];
         let errors = [0.0; 3];
         let mut piece =
             Self { h, f: coefficients, y: root, v: velocity, t: time, w: clock, end, range: [[0.0; 2]; 2], errors };
-        piece.ranges(start, scale);
-        let rest = Rest { residual, apart: nodes.differences::<P>([&coefficients, &clock], [f, w]) };
-        piece.bound::<P>(nodes, law, drive, start, &rest, scale)?;
+        piece.ranges(path, start, scale);
+        let rest = Rest { residual, apart: nodes.differences(path, [&coefficients, &clock], [f, w]) };
+        piece.bound(path, nodes, (law, drive), start, &rest, scale)?;
         Some(piece)
     }
 
     /// A sum of Chebyshev coefficients is between the first of them less and plus the sizes of all others.
     #[inline(always)]
-    fn ranges(&mut self, start: &Point, scale: f64) {
-        let hull = |a: &Values| {
-            let around = ROUNDED * total(a) - a[0].abs();
+    fn ranges<P: Path>(&mut self, path: P, start: &Point, scale: f64) {
+        let [of_y, of_v] = [(&self.y, total(path, &self.y)), (&self.v, total(path, &self.v))].map(|(a, total)| {
+            let around = ROUNDED * total - a[0].abs();
             [a[0] - around, a[0] + around]
-        };
-        let [low, high] = hull(&self.v);
+        });
+        let [low, high] = of_v;
         let v = [low - TUBE * scale, high + TUBE * scale];
         let y = if v[0] > 0.0 {
             [start.y, self.end[0]]
         } else if v[1] < 0.0 {
             [self.end[0], start.y]
         } else {
-            hull(&self.y)
+            of_y
         };
         let tube = TUBE * y[1];
         self.range = [[y[0] - tube, y[1] + tube], v];
@@ -345,19 +354,17 @@ impl Piece {
     #[inline(always)]
     fn bound<P: Path>(
         &mut self,
+        path: P,
         nodes: &Nodes,
-        law: &Law,
-        drive: &Drive,
+        (law, drive): (&Law, &Drive),
         start: &Point,
         rest: &Rest,
         scale: f64,
     ) -> Option<()> {
         let h = self.h;
         // The polynomials of the coefficients are those of the values but for this.
-        let apart: [f64; 2] = std::array::from_fn(|i| {
-            let row = if i == 0 { &self.f } else { &self.w };
-            LEBESGUE * (rest.apart[i] + SUMMED * total(row))
-        });
+        let [f, w] = [total(path, &self.f), total(path, &self.w)];
+        let apart = [LEBESGUE * (rest.apart[0] + SUMMED * f), LEBESGUE * (rest.apart[1] + SUMMED * w)];
         let [[low, high], [slowest, fastest]] = self.range;
         let (speed, time) = (fastest.max(-slowest), self.end[2]);
         let [w, terms] = law.most(high, speed, drive.sizes[0]);
@@ -376,7 +383,7 @@ impl Piece {
         let by_rate = law.damping + law.stiffness * law.hysteresis * power(high, p);
         let evaluated = UNIT * f64::from(p + q + 8) * w * terms;
         let felt = stiffest * ty + w * (by_rate * tv + drive.sizes[1] * tt);
-        let [truncated, late] = self.truncated::<P>(nodes, law, drive, evaluated);
+        let [truncated, late] = self.truncated(path, nodes, law, drive, evaluated);
         let defect = truncated + apart[0] + LEBESGUE * (rest.residual + evaluated + felt) + w * CUT * drive.sizes[0];
         let late = late + apart[1] + LEBESGUE * (UNIT * f64::from(q + 2) * w + turn * ty);
         // In the norm √(mean e_y² + e_v²) the motion between two errors grows by the spread of −∂f/∂y alone.
@@ -406,12 +413,13 @@ impl Piece {
 
     /// What the interpolants of f and w leave out.
     #[inline(always)]
-    fn truncated<P: Path>(&self, nodes: &Nodes, law: &Law, drive: &Drive, small: f64) -> [f64; 2] {
-        let [y, v, t] = [&self.y, &self.v, &self.t].map(sizes);
+    fn truncated<P: Path>(&self, path: P, nodes: &Nodes, law: &Law, drive: &Drive, small: f64) -> [f64; 2] {
+        let [y, v, t] = [sizes(path, &self.y), sizes(path, &self.v), sizes(path, &self.t)];
         let mut best = [f64::INFINITY; 2];
         for Ellipse { powers, share } in &nodes.ellipses {
-            let (y, v) = (dot::<P>(&y, powers), dot::<P>(&v, powers));
-            let t = if drive.len > 1 { dot::<P>(&t, powers) } else { 0.0 };
+            let powers = fours(path, powers);
+            let (y, v) = (dot(path, &y, &powers), dot(path, &v, &powers));
+            let t = if drive.len > 1 { dot(path, &t, &powers) } else { 0.0 };
             let a = drive.series[..drive.len].iter().rev().fold(0.0, |sum, a| sum * t + a.abs());
             let [w, terms] = law.most(y, v, a);
             if share * w * terms < best[0] {
@@ -442,44 +450,40 @@ struct Rest {
 }
 
 /// Values at the nodes while they are iterated.
-struct Sweep {
+struct Sweep<P: Path> {
     h: f64,
-    f: Values,
-    w: Values,
-    y: Values,
-    v: Values,
-    t: Values,
+    f: Fours<P>,
+    w: Fours<P>,
+    y: Fours<P>,
+    v: Fours<P>,
+    t: Fours<P>,
 }
 
-impl Sweep {
-    fn new(start: &Point, h: f64) -> Self {
-        let zero = [0.0; LANES];
-        Self { h, f: zero, w: zero, y: [start.y; LANES], v: [start.v; LANES], t: zero }
-    }
-
-    /// The time from w.
+impl<P: Path> Sweep<P> {
     #[inline(always)]
-    fn elapse<P: Path>(&mut self, nodes: &Nodes) {
-        self.t = nodes.integral::<P>(&self.w, self.h, 0.0);
+    fn new(path: P, start: &Point, h: f64) -> Self {
+        let zero = [path.all(0.0); LANES / 4];
+        let [y, v] = [[path.all(start.y); LANES / 4], [path.all(start.v); LANES / 4]];
+        Self { h, f: zero, w: zero, y, v, t: zero }
     }
 
     /// Iterates until F is f at the nodes, up to rounding: the largest difference that is left.
     #[inline(always)]
-    fn settle<P: Path>(&mut self, nodes: &Nodes, law: &Law, drive: &Drive, start: &Point) -> Option<f64> {
+    fn settle(&mut self, path: P, nodes: &Nodes, law: &Law, drive: &Drive, start: &Point) -> Option<f64> {
         let series = &drive.series[..drive.len];
         let mut is_timed = drive.len == 1;
         let mut late = LATE * LATE;
         for _ in 0..SWEEPS {
-            let [w, next] = law.forces::<P>(series, [&self.y, &self.v, &self.t]);
+            let [w, next] = law.forces(path, series, [&self.y, &self.v, &self.t]);
             self.w = w;
-            let mut change = [0.0; LANES];
-            for l in 0..LANES {
-                change[l] = next[l] - self.f[l];
+            let mut change = next;
+            for i in 0..LANES / 4 {
+                change[i] = path.minus(next[i], self.f[i]);
             }
-            let [residual, size] = [&change, &next].map(|row| dot::<P>(row, row));
+            let [residual, size] = [dot(path, &change, &change), dot(path, &next, &next)];
             if residual <= SETTLED * SETTLED * size {
                 let is_last = is_timed;
-                self.elapse::<P>(nodes);
+                self.t = nodes.integral(path, &self.w, self.h, 0.0);
                 if is_last {
                     return Some(residual.sqrt());
                 }
@@ -491,10 +495,10 @@ impl Sweep {
                 return None;
             }
             self.f = next;
-            [self.v, self.y] = nodes.integrals::<P>(&self.f, self.h, [start.y, start.v]);
+            [self.v, self.y] = nodes.integrals(path, &self.f, self.h, [start.y, start.v]);
             is_timed = drive.len == 1;
             if !is_timed && residual <= late * size {
-                self.elapse::<P>(nodes);
+                self.t = nodes.integral(path, &self.w, self.h, 0.0);
                 late *= LATE * LATE;
             }
         }

@@ -170,6 +170,7 @@ impl Way {
     #[inline(always)]
     fn piece<P: Path>(
         &mut self,
+        path: P,
         pressed: &Pressed,
         drive: &mut Drive,
         phases: &[[f64; 2]],
@@ -179,7 +180,7 @@ impl Way {
         let mut h = law.length(drive, at);
         for _ in 0..TRIALS {
             pressed.expand(drive, phases, law.lasts(at, h));
-            let piece = Piece::new::<P>(law, drive, at, h, before, *scale);
+            let piece = Piece::new(path, law, drive, at, h, before, *scale);
             if let Some(piece) = piece.filter(Piece::is_told) {
                 let [[_, high], [slowest, fastest]] = piece.range;
                 let speed = fastest.abs().max(slowest.abs());
@@ -237,11 +238,11 @@ impl Way {
 impl Pressed {
     /// On this way, the oscillators at `phases`, up to the release or to the bound. `None` where that is not decided.
     #[inline(always)]
-    fn pass<P: Path>(&self, way: &mut Way, phases: &mut [[f64; 2]]) -> Option<End> {
+    fn pass<P: Path>(&self, path: P, way: &mut Way, phases: &mut [[f64; 2]]) -> Option<End> {
         let mut drive = self.drive();
         let mut before: Option<Before> = None;
         for _ in 0..PIECES {
-            let piece = way.piece::<P>(self, &mut drive, phases, before.as_ref())?;
+            let piece = way.piece(path, self, &mut drive, phases, before.as_ref())?;
             let [y, v, t] = piece.end;
             if y < 0.0 || way.time + t >= way.span {
                 return way.end(&piece);
@@ -257,7 +258,7 @@ impl Pressed {
 
     /// The way from `request` to the release, to the bound or as far as pieces go; `false` where the series have to decide.
     #[inline(always)]
-    pub fn leap<P: Path>(&self, motion: &Motion, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
+    pub fn leap<P: Path>(&self, path: P, motion: &Motion, request: &JetRequest<'_>, leap: &mut Leap) -> bool {
         let (s, x) = (motion.structure, request.x);
         let (c, part) = (&s.contacts[0], &motion.parts[0]);
         let side = part.side;
@@ -292,7 +293,7 @@ impl Pressed {
         let first = law.acceleration(y, v, a);
         let mut way = Way::new(law, Point { y, v, errors: [off, 0.0, 0.0] }, request.span);
         let mut turned = phases.clone();
-        let Some(end) = self.pass::<P>(&mut way, &mut turned) else { return false };
+        let Some(end) = self.pass(path, &mut way, &mut turned) else { return false };
         self.turn(&mut phases, end.time);
         let [e1, de1] = errors(s, &phases);
         let [depth, deepest] = [end.y, way.most[0]].map(|y| law.penetration(y));

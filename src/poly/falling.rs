@@ -126,17 +126,10 @@ pub(crate) fn pattern<P: Path, const F: usize>(path: P, of: &Signed<'_, P, F>, u
     let (sign, high, low) = (path.all(of.sign), path.all(uncertainty), path.all(-uncertainty));
     let shares = Tables::<F>::SHARES;
     let is_whole = start != 0.0;
-    let (mut b, mut all) = (*row, 0b1111);
+    let (mut b, mut above, mut below) = (*row, u32::from(start > uncertainty), u32::from(start < -uncertainty));
     for i in 0..F {
         let by = if is_whole { path.times(sign, path.four(shares[i])) } else { sign };
         b[i] = path.fused(row[i], by, path.all(start));
-        all &= path.above(b[i], high);
-    }
-    if all == 0b1111 && (start > uncertainty || !is_whole) {
-        return (Pattern::Clear, f64::NAN);
-    }
-    let (mut above, mut below) = (u32::from(start > uncertainty), u32::from(start < -uncertainty));
-    for i in 0..F {
         above |= path.above(b[i], high) << (4 * i + 1);
         below |= path.above(low, b[i]) << (4 * i + 1);
     }
@@ -145,6 +138,9 @@ pub(crate) fn pattern<P: Path, const F: usize>(path: P, of: &Signed<'_, P, F>, u
     }
     let count = 4 * F as u32 + u32::from(is_whole);
     let falling = (above.trailing_ones(), (below << (u32::BITS - count)).leading_ones());
+    if falling.0 == count {
+        return (Pattern::Clear, f64::NAN);
+    }
     if falling.0 == 0 || falling.1 == 0 || falling.0 + falling.1 + 1 < count {
         return (Pattern::Unclear, f64::NAN);
     }
