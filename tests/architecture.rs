@@ -214,7 +214,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("orbit", 4150),
     ("output", 450),
     ("plot", 2000),
-    ("poly", 1300),
+    ("poly", 1350),
     ("scene", 2650),
     ("simulation", 1450),
     ("study", 6800),

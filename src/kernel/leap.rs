@@ -19,8 +19,6 @@ use crate::{
     vectors::Path,
 };
 
-/// Times a span is halved before the signs count as undecided.
-const HALVINGS: usize = 3;
 /// Contacts, and guards, that need no allocation.
 const FEW: usize = 8;
 const MANY: usize = 16;
@@ -100,33 +98,34 @@ impl<'r, P: Path, const F: usize> Guard<'r, P, F> {
         Self { series, errors, pattern, guess }
     }
 
-    /// Halves the span until the signs of all tell what they do on it. The part that is left of it.
+    /// The first part of the span on which the signs of all tell what they do, one of [`poly::PARTS`] or all of it.
     #[inline(always)]
     pub fn sharpen(path: P, guards: &mut [Self]) -> f64 {
         let is_clear = |guards: &[Self]| guards.iter().all(|g| g.pattern != Pattern::Unclear);
-        if is_clear(guards) { 1.0 } else { Self::halve_all(path, guards) }
+        if is_clear(guards) { 1.0 } else { Self::shorten(path, guards) }
     }
 
     #[inline(always)]
-    fn halve_all(path: P, guards: &mut [Self]) -> f64 {
-        let mut part = 1.0;
-        let mut all: SmallVec<[(poly::Coefficients, usize); FEW]> =
-            guards.iter().map(|guard| poly::coefficients(path, &guard.series)).collect();
-        for _ in 0..HALVINGS {
-            part *= 0.5;
-            for (guard, (b, count)) in guards.iter_mut().zip(&mut all).filter(|(g, _)| g.pattern != Pattern::Clear) {
-                // A coefficient is a mean of so many, and each addition is rounded by half a unit of the largest.
-                let largest = b[..*count].iter().fold(0.0, |m: f64, b| m.max(b.abs()));
-                guard.errors[1] += 0.5 * f64::EPSILON * *count as f64 * largest;
-                poly::halve(path, b);
-                let (pattern, guess) = poly::pattern_of(&b[..*count], guard.errors[0] + guard.errors[1]);
+    fn shorten(path: P, guards: &mut [Self]) -> f64 {
+        let unclear = guards.iter().filter(|g| g.pattern == Pattern::Unclear);
+        let until = unclear.fold(1.0, |until: f64, guard| until.min(guard.guess));
+        let last = poly::PARTS.len() - 1;
+        let mut number = poly::PARTS.iter().position(|part| *part < until).unwrap_or(last);
+        loop {
+            let (part, mut is_told) = (poly::PARTS[number], true);
+            for guard in guards.iter_mut().filter(|g| g.pattern != Pattern::Clear) {
+                let Signed { start, sign, row } = guard.series;
+                let (row, rounding) = poly::part(path, row, number);
+                let uncertainty = guard.errors[0] + part * guard.errors[1] + rounding;
+                let (pattern, guess) = poly::pattern(path, &Signed { start, sign, row: &row }, uncertainty);
                 (guard.pattern, guard.guess) = (pattern, part * guess);
+                is_told &= pattern != Pattern::Unclear;
             }
-            if guards.iter().all(|g| g.pattern != Pattern::Unclear) {
-                break;
+            if is_told || number == last {
+                return part;
             }
+            number += 1;
         }
-        part
     }
 
     /// Where on the span the guard falls, on the first `part` of it.

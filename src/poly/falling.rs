@@ -19,8 +19,6 @@ pub(crate) type Numbers<const F: usize> = [[f64; 4]; F];
 pub(crate) const MOST_FOURS: usize = 6;
 /// Coefficients of the largest row.
 const MOST: usize = 4 * MOST_FOURS;
-/// Coefficients of `s + t p` for the largest row, s the first.
-pub(crate) type Coefficients = [f64; MOST + 1];
 
 /// What the signs of Bernstein coefficients tell of a function on `[0, 1]`, up to an uncertainty of its values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -104,22 +102,8 @@ pub(crate) struct Signed<'r, P: Path, const F: usize> {
     pub row: &'r Row<P, F>,
 }
 
-/// Its Bernstein coefficients, the first of them `s`; those of `p` where `s` is zero. How many.
-#[inline(always)]
-pub(crate) fn coefficients<P: Path, const F: usize>(path: P, of: &Signed<'_, P, F>) -> (Coefficients, usize) {
-    let (numbers, mut all) = (numbers(path, of.row), [of.start; MOST + 1]);
-    let (numbers, shares) = (numbers.as_flattened(), Tables::<F>::SHARES);
-    if of.start == 0.0 {
-        (0..4 * F).for_each(|i| all[i] = of.sign * numbers[i]);
-        return (all, 4 * F);
-    }
-    for (b, (p, share)) in all[1..].iter_mut().zip(numbers.iter().zip(shares.as_flattened())) {
-        *b = fused::<P>(*p, of.sign * share, of.start);
-    }
-    (all, 4 * F + 1)
-}
-
-/// The pattern of `s + t p` on `[0, 1]`, whose values are known to `uncertainty`, and where it falls, nearly.
+/// The pattern of `s + t p` on `[0, 1]`, whose values are known to `uncertainty`, and a place: where it falls, nearly; where it is unclear, up
+/// to where it may be no fall alone.
 #[inline(always)]
 pub(crate) fn pattern<P: Path, const F: usize>(path: P, of: &Signed<'_, P, F>, uncertainty: f64) -> (Pattern, f64) {
     let Signed { start, row, .. } = *of;
@@ -142,7 +126,8 @@ pub(crate) fn pattern<P: Path, const F: usize>(path: P, of: &Signed<'_, P, F>, u
         return (Pattern::Clear, f64::NAN);
     }
     if falling.0 == 0 || falling.1 == 0 || falling.0 + falling.1 + 1 < count {
-        return (Pattern::Unclear, f64::NAN);
+        let again = (above >> falling.0).trailing_zeros().min(count - falling.0) + falling.0;
+        return (Pattern::Unclear, f64::from(again) / f64::from(count));
     }
     let mut points = [start; MOST + 1];
     for i in 0..F {
@@ -174,48 +159,60 @@ pub(crate) fn largest<P: Path, const F: usize>(path: P, start: f64, row: &Row<P,
     path.numbers(most).into_iter().fold(0.0, f64::max)
 }
 
-/// The pattern of the Bernstein coefficients `b`, and where their polynomial falls, nearly.
-pub(crate) fn pattern_of(b: &[f64], uncertainty: f64) -> (Pattern, f64) {
-    let above = b.iter().take_while(|c| **c > uncertainty).count();
-    if above == b.len() {
-        return (Pattern::Clear, f64::NAN);
-    }
-    let below = b[above..].iter().rev().take_while(|c| **c < -uncertainty).count();
-    if above > 0 && below > 0 && above + below + 1 >= b.len() {
-        (Pattern::Falls, crossing(b, b.iter().position(|c| *c < 0.0).unwrap_or(1).max(1)))
-    } else {
-        (Pattern::Unclear, f64::NAN)
-    }
-}
+/// The parts of `[0, 1]`, from its start on, that a polynomial may be looked at alone on.
+pub(crate) const PARTS: [f64; 3] = [0.5, 0.25, 0.125];
 
-/// `C(i, j)/2ⁱ` by j: what coefficient j adds to coefficient i of the left half.
-const HALVES: [[f64; MOST + 4]; MOST + 1] = {
-    let mut columns = [[0.0; MOST + 4]; MOST + 1];
-    let mut i = 0;
-    while i <= MOST {
-        let (mut j, mut value) = (0, 1.0 / (1u64 << i) as f64);
-        while j <= i {
-            columns[j][i] = value;
-            value = value * (i - j) as f64 / (j + 1) as f64;
-            j += 1;
+/// `C(i, j) tʲ (1 − t)ⁱ⁻ʲ` by j for each of the parts: what coefficient j adds to coefficient i of the first part t.
+static SHARES_OF_PARTS: [[[f64; MOST]; MOST]; PARTS.len()] = {
+    let mut all = [[[0.0; MOST]; MOST]; PARTS.len()];
+    let mut part = 0;
+    while part < PARTS.len() {
+        // `7ᵏ` and the like: whole numbers, over powers of two.
+        let (t, mut i) = (PARTS[part], 0);
+        while i < MOST {
+            let (mut j, mut by) = (0, 1.0);
+            while j < i {
+                by *= 1.0 - t;
+                j += 1;
+            }
+            // From j = 0 on: whole binomials below 2⁵³ times powers.
+            let (mut j, mut binomial) = (0, 1.0);
+            while j <= i {
+                all[part][j][i] = binomial * by;
+                binomial = binomial * (i - j) as f64 / (j + 1) as f64;
+                by = by / (1.0 - t) * t;
+                j += 1;
+            }
+            i += 1;
         }
-        i += 1;
+        part += 1;
     }
-    columns
+    all
 };
 
-/// Replaces the Bernstein coefficients on `[0, 1]` by those on `[0, ½]`, in any degree.
+/// Units in the last place of the largest coefficient that a coefficient of a part may be off, of so many: half a unit for each sum, half a
+/// unit for all products, and for the shares those of up to eleven operations.
+const fn summed(count: usize) -> f64 {
+    0.5 * count as f64 + 6.0
+}
+
+/// The row of `t p(t)` on one of the [`PARTS`] of `[0, 1]`, and a bound on its rounding.
 #[inline(always)]
-pub(crate) fn halve<P: Path>(path: P, b: &mut Coefficients) {
-    let mut sums = [path.all(0.0); MOST_FOURS + 1];
-    for j in 0..=MOST {
-        let (by, column) = (path.all(b[j]), HALVES[j].as_chunks::<4>().0);
-        for k in j / 4..=MOST_FOURS {
-            sums[k] = path.fused(path.four(column[k]), by, sums[k]);
+pub(crate) fn part<P: Path, const F: usize>(path: P, row: &Row<P, F>, number: usize) -> (Row<P, F>, f64) {
+    let (mut sums, mut most, from) = ([path.all(0.0); F], path.all(0.0), numbers(path, row));
+    for (b, column) in from.as_flattened().iter().zip(&SHARES_OF_PARTS[number]) {
+        let (b, column) = (path.all(*b), column.as_chunks::<4>().0);
+        for i in 0..F {
+            sums[i] = path.fused(path.four(column[i]), b, sums[i]);
         }
     }
-    let sums = sums.map(|sum| path.numbers(sum));
-    b.copy_from_slice(&sums.as_flattened()[..=MOST]);
+    let by = path.all(PARTS[number]);
+    for i in 0..F {
+        most = path.larger(path.sizes(row[i]), most);
+        sums[i] = path.times(by, sums[i]);
+    }
+    let most = path.numbers(most).into_iter().fold(0.0, f64::max);
+    (sums, PARTS[number] * f64::EPSILON * summed(4 * F) * most)
 }
 
 /// A place in `[0, 1]` by its distances from the nearer end and from the other one.
@@ -394,4 +391,34 @@ pub(crate) fn fall<P: Path, const F: usize>(
         t = if next > low && next < high { next } else { 0.5 * (low + high) };
     }
     None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vectors::Baseline;
+
+    /// A part of a polynomial has its values, to the rounding that is stated and that of two values: eight units of the largest coefficient
+    /// each.
+    fn same_values<const F: usize>() {
+        let mut row = [[0.0; 4]; F];
+        (0..4 * F).for_each(|i| row[i / 4][i % 4] = libm::sin(1.0 + (i * i) as f64));
+        for (number, shorter) in PARTS.iter().enumerate() {
+            let (own, rounding) = part(Baseline, &row, number);
+            for t in (0..=64).map(|i| f64::from(i) / 64.0) {
+                let value = |row, t| {
+                    let place = Place::<Baseline, F>::new(Baseline, t);
+                    place.weight() * place.value(Baseline, row)
+                };
+                let off = value(&own, t) - shorter * value(&row, shorter * t);
+                assert!(off.abs() <= rounding + 16.0 * f64::EPSILON * shorter, "{F} {shorter} {t}: {off:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_part_has_the_values_of_the_whole() {
+        same_values::<5>();
+        same_values::<MOST_FOURS>();
+    }
 }

@@ -14,8 +14,7 @@ pub(crate) use chebyshev::{CHEBYSHEV, Chebyshev, DEGREE};
 pub(crate) use deflated::Deflated;
 pub use extremes::{extremes, minima};
 pub(crate) use falling::{
-    Coefficients, MOST_FOURS, Numbers, Pattern, Place, Row, Signed, coefficients, fall, fours, halve, largest, numbers,
-    pattern, pattern_of, stays_above,
+    MOST_FOURS, Numbers, PARTS, Pattern, Place, Row, Signed, fall, fours, largest, numbers, part, pattern, stays_above,
 };
 pub(crate) use first_root::first_root_on;
 pub use first_root::{FirstRoot, Isolation, first_root};
