@@ -173,11 +173,13 @@ impl Clock {
         self.normalised(Instant { cycle: at.cycle, phase: at.phase + dt.into() })
     }
 
-    /// As [`advance`](Self::advance), by a double.
-    #[must_use]
+    /// As [`advance`](Self::advance), by a double, in place.
     #[inline]
-    pub fn after(&self, at: Instant, dt: f64) -> Instant {
-        self.normalised(Instant { cycle: at.cycle, phase: at.phase.plus(dt) })
+    pub fn pass(&self, at: &mut Instant, dt: f64) {
+        at.phase = at.phase.plus(dt);
+        if !self.is_normal(at.phase) {
+            *at = self.carried(*at);
+        }
     }
 
     /// As [`between`](Self::between), to a few units in the last place of the times.
@@ -189,8 +191,13 @@ impl Clock {
 
     #[inline]
     fn normalised(&self, at: Instant) -> Instant {
-        // Most often the phase is in [0, T) as it is, and clear of both ends.
-        if at.phase.hi > 0.0 && at.phase.hi < self.period.hi * (1.0 - f64::EPSILON) { at } else { self.carried(at) }
+        if self.is_normal(at.phase) { at } else { self.carried(at) }
+    }
+
+    /// Whether a phase is in [0, T) as it is, and clear of both ends. Most often it is.
+    #[inline]
+    fn is_normal(&self, phase: Wide) -> bool {
+        phase.hi > 0.0 && phase.hi < self.period.hi * (1.0 - f64::EPSILON)
     }
 
     /// Puts a phase that has left [0, T), or is at its ends, into it.

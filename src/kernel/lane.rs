@@ -175,7 +175,7 @@ impl<'s> Lane<'s> {
         let (zeros, struck) = (of(&jump.pinned), of(&jump.struck));
         let gait = self.meet(&jump.mode, host);
         self.stand = Stand { at, x, gait, zeros, struck, projected: jump.projected, carried, switch: None };
-        self.stand.switch = self.next_switch();
+        self.look_ahead();
         self.turn();
     }
 
@@ -186,9 +186,12 @@ impl<'s> Lane<'s> {
         self.structure.oscillate(at, |i, cosine, sine| waves[i] = [cosine, sine]);
     }
 
+    /// Finds the next known switching time. Where there are none, nothing is written.
     #[inline(always)]
-    fn next_switch(&self) -> Option<Instant> {
-        if self.is_scheduled { self.structure.next_switch(&self.mode(), self.stand.at) } else { None }
+    fn look_ahead(&mut self) {
+        if self.is_scheduled {
+            self.stand.switch = self.structure.next_switch(&self.mode(), self.stand.at);
+        }
     }
 
     /// The place of the gait of a mode.
@@ -283,7 +286,7 @@ impl<'s> Lane<'s> {
                 self.meet(&mode, host)
             });
             (self.stand.gait, self.stand.zeros) = (gait, zeros);
-            self.stand.switch = self.next_switch();
+            self.look_ahead();
             return true;
         }
         let fired = GuardSet::from_iter([guard_id(0, watch)]);
@@ -398,7 +401,11 @@ impl Work for Ride<'_, '_> {
                 let was = lane.gaits[lane.stand.gait].state;
                 noted.times[was as usize] += stride.time;
                 let stand = &mut lane.stand;
-                stand.at = if stride.is_bound { switch.unwrap_or(bound) } else { clock.after(at, stride.time) };
+                if stride.is_bound {
+                    stand.at = switch.unwrap_or(bound);
+                } else {
+                    clock.pass(&mut stand.at, stride.time);
+                }
                 (stand.x, stand.zeros, stand.carried) = (stride.x, [false; 3], stride.carried);
                 lane.turn();
                 if let Some((number, error)) = stride.falls {
@@ -421,7 +428,7 @@ impl Work for Ride<'_, '_> {
                 if stride.is_bound && switch.is_some() {
                     let mode = s.switched(&lane.mode(), lane.stand.at);
                     lane.stand.gait = lane.meet(&mode, host);
-                    lane.stand.switch = lane.next_switch();
+                    lane.look_ahead();
                     lap.switches += 1;
                     continue 'arcs;
                 }
