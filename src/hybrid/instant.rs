@@ -206,7 +206,7 @@ impl Clock {
             let t = self.period;
             let turns = (at.phase.hi / t.hi).floor();
             if turns != 0.0 {
-                // A product by one is the period itself.
+                // One turn is the usual case, and a product by one is the period itself.
                 at.phase = at.phase - if turns == 1.0 { t } else { t * turns };
                 at.cycle += turns as i64;
             }

@@ -186,7 +186,7 @@ impl<'s> Lane<'s> {
         self.structure.oscillate(at, |i, cosine, sine| waves[i] = [cosine, sine]);
     }
 
-    /// Finds the next known switching time. Where there are none, nothing is written.
+    /// Finds the next known switching time. Without a schedule it stays `None`, and is not written.
     #[inline(always)]
     fn look_ahead(&mut self) {
         if self.is_scheduled {
@@ -358,7 +358,7 @@ impl Work for Ride<'_, '_> {
         let mut lap = Lap::default();
         // The start of the last arc of which something was decided, and what was done up to there.
         let (mut last, mut done) = (lane.stand, Lap::default());
-        let mut rebound = Derivatives::default();
+        let mut rebound: Derivatives = [([f64::NAN; 3], f64::NAN); 2];
         'arcs: loop {
             let mut leaps = 0;
             loop {

@@ -86,39 +86,41 @@ pub(super) struct Guard<'r, P: Path, const F: usize> {
     /// Error of the value at the start, and of the row.
     errors: [f64; 2],
     pub pattern: Pattern,
-    /// Where it falls, nearly.
-    guess: f64,
+    /// As of [`poly::pattern`], in spans.
+    place: f64,
 }
 
 impl<'r, P: Path, const F: usize> Guard<'r, P, F> {
     #[inline(always)]
     pub fn new(path: P, start: f64, sign: f64, row: &'r Row<P, F>, errors: [f64; 2]) -> Self {
         let series = Signed { start, sign, row };
-        let (pattern, guess) = poly::pattern(path, &series, errors[0] + errors[1]);
-        Self { series, errors, pattern, guess }
+        let (pattern, place) = poly::pattern(path, &series, errors[0] + errors[1]);
+        Self { series, errors, pattern, place }
     }
 
-    /// The first part of the span on which the signs of all tell what they do, one of [`poly::PARTS`] or all of it.
+    /// Judges all guards on a part of the span, from its start on, and gives that part: all of it or the first of [`poly::PARTS`] on which no
+    /// guard is unclear, else the shortest.
     #[inline(always)]
     pub fn sharpen(path: P, guards: &mut [Self]) -> f64 {
-        let is_clear = |guards: &[Self]| guards.iter().all(|g| g.pattern != Pattern::Unclear);
-        if is_clear(guards) { 1.0 } else { Self::shorten(path, guards) }
+        let is_told = guards.iter().all(|guard| guard.pattern != Pattern::Unclear);
+        if is_told { 1.0 } else { Self::shorten(path, guards) }
     }
 
     #[inline(always)]
     fn shorten(path: P, guards: &mut [Self]) -> f64 {
-        let unclear = guards.iter().filter(|g| g.pattern == Pattern::Unclear);
-        let until = unclear.fold(1.0, |until: f64, guard| until.min(guard.guess));
+        // Where coefficients rise again on the whole span, they do so most often on a part up to there: longer ones are not tried.
+        let unclear = guards.iter().filter(|guard| guard.pattern == Pattern::Unclear);
+        let until = unclear.fold(1.0, |until: f64, guard| until.min(guard.place));
         let last = poly::PARTS.len() - 1;
         let mut number = poly::PARTS.iter().position(|part| *part < until).unwrap_or(last);
         loop {
             let (part, mut is_told) = (poly::PARTS[number], true);
-            for guard in guards.iter_mut().filter(|g| g.pattern != Pattern::Clear) {
+            for guard in guards.iter_mut().filter(|guard| guard.pattern != Pattern::Clear) {
                 let Signed { start, sign, row } = guard.series;
-                let (row, rounding) = poly::part(path, row, number);
+                let (row, rounding) = poly::restrict(path, row, number);
                 let uncertainty = guard.errors[0] + part * guard.errors[1] + rounding;
-                let (pattern, guess) = poly::pattern(path, &Signed { start, sign, row: &row }, uncertainty);
-                (guard.pattern, guard.guess) = (pattern, part * guess);
+                let (pattern, place) = poly::pattern(path, &Signed { start, sign, row: &row }, uncertainty);
+                (guard.pattern, guard.place) = (pattern, part * place);
                 is_told &= pattern != Pattern::Unclear;
             }
             if is_told || number == last {
@@ -131,7 +133,7 @@ impl<'r, P: Path, const F: usize> Guard<'r, P, F> {
     /// Where on the span the guard falls, on the first `part` of it.
     #[inline(always)]
     fn fall(&self, path: P, index: usize, part: f64) -> Option<Fall> {
-        let (theta, [value, slope]) = poly::fall(path, &self.series, self.guess, part)?;
+        let (theta, [value, slope]) = poly::fall(path, &self.series, self.place, part)?;
         let error = self.errors[0] + theta * self.errors[1];
         let [value, slope] =
             if self.series.start == 0.0 { [theta * value, value + theta * slope] } else { [value, slope] };
@@ -184,8 +186,8 @@ pub(super) fn first_fall<P: Path, const F: usize>(
     match first.filter(|fall| earliest(fall) <= limit) {
         None if later <= limit => None,
         None => Some((None, limit)),
-        // At the instant of another one, or of the bound, it is not decided here what happens.
-        Some(fall) if fall.theta + APART * fall.width() >= later.min(bound) || fall.theta > limit => None,
+        // At the instant of another one, of the bound, or of the end of what is looked at, it is not decided here what happens.
+        Some(fall) if fall.theta + APART * fall.width() >= later.min(limit) => None,
         Some(fall) => Some((Some(fall), fall.theta)),
     }
 }

@@ -8,12 +8,13 @@
 //! 2 Σ_{k≥S} 2Mρ⁻ᵏ = 4M ρ⁻ˢ/(1 − 1/ρ)
 //! ```
 
-#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
+#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler unrolls
 
 use std::sync::LazyLock;
 
 use crate::{
     hybrid::Wide,
+    poly::Row,
     vectors::{Path, fused},
 };
 
@@ -39,9 +40,10 @@ pub(super) const ROUNDED: f64 = 1.001;
 
 /// Values, or coefficients: the even ones, then the odd ones.
 pub(super) type Values = [f64; LANES];
-/// Fours of one half, and all of them.
-const THREE: usize = SIDE / 4;
-pub(super) type Fours<P> = [<P as Path>::Four; 2 * THREE];
+/// Fours of the even ones, or of the odd ones.
+const HALF: usize = SIDE / 4;
+/// Values four side by side.
+pub(super) type Fours<P> = Row<P, { 2 * HALF }>;
 type Half = [f64; SIDE];
 type Matrix = [Half; PAIRS];
 
@@ -145,10 +147,10 @@ static TABLE: LazyLock<Box<Nodes>> = LazyLock::new(|| {
     table
 });
 
-/// Values four side by side.
+/// Loads values.
 #[inline(always)]
 pub(super) fn fours<P: Path>(path: P, values: &Values) -> Fours<P> {
-    let mut fours = [path.all(0.0); 2 * THREE];
+    let mut fours = [path.all(0.0); 2 * HALF];
     for (four, values) in fours.iter_mut().zip(values.as_chunks::<4>().0) {
         *four = path.four(*values);
     }
@@ -169,9 +171,9 @@ pub(super) fn numbers<P: Path>(path: P, fours: &Fours<P>) -> Values {
 #[inline(always)]
 fn parts<P: Path>(path: P, f: &Fours<P>) -> Values {
     let (half, mut parts) = (path.all(0.5), *f);
-    for i in 0..THREE {
-        parts[i] = path.times(half, path.plus(f[i], f[i + THREE]));
-        parts[i + THREE] = path.times(half, path.minus(f[i], f[i + THREE]));
+    for i in 0..HALF {
+        parts[i] = path.times(half, path.plus(f[i], f[i + HALF]));
+        parts[i + HALF] = path.times(half, path.minus(f[i], f[i + HALF]));
     }
     numbers(path, &parts)
 }
@@ -179,26 +181,25 @@ fn parts<P: Path>(path: P, f: &Fours<P>) -> Values {
 /// `Σ parts_i matrix_i` of even and odd parts, for each pair of matrices: so many sums fill the registers.
 #[inline(always)]
 fn products<P: Path, const N: usize>(path: P, of: [(&[Matrix; 2], &Values); N]) -> [Fours<P>; N] {
-    let mut sums = [[path.all(0.0); 2 * THREE]; N];
+    let mut sums = [[path.all(0.0); 2 * HALF]; N];
     for i in 0..PAIRS {
         for n in 0..N {
             let (matrices, parts) = of[n];
             let [even, odd] = [path.all(parts[i]), path.all(parts[SIDE + i])];
-            for k in 0..THREE {
+            for k in 0..HALF {
                 let [first, second] = [matrices[0][i].as_chunks::<4>().0[k], matrices[1][i].as_chunks::<4>().0[k]];
                 sums[n][k] = path.fused(path.four(first), even, sums[n][k]);
-                sums[n][k + THREE] = path.fused(path.four(second), odd, sums[n][k + THREE]);
+                sums[n][k + HALF] = path.fused(path.four(second), odd, sums[n][k + HALF]);
             }
         }
     }
     sums
 }
 
-/// What is `start` at the start, in the middle: by `h` times the integral from there, of which the odd part comes first.
+/// Both parts at the end.
 #[inline(always)]
-fn middle<P: Path>(path: P, integral: &Fours<P>, h: f64, start: f64) -> f64 {
-    let [first, second] = [path.numbers(integral[THREE - 1])[3], path.numbers(integral[2 * THREE - 1])[3]];
-    fused::<P>(h, first - second, start)
+fn ends<P: Path>(path: P, parts: &Fours<P>) -> [f64; 2] {
+    [path.numbers(parts[END / 4])[END % 4], path.numbers(parts[HALF + END / 4])[END % 4]]
 }
 
 impl Nodes {
@@ -212,7 +213,8 @@ impl Nodes {
     pub fn integral<P: Path>(&self, path: P, f: &Fours<P>, h: f64, start: f64) -> Fours<P> {
         // The integral of an even function from the middle is odd.
         let [once] = products(path, [(&self.once, &parts(path, f))]);
-        added(path, &once, h, path.all(middle(path, &once, h, start)))
+        let [odd, even] = ends(path, &once);
+        added(path, &once, h, path.all(fused::<P>(h, odd - even, start)))
     }
 
     /// `v = rate + h ∫ f dθ`, and `start + h ∫ v dθ`.
@@ -220,18 +222,18 @@ impl Nodes {
     pub fn integrals<P: Path>(&self, path: P, f: &Fours<P>, h: f64, [start, rate]: [f64; 2]) -> [Fours<P>; 2] {
         let parts = parts(path, f);
         let [once, twice] = products(path, [(&self.once, &parts), (&self.twice, &parts)]);
-        let from_middle = middle(path, &once, h, rate);
-        let v = added(path, &once, h, path.all(from_middle));
-        // The second integral of an even function is even.
-        let [even, odd] = [path.numbers(twice[THREE - 1])[3], path.numbers(twice[2 * THREE - 1])[3]];
-        let from = path.all(fused::<P>(h * h, odd - even, start));
-        let (rise, square, theta) = (path.all(h * from_middle), path.all(h * h), fours(path, &self.theta));
+        // The integral of an even function from the middle is odd, the second one is even.
+        let ([odd, even], [second_even, second_odd]) = (ends(path, &once), ends(path, &twice));
+        let middle = fused::<P>(h, odd - even, rate);
+        let v = added(path, &once, h, path.all(middle));
+        let from = path.all(fused::<P>(h * h, second_odd - second_even, start));
+        let (rise, square, theta) = (path.all(h * middle), path.all(h * h), fours(path, &self.theta));
         let mut y = twice;
-        for i in 0..THREE {
+        for i in 0..HALF {
             let straight = path.fused(rise, theta[i], from);
-            y[i] = path.fused(square, path.plus(twice[i], twice[i + THREE]), straight);
-            let straight = path.fused(rise, theta[i + THREE], from);
-            y[i + THREE] = path.fused(square, path.minus(twice[i], twice[i + THREE]), straight);
+            y[i] = path.fused(square, path.plus(twice[i], twice[i + HALF]), straight);
+            let straight = path.fused(rise, theta[i + HALF], from);
+            y[i + HALF] = path.fused(square, path.minus(twice[i], twice[i + HALF]), straight);
         }
         [v, y]
     }
@@ -252,14 +254,14 @@ impl Nodes {
     }
 }
 
-/// What is `from` in the middle, by `h` times the integral from there, of which the odd part comes first.
+/// Adds `h` times the integral from the middle, of which the odd part comes first, to `from`.
 #[inline(always)]
 fn added<P: Path>(path: P, integral: &Fours<P>, h: f64, from: P::Four) -> Fours<P> {
     let (h, mut v) = (path.all(h), *integral);
-    for i in 0..THREE {
-        let [odd, even] = [integral[i], integral[i + THREE]];
+    for i in 0..HALF {
+        let [odd, even] = [integral[i], integral[i + HALF]];
         v[i] = path.fused(h, path.plus(even, odd), from);
-        v[i + THREE] = path.fused(h, path.minus(even, odd), from);
+        v[i + HALF] = path.fused(h, path.minus(even, odd), from);
     }
     v
 }
@@ -268,10 +270,10 @@ fn added<P: Path>(path: P, integral: &Fours<P>, h: f64, from: P::Four) -> Fours<
 #[inline(always)]
 fn difference<P: Path>(path: P, parts: &Fours<P>, f: &Fours<P>) -> f64 {
     let mut difference = *parts;
-    for i in 0..THREE {
-        let ([even, odd], inside) = ([parts[i], parts[i + THREE]], path.four(INSIDE.as_chunks::<4>().0[i]));
+    for i in 0..HALF {
+        let ([even, odd], inside) = ([parts[i], parts[i + HALF]], path.four(INSIDE.as_chunks::<4>().0[i]));
         difference[i] = path.times(inside, path.minus(path.plus(even, odd), f[i]));
-        difference[i + THREE] = path.times(inside, path.minus(path.minus(even, odd), f[i + THREE]));
+        difference[i + HALF] = path.times(inside, path.minus(path.minus(even, odd), f[i + HALF]));
     }
     dot(path, &difference, &difference).sqrt()
 }
@@ -329,7 +331,7 @@ pub(super) fn value(a: &Values, theta: f64) -> f64 {
 #[inline(always)]
 pub(super) fn dot<P: Path>(path: P, a: &Fours<P>, b: &Fours<P>) -> f64 {
     let mut sums = path.all(0.0);
-    for i in 0..2 * THREE {
+    for i in 0..2 * HALF {
         sums = path.fused(a[i], b[i], sums);
     }
     let [a, b, c, d] = path.numbers(sums);
@@ -351,7 +353,7 @@ pub(super) fn total<P: Path>(path: P, a: &Values) -> f64 {
 #[inline(always)]
 pub(super) fn sizes<P: Path>(path: P, a: &Values) -> Fours<P> {
     let mut sizes = fours(path, a);
-    for i in 0..2 * THREE {
+    for i in 0..2 * HALF {
         sizes[i] = path.sizes(sizes[i]);
     }
     sizes

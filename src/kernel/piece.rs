@@ -9,7 +9,7 @@
 //! f is a polynomial F of degree S − 1, by its values at S nodes, v and y are its integrals, t that of the interpolant of w. Picard
 //! iteration brings F to f at the nodes. What is left is bounded, [`docs/EVENTS.md`](../../docs/EVENTS.md), line 39.
 
-#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
+#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler unrolls
 
 use super::nodes::{
     END, Ellipse, Fours, LANES, LEBESGUE, Nodes, ROUNDED, SUMMED, Values, antiderivative, coefficient, dot, fours,

@@ -165,6 +165,10 @@ pub(super) fn load_size(load: &[f64]) -> f64 {
     load.iter().fold(0.0, |m: f64, f| m.max(f.abs()))
 }
 
+/// Roundings of the angle of degree m in units of mε: of a product of two angles √5/2 at most (Brent, Percival & Zimmermann 2007), and a
+/// unit of the angle itself. In whatever order, degree m is m angles and m − 1 products.
+const TURNED: f64 = 2.25;
+
 impl Propagator {
     /// `1, cos φ, sin φ, cos 2φ, …` where a span starts; the first alone where nothing is modulated.
     #[inline(always)]
@@ -309,8 +313,7 @@ impl Propagator {
                 for (i, ((columns, errors), series)) in rows.iter_mut().zip(&series.rows).enumerate() {
                     let (column, left) = s.instructions.run(Conversion { series, fours, is_coarse });
                     columns.push(column);
-                    // A degree is as far off as if each were formed from the one before.
-                    let rounded = (ROUNDED + wave.div_ceil(2) as f64) * f64::EPSILON;
+                    let rounded = (ROUNDED + TURNED * wave.div_ceil(2) as f64) * f64::EPSILON;
                     errors.push(left + cut(i) + rounded * largest(&column));
                 }
             }

@@ -46,7 +46,7 @@ pub(super) type Derivatives = [([f64; 3], f64); 2];
 
 impl Lane<'_> {
     /// As [`Propagator::leap`], and without what an engine wants to know besides: from where it stands. Where an impact was before it,
-    /// `rebound` takes what follows from that.
+    /// `rebound` receives the derivatives after it.
     #[inline(always)]
     pub(super) fn stride<P: Path>(
         &self,
@@ -135,7 +135,7 @@ impl Lane<'_> {
                     Component::Same(_) => return None,
                 };
                 for (term, column) in columns.iter::<FOURS>() {
-                    let Some((input, _)) = by.inputs.iter().find(|(_, end)| term < *end) else { break };
+                    let (input, _) = by.inputs.iter().find(|(_, end)| term < *end)?;
                     let added = |row: &Row<P, FOURS>| angles[by.waves[term]] * added(row);
                     match *input {
                         Input::Displacement(_) => flow[0] += added(&poly::fours(path, column)),

@@ -4,7 +4,7 @@
 //! A function is `f(t) = s + t p(t)`, s its value at the start and p the polynomial. From an exact zero on, s = 0, p alone is looked at:
 //! the zero at the start is divided out.
 
-#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler vectorises
+#![allow(clippy::needless_range_loop)] // index loops over fixed sizes are what the compiler unrolls
 
 use super::bernstein::{INVERSE_BINOMIALS, crossing};
 use crate::vectors::{Path, fused};
@@ -102,8 +102,8 @@ pub(crate) struct Signed<'r, P: Path, const F: usize> {
     pub row: &'r Row<P, F>,
 }
 
-/// The pattern of `s + t p` on `[0, 1]`, whose values are known to `uncertainty`, and a place: where it falls, nearly; where it is unclear, up
-/// to where it may be no fall alone.
+/// The pattern of `s + t p` on `[0, 1]`, whose values are known to `uncertainty`, and a place: where it falls, nearly; where it is unclear, where
+/// its coefficients rise above the uncertainty again.
 #[inline(always)]
 pub(crate) fn pattern<P: Path, const F: usize>(path: P, of: &Signed<'_, P, F>, uncertainty: f64) -> (Pattern, f64) {
     let Signed { start, row, .. } = *of;
@@ -159,48 +159,47 @@ pub(crate) fn largest<P: Path, const F: usize>(path: P, start: f64, row: &Row<P,
     path.numbers(most).into_iter().fold(0.0, f64::max)
 }
 
-/// The parts of `[0, 1]`, from its start on, that a polynomial may be looked at alone on.
+/// The parts of `[0, 1]`, from its start on, that a polynomial may be restricted to.
 pub(crate) const PARTS: [f64; 3] = [0.5, 0.25, 0.125];
 
-/// `C(i, j) tʲ (1 − t)ⁱ⁻ʲ` by j for each of the parts: what coefficient j adds to coefficient i of the first part t.
-static SHARES_OF_PARTS: [[[f64; MOST]; MOST]; PARTS.len()] = {
+/// `C(i, j) tʲ (1 − t)ⁱ⁻ʲ` for each of the parts, by j and i: what coefficient j adds to coefficient i on `[0, t]`, whatever the degree. They
+/// are whole numbers over powers of two, and exact but for the eighth from i = 19 on: there they are off by 0.6 ε together.
+static ON_PARTS: [[[f64; MOST]; MOST]; PARTS.len()] = {
     let mut all = [[[0.0; MOST]; MOST]; PARTS.len()];
-    let mut part = 0;
-    while part < PARTS.len() {
-        // `7ᵏ` and the like: whole numbers, over powers of two.
-        let (t, mut i) = (PARTS[part], 0);
+    let mut number = 0;
+    while number < PARTS.len() {
+        let (t, mut i) = (PARTS[number], 0);
         while i < MOST {
-            let (mut j, mut by) = (0, 1.0);
+            let (mut j, mut power) = (0, 1.0);
             while j < i {
-                by *= 1.0 - t;
+                power *= 1.0 - t;
                 j += 1;
             }
-            // From j = 0 on: whole binomials below 2⁵³ times powers.
             let (mut j, mut binomial) = (0, 1.0);
             while j <= i {
-                all[part][j][i] = binomial * by;
+                all[number][j][i] = binomial * power;
                 binomial = binomial * (i - j) as f64 / (j + 1) as f64;
-                by = by / (1.0 - t) * t;
+                power = power / (1.0 - t) * t;
                 j += 1;
             }
             i += 1;
         }
-        part += 1;
+        number += 1;
     }
     all
 };
 
-/// Units in the last place of the largest coefficient that a coefficient of a part may be off, of so many: half a unit for each sum, half a
-/// unit for all products, and for the shares those of up to eleven operations.
-const fn summed(count: usize) -> f64 {
-    0.5 * count as f64 + 6.0
+/// Roundings of one of so many coefficients on a part, in units of ε times the largest coefficient of all: half a unit for each sum, half a unit
+/// for all products, and what the shares are off.
+const fn roundings(count: usize) -> f64 {
+    0.5 * count as f64 + 1.5
 }
 
-/// The row of `t p(t)` on one of the [`PARTS`] of `[0, 1]`, and a bound on its rounding.
+/// The row of `t p(t)` on `[0, PARTS[number]]`, and a bound on its rounding.
 #[inline(always)]
-pub(crate) fn part<P: Path, const F: usize>(path: P, row: &Row<P, F>, number: usize) -> (Row<P, F>, f64) {
+pub(crate) fn restrict<P: Path, const F: usize>(path: P, row: &Row<P, F>, number: usize) -> (Row<P, F>, f64) {
     let (mut sums, mut most, from) = ([path.all(0.0); F], path.all(0.0), numbers(path, row));
-    for (b, column) in from.as_flattened().iter().zip(&SHARES_OF_PARTS[number]) {
+    for (b, column) in from.as_flattened().iter().zip(&ON_PARTS[number]) {
         let (b, column) = (path.all(*b), column.as_chunks::<4>().0);
         for i in 0..F {
             sums[i] = path.fused(path.four(column[i]), b, sums[i]);
@@ -212,7 +211,7 @@ pub(crate) fn part<P: Path, const F: usize>(path: P, row: &Row<P, F>, number: us
         sums[i] = path.times(by, sums[i]);
     }
     let most = path.numbers(most).into_iter().fold(0.0, f64::max);
-    (sums, PARTS[number] * f64::EPSILON * summed(4 * F) * most)
+    (sums, PARTS[number] * f64::EPSILON * roundings(4 * F) * most)
 }
 
 /// A place in `[0, 1]` by its distances from the nearer end and from the other one.
@@ -396,29 +395,59 @@ pub(crate) fn fall<P: Path, const F: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::vectors::Baseline;
+    use crate::{
+        hybrid::Wide,
+        vectors::{Baseline, Instructions, Work},
+    };
 
-    /// A part of a polynomial has its values, to the rounding that is stated and that of two values: eight units of the largest coefficient
-    /// each.
-    fn same_values<const F: usize>() {
-        let mut row = [[0.0; 4]; F];
-        (0..4 * F).for_each(|i| row[i / 4][i % 4] = libm::sin(1.0 + (i * i) as f64));
-        for (number, shorter) in PARTS.iter().enumerate() {
-            let (own, rounding) = part(Baseline, &row, number);
-            for t in (0..=64).map(|i| f64::from(i) / 64.0) {
-                let value = |row, t| {
-                    let place = Place::<Baseline, F>::new(Baseline, t);
-                    place.weight() * place.value(Baseline, row)
-                };
-                let off = value(&own, t) - shorter * value(&row, shorter * t);
-                assert!(off.abs() <= rounding + 16.0 * f64::EPSILON * shorter, "{F} {shorter} {t}: {off:e}");
+    #[test]
+    fn shares_of_parts_are_binomials() {
+        for (number, shares) in ON_PARTS.iter().enumerate() {
+            let cells = 2u128 << number;
+            for i in 0..MOST {
+                let (mut binomial, mut off) = (1, 0.0);
+                for j in 0..=i {
+                    let exact: u128 = binomial * (cells - 1).pow((i - j) as u32);
+                    // The powers of two are exact, and so is a whole number above 2⁵³ that is a double.
+                    let own = (shares[j][i] * (cells as f64).powi(i as i32)) as u128;
+                    off += own.abs_diff(exact) as f64 / (cells as f64).powi(i as i32);
+                    binomial = binomial * (i - j) as u128 / (j + 1) as u128;
+                }
+                assert!(off <= 0.6 * f64::EPSILON, "{number} {i}: {off:e}");
+            }
+        }
+    }
+
+    /// A row of numbers on a part, and the bound.
+    struct Restricted<const F: usize>(Numbers<F>, usize);
+
+    impl<const F: usize> Work for Restricted<F> {
+        type Output = (Numbers<F>, f64);
+
+        fn on<P: Path>(self, path: P) -> Self::Output {
+            let (row, rounding) = restrict(path, &fours(path, &self.0), self.1);
+            (numbers(path, &row), rounding)
+        }
+    }
+
+    fn stays_within_the_bound<const F: usize>() {
+        let row: Numbers<F> = std::array::from_fn(|i| std::array::from_fn(|l| libm::sin((1 + i * i + 7 * l) as f64)));
+        for number in 0..PARTS.len() {
+            let both = [Baseline.run(Restricted(row, number)), Instructions::best().run(Restricted(row, number))];
+            for (own, rounding) in both {
+                for (i, own) in own.as_flattened().iter().enumerate() {
+                    let term = |j: usize| Wide::product(row.as_flattened()[j], ON_PARTS[number][j][i]);
+                    let exact = (0..=i).fold(Wide::default(), |sum, j| sum + term(j)) * PARTS[number];
+                    let off = (exact - (*own).into()).value().abs();
+                    assert!(off <= rounding, "{F} {number} {i}: {off:e} of {rounding:e}");
+                }
             }
         }
     }
 
     #[test]
-    fn a_part_has_the_values_of_the_whole() {
-        same_values::<5>();
-        same_values::<MOST_FOURS>();
+    fn rows_on_parts_are_within_their_bounds() {
+        stays_within_the_bound::<5>();
+        stays_within_the_bound::<MOST_FOURS>();
     }
 }
