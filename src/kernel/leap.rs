@@ -28,6 +28,8 @@ pub(super) const MOST_LEAPS: u32 = 4;
 const SHARP: f64 = 1e-11;
 /// Shortest leap, in spans. A row is rounded, and cut, in units of what it is over the whole span; over much shorter times it is less.
 pub(super) const SHORTEST: f64 = 1.0 / 256.0;
+/// How far beyond a rise of coefficients a part of the span is tried: a guard rises later than its coefficients. Measured.
+const BEYOND: f64 = 1.5;
 /// Times their widths that two falls, or a fall and the bound, are apart.
 const APART: f64 = 8.0;
 /// Times the error of a row that values formed afresh at its ends may differ.
@@ -108,11 +110,11 @@ impl<'r, P: Path, const F: usize> Guard<'r, P, F> {
 
     #[inline(always)]
     fn shorten(path: P, guards: &mut [Self]) -> f64 {
-        // Where coefficients rise again on the whole span, they do so most often on a part up to there: longer ones are not tried.
+        // A part much beyond where coefficients rise again is unclear too, most often: it is not tried.
         let unclear = guards.iter().filter(|guard| guard.pattern == Pattern::Unclear);
         let until = unclear.fold(1.0, |until: f64, guard| until.min(guard.place));
         let last = poly::PARTS.len() - 1;
-        let mut number = poly::PARTS.iter().position(|part| *part < until).unwrap_or(last);
+        let mut number = poly::PARTS.iter().position(|part| *part < BEYOND * until).unwrap_or(last);
         loop {
             let (part, mut is_told) = (poly::PARTS[number], true);
             for guard in guards.iter_mut().filter(|guard| guard.pattern != Pattern::Clear) {
