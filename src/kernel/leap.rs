@@ -188,7 +188,7 @@ pub(super) fn first_fall<P: Path, const F: usize>(
     match first.filter(|fall| earliest(fall) <= limit) {
         None if later <= limit => None,
         None => Some((None, limit)),
-        // At the instant of another one, of the bound, or of the end of what is looked at, it is not decided here what happens.
+        // A fall at the instant of another one, of the bound or of the end of the part is not decided here.
         Some(fall) if fall.theta + APART * fall.width() >= later.min(limit) => None,
         Some(fall) => Some((Some(fall), fall.theta)),
     }

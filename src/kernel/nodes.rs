@@ -178,7 +178,7 @@ fn parts<P: Path>(path: P, f: &Fours<P>) -> Values {
     numbers(path, &parts)
 }
 
-/// `Σ parts_i matrix_i` of even and odd parts, for each pair of matrices: so many sums fill the registers.
+/// `Σ parts_i matrix_i` of even and odd parts, for each pair of matrices. All sums are formed together: they fill the registers.
 #[inline(always)]
 fn products<P: Path, const N: usize>(path: P, of: [(&[Matrix; 2], &Values); N]) -> [Fours<P>; N] {
     let mut sums = [[path.all(0.0); 2 * HALF]; N];
@@ -254,7 +254,7 @@ impl Nodes {
     }
 }
 
-/// Adds `h` times the integral from the middle, of which the odd part comes first, to `from`.
+/// Adds `h` times the integral from the middle, its odd part first, to `from`.
 #[inline(always)]
 fn added<P: Path>(path: P, integral: &Fours<P>, h: f64, from: P::Four) -> Fours<P> {
     let (h, mut v) = (path.all(h), *integral);

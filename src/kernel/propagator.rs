@@ -142,7 +142,7 @@ pub(super) struct Propagator {
     pub span: f64,
     /// Fours of a column.
     pub fours: usize,
-    /// What it is a sum of: inputs, each times some of `1, cos φ, sin φ, cos 2φ, …`. Where the terms of each input end.
+    /// It is a sum of inputs times some of `1, cos φ, sin φ, cos 2φ, …`: the inputs, and for each the end of its terms in `waves`.
     pub inputs: Box<[(Input, usize)]>,
     /// Of each term the place of its angle.
     pub waves: Box<[usize]>,
@@ -166,7 +166,7 @@ pub(super) fn load_size(load: &[f64]) -> f64 {
 }
 
 /// Roundings of the angle of degree m in units of mε: of a product of two angles √5/2 at most (Brent, Percival & Zimmermann 2007), and a
-/// unit of the angle itself. In whatever order, degree m is m angles and m − 1 products.
+/// unit of the angle itself, rounded up. In any order of products, degree m takes m angles and m − 1 products.
 const TURNED: f64 = 2.25;
 
 impl Propagator {

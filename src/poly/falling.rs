@@ -190,7 +190,7 @@ static ON_PARTS: [[[f64; MOST]; MOST]; PARTS.len()] = {
 };
 
 /// Roundings of one of so many coefficients on a part, in units of ε times the largest coefficient of all: half a unit for each sum, half a unit
-/// for all products, and what the shares are off.
+/// for all products, one for what the shares are off.
 const fn roundings(count: usize) -> f64 {
     0.5 * count as f64 + 1.5
 }
