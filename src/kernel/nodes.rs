@@ -40,10 +40,10 @@ pub(super) const ROUNDED: f64 = 1.001;
 
 /// Values, or coefficients: the even ones, then the odd ones.
 pub(super) type Values = [f64; LANES];
-/// Fours of the even ones, or of the odd ones.
-const HALF: usize = SIDE / 4;
+/// Fours of one half.
+const SIDE_FOURS: usize = SIDE / 4;
 /// Values four side by side.
-pub(super) type Fours<P> = Row<P, { 2 * HALF }>;
+pub(super) type Fours<P> = Row<P, { 2 * SIDE_FOURS }>;
 type Half = [f64; SIDE];
 type Matrix = [Half; PAIRS];
 
@@ -150,7 +150,7 @@ static TABLE: LazyLock<Box<Nodes>> = LazyLock::new(|| {
 /// Loads values.
 #[inline(always)]
 pub(super) fn fours<P: Path>(path: P, values: &Values) -> Fours<P> {
-    let mut fours = [path.all(0.0); 2 * HALF];
+    let mut fours = [path.all(0.0); 2 * SIDE_FOURS];
     for (four, values) in fours.iter_mut().zip(values.as_chunks::<4>().0) {
         *four = path.four(*values);
     }
@@ -171,9 +171,9 @@ pub(super) fn numbers<P: Path>(path: P, fours: &Fours<P>) -> Values {
 #[inline(always)]
 fn parts<P: Path>(path: P, f: &Fours<P>) -> Values {
     let (half, mut parts) = (path.all(0.5), *f);
-    for i in 0..HALF {
-        parts[i] = path.times(half, path.plus(f[i], f[i + HALF]));
-        parts[i + HALF] = path.times(half, path.minus(f[i], f[i + HALF]));
+    for i in 0..SIDE_FOURS {
+        parts[i] = path.times(half, path.plus(f[i], f[i + SIDE_FOURS]));
+        parts[i + SIDE_FOURS] = path.times(half, path.minus(f[i], f[i + SIDE_FOURS]));
     }
     numbers(path, &parts)
 }
@@ -181,15 +181,15 @@ fn parts<P: Path>(path: P, f: &Fours<P>) -> Values {
 /// `Σ parts_i matrix_i` of even and odd parts, for each pair of matrices. All sums are formed together: they fill the registers.
 #[inline(always)]
 fn products<P: Path, const N: usize>(path: P, of: [(&[Matrix; 2], &Values); N]) -> [Fours<P>; N] {
-    let mut sums = [[path.all(0.0); 2 * HALF]; N];
+    let mut sums = [[path.all(0.0); 2 * SIDE_FOURS]; N];
     for i in 0..PAIRS {
         for n in 0..N {
             let (matrices, parts) = of[n];
             let [even, odd] = [path.all(parts[i]), path.all(parts[SIDE + i])];
-            for k in 0..HALF {
+            for k in 0..SIDE_FOURS {
                 let [first, second] = [matrices[0][i].as_chunks::<4>().0[k], matrices[1][i].as_chunks::<4>().0[k]];
                 sums[n][k] = path.fused(path.four(first), even, sums[n][k]);
-                sums[n][k + HALF] = path.fused(path.four(second), odd, sums[n][k + HALF]);
+                sums[n][k + SIDE_FOURS] = path.fused(path.four(second), odd, sums[n][k + SIDE_FOURS]);
             }
         }
     }
@@ -199,7 +199,7 @@ fn products<P: Path, const N: usize>(path: P, of: [(&[Matrix; 2], &Values); N]) 
 /// Both parts at the end.
 #[inline(always)]
 fn ends<P: Path>(path: P, parts: &Fours<P>) -> [f64; 2] {
-    [path.numbers(parts[END / 4])[END % 4], path.numbers(parts[HALF + END / 4])[END % 4]]
+    [path.numbers(parts[END / 4])[END % 4], path.numbers(parts[SIDE_FOURS + END / 4])[END % 4]]
 }
 
 impl Nodes {
@@ -229,11 +229,11 @@ impl Nodes {
         let from = path.all(fused::<P>(h * h, second_odd - second_even, start));
         let (rise, square, theta) = (path.all(h * middle), path.all(h * h), fours(path, &self.theta));
         let mut y = twice;
-        for i in 0..HALF {
+        for i in 0..SIDE_FOURS {
             let straight = path.fused(rise, theta[i], from);
-            y[i] = path.fused(square, path.plus(twice[i], twice[i + HALF]), straight);
-            let straight = path.fused(rise, theta[i + HALF], from);
-            y[i + HALF] = path.fused(square, path.minus(twice[i], twice[i + HALF]), straight);
+            y[i] = path.fused(square, path.plus(twice[i], twice[i + SIDE_FOURS]), straight);
+            let straight = path.fused(rise, theta[i + SIDE_FOURS], from);
+            y[i + SIDE_FOURS] = path.fused(square, path.minus(twice[i], twice[i + SIDE_FOURS]), straight);
         }
         [v, y]
     }
@@ -258,10 +258,10 @@ impl Nodes {
 #[inline(always)]
 fn added<P: Path>(path: P, integral: &Fours<P>, h: f64, from: P::Four) -> Fours<P> {
     let (h, mut v) = (path.all(h), *integral);
-    for i in 0..HALF {
-        let [odd, even] = [integral[i], integral[i + HALF]];
+    for i in 0..SIDE_FOURS {
+        let [odd, even] = [integral[i], integral[i + SIDE_FOURS]];
         v[i] = path.fused(h, path.plus(even, odd), from);
-        v[i + HALF] = path.fused(h, path.minus(even, odd), from);
+        v[i + SIDE_FOURS] = path.fused(h, path.minus(even, odd), from);
     }
     v
 }
@@ -270,10 +270,10 @@ fn added<P: Path>(path: P, integral: &Fours<P>, h: f64, from: P::Four) -> Fours<
 #[inline(always)]
 fn difference<P: Path>(path: P, parts: &Fours<P>, f: &Fours<P>) -> f64 {
     let mut difference = *parts;
-    for i in 0..HALF {
-        let ([even, odd], inside) = ([parts[i], parts[i + HALF]], path.four(INSIDE.as_chunks::<4>().0[i]));
+    for i in 0..SIDE_FOURS {
+        let ([even, odd], inside) = ([parts[i], parts[i + SIDE_FOURS]], path.four(INSIDE.as_chunks::<4>().0[i]));
         difference[i] = path.times(inside, path.minus(path.plus(even, odd), f[i]));
-        difference[i + HALF] = path.times(inside, path.minus(path.minus(even, odd), f[i + HALF]));
+        difference[i + SIDE_FOURS] = path.times(inside, path.minus(path.minus(even, odd), f[i + SIDE_FOURS]));
     }
     dot(path, &difference, &difference).sqrt()
 }
@@ -331,7 +331,7 @@ pub(super) fn value(a: &Values, theta: f64) -> f64 {
 #[inline(always)]
 pub(super) fn dot<P: Path>(path: P, a: &Fours<P>, b: &Fours<P>) -> f64 {
     let mut sums = path.all(0.0);
-    for i in 0..2 * HALF {
+    for i in 0..2 * SIDE_FOURS {
         sums = path.fused(a[i], b[i], sums);
     }
     let [a, b, c, d] = path.numbers(sums);
@@ -353,7 +353,7 @@ pub(super) fn total<P: Path>(path: P, a: &Values) -> f64 {
 #[inline(always)]
 pub(super) fn sizes<P: Path>(path: P, a: &Values) -> Fours<P> {
     let mut sizes = fours(path, a);
-    for i in 0..2 * HALF {
+    for i in 0..2 * SIDE_FOURS {
         sizes[i] = path.sizes(sizes[i]);
     }
     sizes
