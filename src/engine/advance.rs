@@ -98,9 +98,8 @@ impl<'s> Engine<'s> {
     pub fn run(&mut self, end: Instant, observer: &mut dyn Observer) -> Result<Outcome, EngineError> {
         let clock = *self.core.system.clock();
         let span = clock.between(self.state().at, end);
-        let mut left = span;
         self.core.iteration.is_silent = !observer.wants_events();
-        while left > 0.0 {
+        while self.state().at < end {
             if self.core.counters.events >= self.core.options.max_events {
                 return Ok(Outcome::EventBudgetSpent);
             }
@@ -111,15 +110,14 @@ impl<'s> Engine<'s> {
                         if let Some(outcome) = self.core.rest(&mut self.point, guards, accumulation, observer)? {
                             return Ok(outcome);
                         }
-                        left = clock.between(self.state().at, end);
                         continue;
                     }
                     _ => {}
                 }
             }
-            let switch = self.core.next_switch.filter(|s| clock.between(*s, end) >= 0.0);
+            let switch = self.core.next_switch.filter(|switch| *switch <= end);
             let ended = match switch {
-                Some(switch) if clock.between(self.state().at, switch) <= 0.0 => End::Bound,
+                Some(switch) if switch <= self.state().at => End::Bound,
                 Some(switch) => self.arc(switch, Arrival::Switch, observer)?,
                 None => self.arc(end, Arrival::End, observer)?,
             };
@@ -134,7 +132,6 @@ impl<'s> Engine<'s> {
                 }
                 End::Stop(outcome) => return Ok(outcome),
             }
-            left = clock.between(self.state().at, end);
         }
         self.core.alarm.finish(self.core.system, self.point.state.at, &self.point.state.x)?;
         // An instant exactly at the end is still open. It belongs to this run, and so does what follows from it at once.

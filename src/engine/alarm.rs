@@ -34,11 +34,20 @@ fn on() -> bool {
     !crate::old_steps()
 }
 
+/// A guard that was met.
+#[derive(Clone, Copy, Debug)]
+struct Met {
+    /// Its largest rounding so far, in its units.
+    rounding: f64,
+    /// It cannot jump.
+    is_continuous: bool,
+}
+
 /// What is remembered from step to step.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Alarm {
-    /// Largest rounding of each guard so far, in its units.
-    rounding: Vec<f64>,
+    /// Each guard that was met, by its number.
+    met: Vec<Met>,
     /// Values and errors at the end of the last step of the arc.
     ends: Vec<(GuardId, f64, f64)>,
     /// The mode of that step.
@@ -81,11 +90,14 @@ impl Alarm {
 
     /// Tests the start of a step against the end of the last one; `first` in an arc, where a switch may have changed forces.
     pub fn start(&mut self, system: &dyn HybridSystem, step: &dyn DenseStep, first: bool) -> Result<(), EngineError> {
-        let tests = on() && !step.is_estimate();
+        let tests = on() && !step.is_estimate() && !self.ends.is_empty();
         for (i, guard) in step.guards().iter().enumerate() {
-            let row = step.guard(i);
-            let start = (i, *guard, row[0], step.guard_rounding(i));
-            self.start_of(system, step.start(), start, tests, first, || TERMS * poly::terms(row, 1.0))?;
+            self.meet(system, *guard, step.guard_rounding(i));
+            if tests {
+                let row = step.guard(i);
+                let start = (i, *guard, row[0]);
+                self.start_of(system, step.start(), start, first, || TERMS * poly::terms(row, 1.0))?;
+            }
         }
         self.started(first);
         Ok(())
@@ -100,8 +112,12 @@ impl Alarm {
         first: bool,
         gathered: impl Fn(GuardId) -> f64,
     ) -> Result<(), EngineError> {
-        for (i, Known { guard, value, error, terms, .. }) in leap.starts.iter().copied().enumerate() {
-            self.start_of(system, at, (i, guard, value, error), on(), first, || TERMS * terms + gathered(guard))?;
+        let tests = on() && !self.ends.is_empty();
+        for (i, Known { guard, value, error, terms, .. }) in leap.starts.iter().enumerate() {
+            self.meet(system, *guard, *error);
+            if tests {
+                self.start_of(system, at, (i, *guard, *value), first, || TERMS * terms + gathered(*guard))?;
+            }
         }
         self.started(first);
         Ok(())
@@ -114,34 +130,44 @@ impl Alarm {
         }
     }
 
-    /// One guard at the start of a step: its place among the guards, value and rounding; `added` is what takes work to know of its error.
+    /// A guard has so much `rounding` at the start of a step.
+    #[inline]
+    fn meet(&mut self, system: &dyn HybridSystem, guard: GuardId, rounding: f64) {
+        let slot = usize::from(guard.0);
+        while self.met.len() <= slot {
+            let id = GuardId(self.met.len() as u16);
+            self.met.push(Met { rounding: 0.0, is_continuous: system.is_continuous(id) });
+        }
+        let met = &mut self.met[slot];
+        met.rounding = met.rounding.max(rounding);
+        if met.is_continuous {
+            self.length = Some(self.length.map_or(met.rounding, |length| length.max(met.rounding)));
+        }
+    }
+
+    /// Largest rounding of a guard that was met, in its units.
+    fn rounding(&self, guard: GuardId) -> f64 {
+        self.met[usize::from(guard.0)].rounding
+    }
+
+    /// Tests one guard at the start of a step, of its place among the guards and its value; `added` is what takes work to know of its error.
     fn start_of(
-        &mut self,
+        &self,
         system: &dyn HybridSystem,
         at: Instant,
-        (i, guard, value, rounded): (usize, GuardId, f64, f64),
-        tests: bool,
+        (i, guard, value): (usize, GuardId, f64),
         first: bool,
         added: impl FnOnce() -> f64,
     ) -> Result<(), EngineError> {
-        let slot = usize::from(guard.0);
-        if self.rounding.len() <= slot {
-            self.rounding.resize(slot + 1, 0.0);
-        }
-        let rounding = &mut self.rounding[slot];
-        *rounding = rounding.max(rounded);
-        let is_continuous = system.is_continuous(guard);
-        if is_continuous {
-            self.length = Some(self.length.map_or(*rounding, |length| length.max(*rounding)));
-        }
-        if !tests || first && !is_continuous {
+        let Met { rounding, is_continuous } = self.met[usize::from(guard.0)];
+        if first && !is_continuous {
             return Ok(());
         }
         // Most often the guards are those of the last step.
         let same = self.ends.get(i).filter(|end| end.0 == guard);
         let Some((_, end, error)) = same.or_else(|| self.ends.iter().find(|end| end.0 == guard)) else { return Ok(()) };
         let amount = (value - end).abs();
-        let Some(limit) = exceeded(amount, error + *rounding, |bound| bound + added()) else { return Ok(()) };
+        let Some(limit) = exceeded(amount, error + rounding, |bound| bound + added()) else { return Ok(()) };
         Err(raise(system, at, guard, "the end of a step differs from the start of the next", amount, limit))
     }
 
@@ -149,7 +175,7 @@ impl Alarm {
     pub fn end_leap(&mut self, mode: &Mode, leap: &Leap) {
         self.mode = mode.clone();
         for Known { guard, value, error, terms, .. } in leap.ends.iter().copied() {
-            let error = error + self.rounding[usize::from(guard.0)] + TERMS * terms;
+            let error = error + self.rounding(guard) + TERMS * terms;
             self.ends.push((guard, value, error));
         }
     }
@@ -168,7 +194,7 @@ impl Alarm {
         gathered: f64,
         (at, x): (Instant, &[f64]),
     ) -> Result<(), EngineError> {
-        let rounding = self.rounding[usize::from(passage.guard.0)];
+        let rounding = self.rounding(passage.guard);
         let limit = MOVED * passage.error + GATHERED * rounding + self.waited;
         self.move_limit = self.length.map_or(f64::INFINITY, |length| (GATHERED * length).max(limit));
         let amount = (passage.residual - system.guard(mode, passage.guard, at, x)).abs();
@@ -182,13 +208,14 @@ impl Alarm {
 
     /// Tests the end of the last step against the state at the end of a run.
     pub fn finish(&mut self, system: &dyn HybridSystem, at: Instant, x: &[f64]) -> Result<(), EngineError> {
-        for (id, value, error) in self.ends.drain(..).filter(|_| on()) {
+        for &(id, value, error) in self.ends.iter().filter(|_| on()) {
             let amount = (system.guard(&self.mode, id, at, x) - value).abs();
-            let limit = APART * (error + self.rounding[usize::from(id.0)] + TERMS * value.abs());
+            let limit = APART * (error + self.rounding(id) + TERMS * value.abs());
             if amount > limit {
                 return Err(raise(system, at, id, "the series and the state differ at the end", amount, limit));
             }
         }
+        self.ends.clear();
         Ok(())
     }
 
@@ -209,7 +236,7 @@ impl Alarm {
         for (i, guard) in step.guards().iter().enumerate() {
             let (tail, _) = step.guard_error(i);
             let gathered = if closes { step.gathered(i, 1.0, 0) } else { 0.0 };
-            let error = tail + self.rounding[usize::from(guard.0)] + gathered;
+            let error = tail + self.rounding(*guard) + gathered;
             self.ends.push((*guard, step.guard(i).iter().sum(), error));
         }
     }
@@ -231,7 +258,7 @@ impl Alarm {
         for (i, guard) in step.guards().iter().enumerate() {
             let (id, row) = (*guard, step.guard(i));
             let (tail, _) = step.guard_error(i);
-            let rounding = self.rounding[usize::from(id.0)];
+            let rounding = self.rounding(id);
             let limit = |tail: f64| MOVED * tail + GATHERED * rounding + self.waited;
             let fires = located.fired.contains(id);
             if (fires || located.near.contains(id)) && system.is_continuous(id) {
@@ -249,7 +276,7 @@ impl Alarm {
             let amount = (poly::eval(row, located.theta) - value).abs();
             // The state's own rounding: a flank may be far from where the step started.
             let added = |bound| bound + step.gathered(i, located.theta, 0) + TERMS * poly::terms(row, located.theta);
-            let bound = step.guard_error(i).0 + self.rounding[usize::from(id.0)];
+            let bound = step.guard_error(i).0 + self.rounding(id);
             if let Some(limit) = exceeded(amount, bound, added)
                 && agreed.is_ok()
             {

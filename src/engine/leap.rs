@@ -99,7 +99,8 @@ impl Leaps {
                 continue;
             }
             let end = if self.leap.is_bound { bound } else { clock.advance(at, self.leap.time) };
-            self.extent.iter_mut().zip(&self.leap.sizes).for_each(|(e, size)| *e = e.max(*size));
+            // A comparison that vectors have.
+            self.extent.iter_mut().zip(&self.leap.sizes).for_each(|(e, size)| *e = if *size > *e { *size } else { *e });
             let event = self.leap.passage.map(|passage| {
                 let now = (self.count + 1, self.leap.time);
                 let gathered = self.gathered(motion, passage.guard, passage.zeros, now);

@@ -7,8 +7,8 @@ use std::ops::{Add, Mul, Sub};
 
 /// A number as an unevaluated sum of two doubles, about 32 digits.
 ///
-/// Only what time keeping needs: sums, differences and products (Dekker 1971, Knuth 1969).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Only what time keeping needs: sums, differences and products (Dekker 1971, Knuth 1969). Numbers are in order by their leading parts first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 pub struct Wide {
     /// Leading part: the double nearest to the number.
     pub hi: f64,
@@ -117,8 +117,8 @@ impl Mul<f64> for Wide {
 
 /// A moment: forcing cycle `n`, and phase `τ` in `[0, T)`, s, with its rounding remainder.
 ///
-/// Where a system has no period, `cycle` is 0 and the phase is the time itself.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Where a system has no period, `cycle` is 0 and the phase is the time itself. A later moment is the larger one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 pub struct Instant {
     /// Forcing cycle `n`.
     pub cycle: i64,

@@ -15,7 +15,7 @@ use super::{
 use crate::{
     hybrid::{ARRIVED, Jet, JetRequest, Known, Leap, Passage},
     poly::{self, Deflated, FirstRoot},
-    system::{PerContact, Watch},
+    system::Watch,
     vectors::Path,
 };
 
@@ -114,26 +114,20 @@ impl Expansion<'_> {
 
     /// The guards at the start of the step, into `leap`, and those that are not clear of zero on it, with their rows.
     #[inline(always)]
-    fn doubtful(
-        &self,
-        powers: &Powers,
-        [added, sizes]: [&[f64]; 2],
-        tail: &Tail,
-        leap: &mut Leap,
-    ) -> SmallVec<[Doubtful; 8]> {
+    fn doubtful(&self, powers: &Powers, added: &[f64], tail: &Tail, leap: &mut Leap) -> SmallVec<[Doubtful; 8]> {
         let (Leap { starts, jet, .. }, s) = (leap, self.s);
         starts.clear();
         starts.reserve(self.motion.guards.len());
         jet.guard_series.resize(3 * s.contacts.len() * ROW, 0.0);
         let mut doubtful = SmallVec::new();
-        let (mut last, mut rest) = (usize::MAX, 0.0);
+        let (mut last, mut rest, mut stretch_size) = (usize::MAX, 0.0, 0.0);
         for (number, watched) in self.motion.guards.iter().enumerate() {
             let Watched { id, contact: j, watch, .. } = *watched;
-            let (c, size) = (&s.contacts[j], sizes[j]);
+            let (c, size) = (&s.contacts[j], jet.work[self.layout.sizes + j]);
             if j != last {
                 (last, rest) = (j, self.deflection_tail(j, tail));
+                stretch_size = self.stretch_size(j, None, size, &jet.work);
             }
-            let stretch_size = self.stretch_size(j, None, size, &jet.work);
             let row = number * ROW..(number + 1) * ROW;
             let (tail, start, terms, [rounding, afresh], is_clear) = if watch == Watch::Force {
                 let tail = self.force_tail(j, tail, jet);
@@ -203,12 +197,9 @@ impl Expansion<'_> {
     /// The N fours of displacements and velocities at `s`, into `x`.
     #[inline(always)]
     fn horner<P: Path, const N: usize>(&self, path: P, orders: &[f64], s: f64, x: &mut [f64]) {
-        let (n, stride, by) = (self.s.n, self.layout.stride, path.all(s));
+        let (n, by) = (self.s.n, path.all(s));
         let mut sums = [path.all(0.0); N];
-        let mut at = ROW * stride;
-        for k in (0..ROW).rev() {
-            at -= stride;
-            let Some(fours) = orders[at..].as_chunks::<LANES>().0.first_chunk::<N>() else { return x.fill(f64::NAN) };
+        for (k, fours) in orders.as_chunks::<LANES>().0.as_chunks::<N>().0.iter().enumerate().rev() {
             for i in 0..N {
                 sums[i] = path.plus(sums[i], path.four(fours[i]));
                 if k > 0 {
@@ -250,8 +241,7 @@ impl Motion<'_> {
         let reach = leap.jet.reach;
         let powers = powers(reach);
         let added = e.added(path, &leap.jet.work, &powers);
-        let sizes: PerContact<f64> = s.contacts.iter().map(|c| s.deflection_size(c, request.x)).collect();
-        let doubtful = e.doubtful(&powers, [added.as_flattened(), &sizes], &tail, leap);
+        let doubtful = e.doubtful(&powers, added.as_flattened(), &tail, leap);
         let jet = &leap.jet;
         let rows: SmallVec<[Deflated<'_>; 8]> = doubtful.iter().map(|guard| guard.series(jet)).collect();
         // Guards of equal contacts are equal, and fall together.
@@ -308,7 +298,7 @@ impl Motion<'_> {
         }
         let gained = self.gained(path, jet, limit);
         let gained = gained.as_flattened();
-        self.keep(jet, leap.passage.is_some(), |j| [gained[j], sizes[j]], &mut leap.carried);
+        self.keep(jet, leap.passage.is_some(), gained, &mut leap.carried);
         leap.carried.push(f64::NAN);
         leap.sizes.resize(request.x.len(), 0.0);
         for (size, x) in leap.sizes.iter_mut().zip(request.x) {

@@ -99,8 +99,8 @@ impl Expansion<'_> {
         let powers = powers(*reach);
         for watched in &self.motion.guards {
             let &Watched { id, contact: j, watch, .. } = watched;
-            let (c, part) = (&self.s.contacts[j], &self.motion.parts[j]);
-            let deflection_size = self.s.deflection_size(c, self.request.x);
+            let part = &self.motion.parts[j];
+            let deflection_size = work[self.layout.sizes + j];
             let stretch_size = self.stretch_size(j, clock, deflection_size, work);
             let row = guards.len() * ROW;
             let series = &mut guard_series[row..row + ROW];

@@ -7,10 +7,11 @@
 use smallvec::SmallVec;
 
 use super::{
-    Motion, SMALL_STRETCH,
+    LANES, Motion, SMALL_STRETCH,
     guards::ROUNDING,
     motion::Watched,
     propagator::{Component, MOST_INPUTS, MOST_TERMS, Propagator},
+    start::turned,
 };
 use crate::{
     hybrid::{Instant, JetRequest, Known, Leap, Passage},
@@ -59,13 +60,12 @@ pub(super) struct Given<'a> {
 }
 
 impl<'a> Given<'a> {
-    fn new(motion: &Motion, request: &JetRequest<'a>, j: usize) -> Self {
+    fn new(request: &JetRequest<'a>, j: usize, size: f64) -> Self {
         let mut zeros = [false; 3];
         if !request.pinned.is_empty() {
             zeros = [Watch::DriveFlank, Watch::BackFlank, Watch::Force]
                 .map(|watch| request.pinned.contains(guard_id(j, watch)));
         }
-        let size = motion.structure.deflection_size(&motion.structure.contacts[j], request.x);
         Self { at: request.at, x: request.x, size, zeros, carried: request.carried.get(j).copied().unwrap_or(f64::NAN) }
     }
 
@@ -291,7 +291,11 @@ impl Propagator {
         let rate = |j: usize| dot(&s.contacts[j].direction, &x[n..]) - wave(&s.contacts[j].error_rate);
         let mut starts: SmallVec<[(Given<'_>, Start); FEW]> = SmallVec::new();
         let mut stretches: SmallVec<[f64; FEW]> = SmallVec::new();
+        let [mut sums, mut sizes] = [[0.0; LANES]; 2];
         for (j, c) in s.contacts.iter().enumerate() {
+            if j % LANES == 0 {
+                [sums, sizes] = turned(path, &s.columns.fours[j / LANES], x);
+            }
             let first = self.fold.contacts[j];
             if first < j {
                 let equal = starts[first];
@@ -299,8 +303,8 @@ impl Propagator {
                 starts.push(equal);
                 continue;
             }
-            let deflection = dot(&c.direction, x) - (c.spec.error_offset + wave(&c.error));
-            let given = Given::new(motion, request, j);
+            let deflection = sums[j % LANES] - (c.spec.error_offset + wave(&c.error));
+            let given = Given::new(request, j, sizes[j % LANES]);
             let mut start = self.start(motion, &given, j, deflection);
             if given.is_zero(Watch::Force) {
                 let error = ROUNDING * given.size;
@@ -436,8 +440,11 @@ impl Propagator {
             }
         }
         for (j, (_, start)) in starts.iter().enumerate() {
+            if j % LANES == 0 {
+                [_, sizes] = turned(path, &s.columns.fours[j / LANES], &leap.x);
+            }
             let stretch = start.stretch + gained[self.deflections[j]];
-            let is_small = stretch.abs() < SMALL_STRETCH * s.deflection_size(&s.contacts[j], &leap.x);
+            let is_small = stretch.abs() < SMALL_STRETCH * sizes[j % LANES];
             leap.carried.push(if is_small && !motion.parts[j].is_bilateral() { stretch } else { f64::NAN });
         }
         if fall.is_none() {

@@ -71,48 +71,47 @@ impl Expansion<'_> {
         let varying = self.motion.is_varying;
         let compiled = &self.motion.compiled;
         let Some(rows) = compiled.blocks.first().and_then(Blocks::rows::<B>) else { unreachable!("not {B} blocks") };
-        let mut forces: SmallVec<[Four; 4]> = smallvec![[0.0; LANES]; C * compiled.groups.len()];
-        let forces = forces.as_mut_slice();
         let mut groups: SmallVec<[View<'_, B, C>; 1]> = SmallVec::new();
         for group in &compiled.groups {
             groups.push(group.view());
         }
         let (work, orders) = out.work.split_at_mut(layout.orders);
-        orders[..layout.stride].fill(0.0);
-        orders[..n].copy_from_slice(&self.request.x[..n]);
-        orders[LANES * B..][..n].copy_from_slice(&self.request.x[n..2 * n]);
-        for i in 0..s.oscillators.len() {
-            let o = Layout::oscillator(i);
-            orders[2 * LANES * B + 2 * i..][..2].copy_from_slice(&[work[o], work[o + ROW]]);
+        let (orders, waves) = orders.split_at_mut(layout.waves - layout.orders);
+        let orders = orders.as_chunks_mut::<LANES>().0.as_chunks_mut::<B>().0.as_chunks_mut::<2>().0;
+        let Some(orders) = orders.first_chunk_mut::<ROW>() else { unreachable!("no room for {ROW} orders") };
+        let (waves, count) = (waves.as_chunks_mut::<2>().0, s.oscillators.len());
+        orders[0] = [[[0.0; LANES]; B]; 2];
+        for (fours, x) in orders[0].iter_mut().zip(self.request.x.chunks_exact(n)) {
+            fours.as_flattened_mut()[..n].copy_from_slice(x);
         }
+        for (i, wave) in waves[..count].iter_mut().enumerate() {
+            let o = Layout::oscillator(i);
+            *wave = [work[o], work[o + ROW]];
+        }
+        let mut forces: SmallVec<[Four; 4]> = smallvec![[0.0; LANES]; C * compiled.groups.len()];
+        let mut stretches = forces.clone();
+        let forces = forces.as_mut_slice();
+        let starts = work[layout.stretches..].as_chunks::<LANES>().0;
+        stretches.iter_mut().zip(starts).for_each(|(stretch, start)| *stretch = *start);
         for k in 0..ORDER {
             let step = h / (k + 1) as f64;
-            let (row, next) = orders[k * layout.stride..(k + 2) * layout.stride].split_at_mut(layout.stride);
-            let (flat_q, rest) = row.split_at(LANES * B);
-            let (flat_v, waves) = rest.split_at(LANES * B);
-            let [Some(q), Some(v)] = [flat_q, flat_v].map(|flat| flat.as_chunks::<LANES>().0.first_chunk::<B>()) else {
-                return;
-            };
-            let waves = waves.as_chunks::<2>().0;
-            self.contacts(path, (k, step), &groups, (v, waves), forces, work);
-            let of = |i: usize| waves[i];
-            let mut a = rows.at(path, k, ([flat_q, flat_v], [q, v]), of, forces.as_flattened());
+            let ([.., [q, v]], [next, ..]) = orders.split_at_mut(k + 1) else { break };
+            let (row, next_waves) = waves[k * count..].split_at_mut(count);
+            self.contacts(path, (k, step), &groups, (v, row), [forces, &mut stretches], work);
+            let of = |i: usize| row[i];
+            let flat = [q.as_flattened(), v.as_flattened()];
+            let mut a = rows.at(path, k, (flat, [q, v]), of, forces.as_flattened());
             if varying {
                 let mut sums = a.map(|four| path.numbers(four));
-                self.varying_forces(k, flat_v, sums.as_flattened_mut(), work);
+                self.varying_forces(k, flat[1], sums.as_flattened_mut(), work);
                 a = sums.map(|four| path.four(four));
             }
-            let (next_q, rest) = next.split_at_mut(LANES * B);
-            let (next_v, next_waves) = rest.split_at_mut(LANES * B);
             let by = path.all(step);
-            for (next, v) in next_q.as_chunks_mut::<LANES>().0.iter_mut().zip(v) {
-                *next = path.numbers(path.times(by, path.four(*v)));
+            for b in 0..B {
+                next[0][b] = path.numbers(path.times(by, path.four(v[b])));
+                next[1][b] = path.numbers(path.times(by, a[b]));
             }
-            for (next, a) in next_v.as_chunks_mut::<LANES>().0.iter_mut().zip(a) {
-                *next = path.numbers(path.times(by, a));
-            }
-            let next_waves = next_waves.as_chunks_mut::<2>().0.iter_mut();
-            for (i, ((next, wave), o)) in next_waves.zip(waves).zip(&s.oscillators).enumerate() {
+            for (i, ((next, wave), o)) in next_waves.iter_mut().zip(row).zip(&s.oscillators).enumerate() {
                 let f = step * o.omega;
                 *next = [-f * wave[1], f * wave[0]];
                 if varying {
@@ -123,15 +122,15 @@ impl Expansion<'_> {
         }
         self.watched_forces(work);
         if !self.is_bare {
-            let rows = out.state.chunks_exact_mut(s.dim).zip(orders.chunks_exact(layout.stride)).skip(1);
-            for (row, order) in rows {
-                row[..n].copy_from_slice(&order[..n]);
-                row[n..2 * n].copy_from_slice(&order[LANES * B..][..n]);
+            for (row, [q, v]) in out.state.chunks_exact_mut(s.dim).zip(orders).skip(1) {
+                row[..n].copy_from_slice(&q.as_flattened()[..n]);
+                row[n..2 * n].copy_from_slice(&v.as_flattened()[..n]);
             }
         }
     }
 
-    /// The contact forces at order `k`, and the deflections of the next order, four contacts at a time; of velocities and oscillators.
+    /// The contact forces at order `k`, of their `stretches`, and the deflections of the next order, four contacts at a time; of velocities
+    /// and oscillators.
     ///
     /// A deflection is the integral of its rate, `(k + 1) δ_{k+1} = h δ̇_k`, and is formed before it is multiplied by the stiffness:
     /// where the train has turned far, a difference of displacements is exact and one of forces would not be.
@@ -142,12 +141,16 @@ impl Expansion<'_> {
         (k, step): (usize, f64),
         groups: &[View<'_, B, C>],
         (v, waves): (&[Four; B], &[[f64; 2]]),
-        forces: &mut [Four],
+        [forces, stretches]: [&mut [Four]; 2],
         work: &mut [f64],
     ) {
-        for (number, (group, forces)) in groups.iter().zip(forces.as_chunks_mut::<C>().0).enumerate() {
+        let deflections = work[self.layout.deflections..self.layout.stretches].as_chunks_mut::<LANES>().0;
+        let deflections = deflections.as_chunks_mut::<ROW>().0.as_chunks_mut::<C>().0;
+        let numbers = forces.as_chunks_mut::<C>().0.iter_mut().zip(stretches.as_chunks_mut::<C>().0);
+        for (number, ((group, deflections), (forces, stretches))) in
+            groups.iter().zip(deflections).zip(numbers).enumerate()
+        {
             let first = C * number;
-            let place = |c: usize, order: usize| self.layout.deflection(LANES * (first + c), order);
             let mut rates = [path.all(0.0); C];
             // The oscillators first: the velocities come late.
             for (i, [by_cos, by_sin]) in group.waves.0.iter().zip(group.waves.1) {
@@ -175,18 +178,17 @@ impl Expansion<'_> {
                 }
             }
             let by = path.all(step);
-            for c in 0..C {
-                work[place(c, k + 1)..][..LANES].copy_from_slice(&path.numbers(path.times(by, rates[c])));
+            if let Some(laws) = group.laws {
+                for c in 0..C {
+                    let spring = path.times(path.four(laws[c][0]), path.four(stretches[c]));
+                    forces[c] = path.numbers(path.fused(path.four(laws[c][1]), rates[c], spring));
+                }
             }
-            let Some(laws) = group.laws else { continue };
             for c in 0..C {
-                let at = if k == 0 { self.layout.stretches + LANES * (first + c) } else { place(c, k) };
-                let Some(stretch) = work[at..].first_chunk() else { unreachable!("no four at {at}") };
-                let stretch = path.four(*stretch);
-                let spring = path.times(path.four(laws[c][0]), stretch);
-                forces[c] = path.numbers(path.fused(path.four(laws[c][1]), rates[c], spring));
+                stretches[c] = path.numbers(path.times(by, rates[c]));
+                deflections[c][k + 1] = stretches[c];
             }
-            if k == 0 && !self.request.pinned.is_empty() {
+            if k == 0 && group.laws.is_some() && !self.request.pinned.is_empty() {
                 let forces = forces.as_flattened_mut().iter_mut().enumerate();
                 let zero = forces.filter(|(l, _)| self.pinned(LANES * first + l, Watch::Force));
                 zero.for_each(|(_, force)| *force = 0.0);

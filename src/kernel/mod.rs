@@ -36,6 +36,7 @@ mod propagator;
 mod reach;
 mod rows;
 mod sizes;
+mod start;
 mod stride;
 mod two;
 mod unit;
@@ -50,7 +51,7 @@ use motion::Motion;
 use pressed::Pressed;
 
 use crate::hybrid::{GuardId, GuardSet, Instant, Jet, JetField, JetRequest, Leap, Made, Power, Samples, Shown};
-use crate::system::{ContactMode, Elasticity, Force, Structure, Watch, Wave, dot, guard_id};
+use crate::system::{Elasticity, Force, Structure, Watch, Wave, dot, guard_id};
 use crate::vectors::{Baseline, Path, Work};
 
 /// Highest power of a step.
@@ -82,6 +83,8 @@ struct Layout {
     clock: usize,
     /// `δ − σ b` of each contact at order zero, σ b its flank.
     stretches: usize,
+    /// Sizes of the terms of each deflection at order zero.
+    sizes: usize,
     /// `δ − σ b` at order zero of separated contacts from the flank that they have left, where it is known better than by the
     /// state; else NaN. Negative at the drive flank, positive at the back flank.
     gaps: usize,
@@ -89,11 +92,13 @@ struct Layout {
     owner: usize,
     /// Time since contacts with power laws started, where it is known; else NaN.
     since: usize,
-    /// Of a linear mode the orders, each a row: displacements, velocities and oscillators, each in whole blocks of four.
+    /// Of a linear mode the orders, each a row: displacements and velocities, in whole blocks of four.
     orders: usize,
     stride: usize,
     /// Where in a row the velocities start.
     velocities: usize,
+    /// And the oscillators at each order.
+    waves: usize,
     len: usize,
 }
 
@@ -104,22 +109,26 @@ impl Layout {
         let deflections = clock + CLOCK_ROWS * ROW;
         let lanes = s.contacts.len().next_multiple_of(LANES);
         let stretches = deflections + ROW * lanes;
-        let gaps = stretches + lanes;
+        let sizes = stretches + lanes;
+        let gaps = sizes + lanes;
         let owner = gaps + s.contacts.len();
-        let velocities = s.n.next_multiple_of(LANES);
-        let stride = 2 * velocities + (2 * s.oscillators.len()).next_multiple_of(LANES);
+        let (orders, velocities) = (owner + 2, s.n.next_multiple_of(LANES));
+        let stride = 2 * velocities;
+        let waves = orders + ROW * stride;
         Self {
             contacts,
             deflections,
             clock,
             stretches,
+            sizes,
             gaps,
             owner,
             since: owner + 1,
-            orders: owner + 2,
+            orders,
             stride,
             velocities,
-            len: owner + 2 + ROW * stride,
+            waves,
+            len: waves + 2 * ROW * s.oscillators.len(),
         }
     }
 
@@ -291,16 +300,15 @@ impl JetField for Motion<'_> {
     /// state is then as good, and cannot drift apart from it. The last number is the time since contacts with power laws started.
     fn carry(&self, step: &Jet, theta: f64, ends: bool, carried: &mut Vec<f64>) {
         let gained = self.gained(Baseline, step, theta);
-        let size = |j: usize| self.structure.deflection_size(&self.structure.contacts[j], &step.state);
-        self.keep(step, ends, |j| [gained.as_flattened()[j], size(j)], carried);
+        self.keep(step, ends, gained.as_flattened(), carried);
         carried.push(step.work[self.layout.since] + step.time_at(theta));
     }
 }
 
 impl Motion<'_> {
-    /// The stretches to be kept after a step. `added` tells what it has added to each deflection, and the size of that where it started.
+    /// The stretches to be kept after a step, which has added so much to each deflection.
     #[inline(always)]
-    fn keep(&self, step: &Jet, ends: bool, added: impl Fn(usize) -> [f64; 2], carried: &mut Vec<f64>) {
+    fn keep(&self, step: &Jet, ends: bool, added: &[f64], carried: &mut Vec<f64>) {
         let layout = &self.layout;
         carried.clear();
         // While power laws are closed the time of an event is not known well enough for a gap to be better than the state.
@@ -311,9 +319,8 @@ impl Motion<'_> {
             if is_lost || start.is_nan() || part.is_bilateral() || !is_closed && step.is_estimate {
                 return f64::NAN;
             }
-            let [added, size] = added(j);
-            let stretch = added + start;
-            if stretch.abs() < SMALL_STRETCH * size { stretch } else { f64::NAN }
+            let stretch = added[j] + start;
+            if stretch.abs() < SMALL_STRETCH * step.work[layout.sizes + j] { stretch } else { f64::NAN }
         }));
     }
 }
@@ -347,7 +354,7 @@ impl Motion<'_> {
         out.work.resize(layout.len, 0.0);
         out.order = ORDER;
         let mut e = Expansion { s, motion: self, request, layout, h: request.span, is_bare };
-        e.start(out);
+        e.start(path, out);
         // What is bare is linear: the other recurrence is not compiled for it.
         let clock = if !is_bare && self.is_pressed { e.step_clock(&out.work) } else { None };
         if let Some(clock) = &clock {
@@ -396,76 +403,6 @@ impl Motion<'_> {
 }
 
 impl Expansion<'_> {
-    /// Order zero of the state, the oscillators and the deflections.
-    #[inline(always)]
-    fn start(&self, out: &mut Jet) {
-        let (s, layout, dim) = (self.s, self.layout, self.s.dim);
-        out.low.clear();
-        if !self.is_bare {
-            out.state[..dim].copy_from_slice(self.request.x);
-            if dim > 2 * s.n {
-                for k in 1..=ORDER {
-                    out.state[k * dim + 2 * s.n..(k + 1) * dim].fill(0.0);
-                }
-            }
-        }
-        let work = &mut out.work;
-        s.oscillate(self.request.at, |i, cosine, sine| {
-            work[Layout::oscillator(i)] = cosine;
-            work[Layout::oscillator(i) + ROW] = sine;
-        });
-        let (has_zeros, keeps_low) = (!self.request.pinned.is_empty(), self.keeps_low());
-        for (j, c) in s.contacts.iter().enumerate() {
-            let is_zero = |watch: Watch| has_zeros && self.pinned(j, watch);
-            let (on_drive, on_back) = (is_zero(Watch::DriveFlank), is_zero(Watch::BackFlank));
-            work[layout.deflection(j, 0)] = if on_drive {
-                c.gap()
-            } else if on_back {
-                -c.gap()
-            } else if keeps_low {
-                s.deflection_in_two(j, self.request.at, self.request.x, self.request.low).value()
-            } else {
-                dot(&c.direction, self.request.x) - waves(c.spec.error_offset, &c.error, 0, work)
-            };
-            let part = &self.motion.parts[j];
-            let (side, is_open) = (part.side, part.state == ContactMode::Separated);
-            let on_flank = on_drive || on_back;
-            let carried = self.request.carried.get(j).copied().filter(|stretch| !stretch.is_nan() && !keeps_low);
-            work[layout.gaps + j] = match carried {
-                _ if on_flank => 0.0,
-                Some(gap) if is_open => gap,
-                _ => f64::NAN,
-            };
-            work[layout.stretches + j] = match carried.filter(|_| !is_open && !on_flank) {
-                _ if is_zero(Watch::Force) => self.forceless(j, side, work),
-                Some(stretch) => stretch,
-                _ if keeps_low => self.stretch_in_two(j, side).value(),
-                _ => work[layout.deflection(j, 0)] - side * c.offset(),
-            };
-        }
-    }
-
-    /// The gap of separated contact `j` to the flank of `watch`, where it is known better than by the state.
-    #[inline(always)]
-    fn gap(&self, j: usize, watch: Watch, work: &[f64]) -> Option<f64> {
-        let (c, gap) = (&self.s.contacts[j], -watch.side() * work[self.layout.gaps + j]);
-        // Of two flanks it is that to which the state agrees.
-        let from_state = c.gap() - watch.side() * work[self.layout.deflection(j, 0)];
-        let agrees = !c.has_back() || (gap - from_state).abs() < c.gap();
-        (agrees && gap != 0.0 && !gap.is_nan()).then_some(gap)
-    }
-
-    /// `δ − σ b` where the force of contact `j` is exactly zero: `−c δ̇/k` under a linear law. Taken from the state it would
-    /// be off by the rounding of the displacements, and times k that can be more than all else: the force would pull where
-    /// the contact is closed, and the mode without it press, each leading to the other. With damping, what is more than that
-    /// rounding comes from the rounded time of the event, and the state is right.
-    fn forceless(&self, j: usize, side: f64, work: &[f64]) -> f64 {
-        let (c, request) = (&self.s.contacts[j], self.request);
-        let stretch = work[self.layout.deflection(j, 0)] - side * c.offset();
-        let rounding = guards::ROUNDING * self.s.deflection_size(c, request.x);
-        self.motion.forceless(j, request.at, stretch, rounding, || self.rate(j, 0, &request.x[self.s.n..], work))
-    }
-
     #[inline(always)]
     fn pinned(&self, j: usize, watch: Watch) -> bool {
         self.request.pinned.contains(guard_id(j, watch))

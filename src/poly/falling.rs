@@ -301,7 +301,7 @@ const SETTLED: f64 = 1e-6;
 /// Whether a `step` of Halley's method, over which the slope changes by a `share`, is the last one at `place`. What is left is of third
 /// order: the square of the share times the step has to be below rounding, and the step so short that what the third derivative adds is.
 #[inline(always)]
-fn is_settled(place: f64, step: f64, share: f64) -> bool {
+pub(super) fn is_settled(place: f64, step: f64, share: f64) -> bool {
     step.abs() <= SETTLED * place && share * share * step.abs() <= 0.25 * f64::EPSILON * place
 }
 

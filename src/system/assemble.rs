@@ -175,6 +175,8 @@ pub(crate) struct FourColumns {
     pub directions: Vec<[f64; 4]>,
     /// [`Contact::weight`] of each.
     pub weights: [f64; 4],
+    /// Sizes of the gap and of the error of each, m.
+    pub sizes: [[f64; 4]; 2],
     /// Rates of the errors: oscillator, cosine and sine parts.
     pub rates: Vec<(usize, [f64; 4], [f64; 4])>,
 }
@@ -235,6 +237,7 @@ impl FourColumns {
         Self {
             directions: (0..n).map(|i| part(&|c| c.spec.direction[i])).collect(),
             weights: part(&|c| c.weight),
+            sizes: [part(&|c| c.gap().abs()), part(&|c| c.error_sizes[0])],
             rates: waves.into_iter().map(|(o, [cosine, sine])| (o, cosine, sine)).collect(),
         }
     }

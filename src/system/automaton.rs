@@ -365,10 +365,7 @@ impl HybridSystem for Structure {
             let schedule = self.followed(mode, j)?;
             schedule.end(&self.clock, at, piece(mode, j))
         });
-        ends.min_by(|a, b| {
-            let [a, b] = [a, b].map(|at| (at.cycle, at.phase.hi, at.phase.lo));
-            a.partial_cmp(&b).unwrap_or(std::cmp::Ordering::Equal)
-        })
+        ends.reduce(|first, end| if end < first { end } else { first })
     }
 
     fn switched(&self, mode: &Mode, at: Instant) -> Mode {

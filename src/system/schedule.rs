@@ -17,11 +17,6 @@ pub(crate) enum Schedule {
     Listed { times: Vec<Instant>, levels: [f64; 2] },
 }
 
-/// Order of instants.
-fn after(a: Instant, b: Instant) -> bool {
-    (a.cycle, a.phase.hi, a.phase.lo) > (b.cycle, b.phase.hi, b.phase.lo)
-}
-
 /// Two known times this close (relative to the phase, in units in the last place) are one instant.
 const TIE: f64 = 8.0 * f64::EPSILON;
 
@@ -106,83 +101,91 @@ impl Schedule {
         }
     }
 
-    /// Visits the piece starts around `at`: `(piece, start)` in rising order, as long as `visit` goes on.
-    fn around(&self, clock: &Clock, at: Instant, mut visit: impl FnMut(u32, Instant) -> bool) {
+    /// The last start that is not after `late`: its repetition, and its place in that. Of listed times how many are not after it.
+    #[inline]
+    fn last(&self, clock: &Clock, late: Instant) -> (i64, usize) {
+        let first = match self {
+            Self::Listed { times, .. } => return (0, times.partition_point(|t| *t <= late)),
+            Self::Locked { .. } => self.repetition(clock, late),
+            // The quotient is rounded.
+            Self::Own { .. } => self.repetition(clock, late) + 1,
+        };
+        // A repetition lasts as long as the clock does until it starts again: the last start is in it or in one before.
+        let found = (first - 2..=first).rev().find_map(|k| {
+            let is_past = |i: &usize| self.start(clock, k, *i) <= late;
+            Some((k, (0..self.starts()).rev().find(is_past)?))
+        });
+        found.unwrap_or((first - 2, 0))
+    }
+
+    /// The last start of piece `number` that is not after `late`, as [`last`](Self::last) gives it.
+    #[inline]
+    fn last_of(&self, clock: &Clock, late: Instant, number: u32) -> (i64, usize) {
+        let (mut k, mut i) = self.last(clock, late);
         match self {
-            Self::Listed { times, .. } => {
-                let i = times.partition_point(|t| !after(*t, at));
-                let near = times.iter().enumerate().take(i + 2).skip(i.saturating_sub(1));
-                near.take_while(|(j, time)| visit((*j as u32 + 1) & 1, **time)).for_each(drop);
-            }
+            Self::Listed { .. } if (i & 1) as u32 != number => i = i.saturating_sub(1),
+            Self::Listed { .. } => {}
             Self::Locked { values, .. } | Self::Own { values, .. } => {
-                let (k, starts) = (self.repetition(clock, at), self.starts());
-                for r in k - 1..=k + 1 {
-                    for i in 0..starts {
-                        if !visit((i % values.len()) as u32, self.start(clock, r, i)) {
-                            return;
-                        }
+                let count = values.len();
+                // Pieces of one repetition follow on each other.
+                for _ in 1..count {
+                    if (i % count) as u32 == number {
+                        break;
                     }
+                    (k, i) = if i > 0 { (k, i - 1) } else { (k - 1, self.starts() - 1) };
                 }
             }
+        }
+        (k, i)
+    }
+
+    /// The start that `last` tells of; the first piece of listed times has none.
+    #[inline]
+    fn start_of(&self, clock: &Clock, (k, i): (i64, usize)) -> Option<Instant> {
+        match self {
+            Self::Listed { times, .. } => times.get(i.checked_sub(1)?).copied(),
+            _ => Some(self.start(clock, k, i)),
         }
     }
 
     /// The piece in force right after `at`, and the time since it started, s.
     pub fn piece(&self, clock: &Clock, at: Instant) -> (u32, f64) {
-        let late = tie(clock, at);
-        let mut found = (0, None);
-        self.around(clock, at, |piece, start| {
-            let is_past = !after(start, late);
-            if is_past {
-                found = (piece, Some(start));
-            }
-            is_past
-        });
-        (found.0, found.1.map_or(0.0, |start| clock.between(start, at)))
+        let (k, i) = self.last(clock, tie(clock, at));
+        let number = match self {
+            Self::Listed { .. } => i & 1,
+            Self::Locked { values, .. } | Self::Own { values, .. } => i % values.len(),
+        };
+        (number as u32, self.start_of(clock, (k, i)).map_or(0.0, |start| clock.between(start, at)))
     }
 
     /// The time since piece `number` last started, s. Unlike [`piece`](Self::piece) it holds up to and at the piece's
     /// end, where the next one starts.
     pub fn elapsed(&self, clock: &Clock, at: Instant, number: u32) -> f64 {
-        let late = tie(clock, at);
-        let mut found = 0.0;
-        self.around(clock, at, |piece, start| {
-            let is_past = !after(start, late);
-            if piece == number && is_past {
-                found = clock.between(start, at);
-            }
-            is_past
-        });
-        found
+        let last = self.last_of(clock, tie(clock, at), number);
+        self.start_of(clock, last).map_or(0.0, |start| clock.between(start, at))
     }
 
     /// The start of piece `number` that is nearest to `at`.
     pub fn start_near(&self, clock: &Clock, at: Instant, number: u32) -> Option<Instant> {
-        let mut found: Option<(f64, Instant)> = None;
-        self.around(clock, at, |piece, start| {
-            let off = clock.between(start, at).abs();
-            if piece == number && found.is_none_or(|(least, _)| off < least) {
-                found = Some((off, start));
+        let (k, number) = (self.repetition(clock, at), number as usize);
+        let starts: Vec<Instant> = match self {
+            Self::Listed { times, .. } => times.iter().skip((number + 1) & 1).step_by(2).copied().collect(),
+            Self::Locked { values, .. } | Self::Own { values, .. } => {
+                let of = |r| (number..self.starts()).step_by(values.len()).map(move |i| self.start(clock, r, i));
+                (k - 1..=k + 1).flat_map(of).collect()
             }
-            true
-        });
-        found.map(|(_, start)| start)
+        };
+        starts.into_iter().min_by(|a, b| clock.between(*a, at).abs().total_cmp(&clock.between(*b, at).abs()))
     }
 
     /// The end of piece `number`, in force at `at`. It is before `at` if the piece is over.
     pub fn end(&self, clock: &Clock, at: Instant, number: u32) -> Option<Instant> {
-        let late = tie(clock, at);
-        let mut found = None;
-        self.around(clock, at, |piece, start| {
-            let is_past = !after(start, late);
-            if piece == number && is_past {
-                found = None;
-            } else if found.is_none() {
-                found = Some(start);
-            }
-            is_past
-        });
-        found
+        let (k, i) = self.last_of(clock, tie(clock, at), number);
+        match self {
+            Self::Listed { times, .. } => times.get(i).copied(),
+            _ if i + 1 < self.starts() => Some(self.start(clock, k, i + 1)),
+            _ => Some(self.start(clock, k + 1, 0)),
+        }
     }
 
     /// Value at the start and slope of a piece.
@@ -199,3 +202,7 @@ impl Schedule {
 fn tie(clock: &Clock, at: Instant) -> Instant {
     clock.advance(at, TIE * at.phase.hi.abs().max(clock.period().map_or(0.0, |t| t.hi)))
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/schedule.rs"]
+mod tests;

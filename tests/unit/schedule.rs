@@ -1,0 +1,61 @@
+//! Pieces of schedules against a list of all their starts.
+
+use super::*;
+
+/// All starts of a schedule from 20 repetitions before time zero on, in rising order, with the numbers of their pieces.
+fn all(schedule: &Schedule, clock: &Clock) -> Vec<(Instant, u32)> {
+    let values = match schedule {
+        Schedule::Listed { times, .. } => {
+            return times.iter().enumerate().map(|(i, time)| (*time, (i as u32 + 1) & 1)).collect();
+        }
+        Schedule::Locked { values, .. } | Schedule::Own { values, .. } => values.len(),
+    };
+    let of = |k| (0..schedule.starts()).map(move |i| (schedule.start(clock, k, i), (i % values) as u32));
+    (-20..60).flat_map(of).collect()
+}
+
+fn agrees(stiffness: &Stiffness, clock: &Clock, number_of_pieces: u32) {
+    let schedule = Schedule::new(stiffness, clock);
+    let starts = all(&schedule, clock);
+    assert!(starts.is_sorted_by(|a, b| a.0 < b.0), "{schedule:?}");
+    let between = (0..400).map(|i| clock.instant(0.0371 * f64::from(i)));
+    let edges = starts.iter().map(|(start, _)| *start).filter(|start| start.cycle >= 0 && clock.time(*start).hi < 15.0);
+    for at in between.chain(edges) {
+        let past = starts.iter().rposition(|(start, _)| *start <= tie(clock, at));
+        let elapsed = |i: Option<usize>| i.map_or(0.0, |i| clock.between(starts[i].0, at));
+        assert_eq!(schedule.piece(clock, at), (past.map_or(0, |i| starts[i].1), elapsed(past)), "{at:?}");
+        for number in 0..number_of_pieces {
+            let is_past = |(start, piece): &(Instant, u32)| *piece == number && *start <= tie(clock, at);
+            let last = starts.iter().rposition(is_past);
+            assert_eq!(schedule.elapsed(clock, at, number), elapsed(last), "{number} {at:?}");
+            // The first piece of listed times has no start.
+            let next = last.map_or(0, |i| i + 1);
+            assert_eq!(schedule.end(clock, at, number), starts.get(next).map(|(start, _)| *start), "{number} {at:?}");
+            let off = |start: Instant| clock.between(start, at).abs();
+            let nearest = starts.iter().filter(|(_, piece)| *piece == number).map(|(start, _)| off(*start));
+            let found = schedule.start_near(clock, at, number).map(off);
+            assert_eq!(found, nearest.min_by(f64::total_cmp), "{number} {at:?}");
+        }
+    }
+}
+
+fn periodic(period: f64, origin: f64, starts: &[f64]) -> Stiffness {
+    let piece = |start: &f64| Piece { start: *start, value: 1.0 + start, slope: 0.0 };
+    Stiffness::Periodic { period, origin, pieces: starts.iter().map(piece).collect() }
+}
+
+#[test]
+fn pieces_are_those_of_a_list_of_all_starts() {
+    let clock = Clock::new(Some(std::f64::consts::TAU));
+    // In the clock's period, thrice in it, in two of its periods, in a period of its own.
+    for period in [1.0, 1.0 / 3.0, 2.0, 0.7] {
+        for origin in [0.0, -0.4, 0.3] {
+            agrees(&periodic(period, origin, &[0.0]), &clock, 1);
+            agrees(&periodic(period, origin, &[0.0, 0.6]), &clock, 2);
+            agrees(&periodic(period, origin, &[0.1, 0.2, 0.7]), &clock, 3);
+        }
+    }
+    let listed = Stiffness::Switched { times: vec![[0.5, 0.0], [1.25, 0.0], [7.0, 1e-17]], levels: [1.0, 2.0] };
+    agrees(&listed, &clock, 2);
+    agrees(&listed, &Clock::new(None), 2);
+}
