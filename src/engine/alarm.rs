@@ -52,8 +52,6 @@ pub(super) struct Alarm {
     ends: Vec<(GuardId, f64, f64)>,
     /// The mode of that step.
     mode: Mode,
-    /// The largest of them of a guard of position; without one there is no scale to measure a displacement by.
-    length: Option<f64>,
     /// How far beyond its guard an event that waits for a switch takes the state, in the guard's units.
     waited: f64,
     /// How far the state may be moved at the event at hand, in the guards' units.
@@ -139,10 +137,15 @@ impl Alarm {
             self.met.push(Met { rounding: 0.0, is_continuous: system.is_continuous(id) });
         }
         let met = &mut self.met[slot];
-        met.rounding = met.rounding.max(rounding);
-        if met.is_continuous {
-            self.length = Some(self.length.map_or(met.rounding, |length| length.max(met.rounding)));
+        if rounding > met.rounding {
+            met.rounding = rounding;
         }
+    }
+
+    /// The largest rounding of a guard of position; without one there is no scale to measure a displacement by.
+    fn length(&self) -> Option<f64> {
+        let of_position = self.met.iter().filter(|met| met.is_continuous && met.rounding > 0.0);
+        of_position.map(|met| met.rounding).reduce(f64::max)
     }
 
     /// Largest rounding of a guard that was met, in its units.
@@ -196,7 +199,7 @@ impl Alarm {
     ) -> Result<(), EngineError> {
         let rounding = self.rounding(passage.guard);
         let limit = MOVED * passage.error + GATHERED * rounding + self.waited;
-        self.move_limit = self.length.map_or(f64::INFINITY, |length| (GATHERED * length).max(limit));
+        self.move_limit = self.length().map_or(f64::INFINITY, |length| (GATHERED * length).max(limit));
         let amount = (passage.residual - system.guard(mode, passage.guard, at, x)).abs();
         let limit = APART * (passage.error + rounding + gathered);
         if on() && amount > limit {
@@ -254,7 +257,7 @@ impl Alarm {
         if !on() || step.is_estimate() {
             return Ok(());
         }
-        self.move_limit = self.length.map_or(f64::INFINITY, |length| GATHERED * length);
+        self.move_limit = self.length().map_or(f64::INFINITY, |length| GATHERED * length);
         for (i, guard) in step.guards().iter().enumerate() {
             let (id, row) = (*guard, step.guard(i));
             let (tail, _) = step.guard_error(i);
