@@ -247,17 +247,34 @@ impl Scene {
     /// # Errors
     /// [`SceneError`] if there is no number at a pointer, or no train with these numbers.
     pub fn build_with<'a>(&self, numbers: impl IntoIterator<Item = (&'a str, f64)>) -> Result<Built, SceneError> {
-        let mut resolved = self.resolved.clone();
+        Variant::new(self).build(numbers)
+    }
+}
+
+/// A scene whose numbers are set again and again.
+pub(crate) struct Variant<'s> {
+    scene: &'s Scene,
+    resolved: Value,
+}
+
+impl<'s> Variant<'s> {
+    pub fn new(scene: &'s Scene) -> Self {
+        Self { scene, resolved: scene.resolved.clone() }
+    }
+
+    /// As [`Scene::build_with`]; numbers that were set before and are not now stay.
+    pub fn build<'a>(&mut self, numbers: impl IntoIterator<Item = (&'a str, f64)>) -> Result<Built, SceneError> {
+        let name = &self.scene.name;
         for (pointer, number) in numbers {
-            match resolved.pointer_mut(pointer).filter(|place| place.is_number()) {
+            match self.resolved.pointer_mut(pointer).filter(|place| place.is_number()) {
                 Some(place) => *place = number.into(),
                 None => {
                     let fault = Fault::new(pointer, "a pointer to no number", "a number of the resolved scene");
-                    return Err(SceneError::new(&self.name, vec![fault]));
+                    return Err(SceneError::new(name, vec![fault]));
                 }
             }
         }
-        build::build(&resolved).map_err(|faults| SceneError::new(&self.name, faults))
+        build::build(&self.resolved).map_err(|faults| SceneError::new(name, faults))
     }
 }
 

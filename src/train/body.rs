@@ -1,5 +1,7 @@
 //! Rigid bodies and what holds them.
 
+use std::fmt;
+
 use super::error::{TrainError, check};
 use crate::gear::geometry::radius_of_gyration;
 
@@ -93,16 +95,16 @@ impl Body {
     }
 
     /// Checks the ranges.
-    pub(super) fn check(&self, name: &str) -> Result<(), TrainError> {
-        check(&format!("{name}: mass"), self.mass, self.mass > 0.0, "> 0")?;
-        check(&format!("{name}: rotary mass"), self.rotary_mass, self.rotary_mass > 0.0, "> 0")?;
-        check(&format!("{name}: radius"), self.radius, self.radius > 0.0, "> 0")?;
+    pub(super) fn check(&self, name: impl fmt::Display) -> Result<(), TrainError> {
+        check(format_args!("{name}: mass"), self.mass, self.mass > 0.0, "> 0")?;
+        check(format_args!("{name}: rotary mass"), self.rotary_mass, self.rotary_mass > 0.0, "> 0")?;
+        check(format_args!("{name}: radius"), self.radius, self.radius > 0.0, "> 0")?;
         for (which, support, mass) in
             [("translation", self.translation, self.mass), ("rotation", self.rotation, self.rotary_mass)]
         {
-            check(&format!("{name}: {which} stiffness"), support.stiffness, support.stiffness >= 0.0, ">= 0")?;
+            check(format_args!("{name}: {which} stiffness"), support.stiffness, support.stiffness >= 0.0, ">= 0")?;
             let c = support.coefficient(mass);
-            check(&format!("{name}: {which} damping"), c, c >= 0.0, ">= 0")?;
+            check(format_args!("{name}: {which} damping"), c, c >= 0.0, ">= 0")?;
         }
         Ok(())
     }

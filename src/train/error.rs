@@ -1,5 +1,7 @@
 //! Why a train cannot be assembled.
 
+use std::fmt;
+
 use thiserror::Error;
 
 use super::planetary::Warning;
@@ -59,7 +61,7 @@ pub enum TrainError {
     Geometry(#[from] GeometryError),
 }
 
-/// `value` if `ok`, else the error that says what it should have been.
-pub(super) fn check(name: &str, value: f64, ok: bool, wanted: &'static str) -> Result<(), TrainError> {
-    if ok && value.is_finite() { Ok(()) } else { Err(TrainError::Value { name: name.into(), value, wanted }) }
+/// `value` if `ok`, else the error that says what it should have been. The name is written only there.
+pub(super) fn check(name: impl fmt::Display, value: f64, ok: bool, wanted: &'static str) -> Result<(), TrainError> {
+    if ok && value.is_finite() { Ok(()) } else { Err(TrainError::Value { name: name.to_string(), value, wanted }) }
 }

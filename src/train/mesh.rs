@@ -50,21 +50,21 @@ impl Mesh {
 
     /// The contact element at mesh frequency f_m, Hz (0: standing), with its direction in the train's freedoms.
     pub(super) fn contact(&self, name: String, direction: Vec<f64>, frequency: f64) -> Result<ContactSpec, TrainError> {
-        check(&format!("{name}: half backlash"), self.half_backlash, self.half_backlash >= 0.0, ">= 0")?;
+        check(format_args!("{name}: half backlash"), self.half_backlash, self.half_backlash >= 0.0, ">= 0")?;
         if self.law.is_bilateral() {
-            let name = format!("{name}: half backlash of a bilateral mesh");
-            check(&name, self.half_backlash, self.half_backlash == 0.0, "0: it never lets go")?;
+            let name = format_args!("{name}: half backlash of a bilateral mesh");
+            check(name, self.half_backlash, self.half_backlash == 0.0, "0: it never lets go")?;
         }
-        check(&format!("{name}: error offset"), self.error_offset, true, "finite")?;
-        check(&format!("{name}: phase"), self.phase, true, "finite")?;
+        check(format_args!("{name}: error offset"), self.error_offset, true, "finite")?;
+        check(format_args!("{name}: phase"), self.phase, true, "finite")?;
         for h in &self.error {
-            check(&format!("{name}: error order"), h.order, h.order > 0.0, "> 0")?;
-            check(&format!("{name}: error amplitude"), h.amplitude, true, "finite")?;
-            check(&format!("{name}: error phase"), h.phase, true, "finite")?;
+            check(format_args!("{name}: error order"), h.order, h.order > 0.0, "> 0")?;
+            check(format_args!("{name}: error amplitude"), h.amplitude, true, "finite")?;
+            check(format_args!("{name}: error phase"), h.phase, true, "finite")?;
         }
         check_stiffness(&name, &self.stiffness)?;
         let mean = self.stiffness.mean();
-        check(&format!("{name}: mean stiffness"), mean, mean > 0.0 || self.law.is_rigid(), "> 0")?;
+        check(format_args!("{name}: mean stiffness"), mean, mean > 0.0 || self.law.is_rigid(), "> 0")?;
         let standing = frequency <= 0.0;
         if standing && (self.stiffness.varies() || self.error.iter().any(|h| h.amplitude != 0.0)) {
             return Err(TrainError::Standing { what: name });

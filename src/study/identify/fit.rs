@@ -1,6 +1,6 @@
 //! The least-squares problem, and descents into its minima.
 
-use std::convert::Infallible;
+use std::{cell::RefCell, convert::Infallible};
 
 use basin::{
     BoundedFiniteDiff, BoxBounds, ConstraintDescription, ConstraintSet, Constraints, Executor, Jacobian, Method,
@@ -12,7 +12,7 @@ use super::{
     Parameter, Quantity, Target,
     reading::{Reading, Train, is_linear},
 };
-use crate::scene::Scene;
+use crate::scene::{Scene, Variant};
 
 /// Steps of the differences for `∂r/∂x`: with x a logarithm the truncation, `h²/6`, is about the rounding of a natural
 /// frequency over h.
@@ -95,7 +95,11 @@ impl<'a> Fit<'a> {
 
     /// Every target as read at these coordinates; none where the numbers make no train.
     pub fn readings(&self, x: &[f64]) -> Option<Vec<Reading>> {
-        let spec = self.scene.build_with(places(self.parameters, &self.values(x))).ok()?.spec;
+        self.readings_in(&mut Variant::new(self.scene), x)
+    }
+
+    fn readings_in(&self, scene: &mut Variant<'_>, x: &[f64]) -> Option<Vec<Reading>> {
+        let spec = scene.build(places(self.parameters, &self.values(x))).ok()?.spec;
         let train = Train::new(&spec);
         let read = |target| train.read(target).ok().filter(|reading| reading.value.is_finite());
         self.targets.iter().map(read).collect()
@@ -152,8 +156,9 @@ impl<'a> Fit<'a> {
         jacobian.iter().all(|slope| slope.is_finite()).then_some(jacobian)
     }
 
-    fn derivable(&self) -> BoundedFiniteDiff<&Self> {
-        BoundedFiniteDiff::new(self, self.low.clone(), self.high.clone())
+    fn derivable(&self) -> BoundedFiniteDiff<Trial<'_>> {
+        let trial = Trial { fit: self, scene: RefCell::new(Variant::new(self.scene)) };
+        BoundedFiniteDiff::new(trial, self.low.clone(), self.high.clone())
             .jacobian_method(Method::Central)
             .with_step(STEP)
     }
@@ -167,21 +172,29 @@ fn coordinate(parameter: &Parameter, value: f64) -> f64 {
     }
 }
 
-impl Residual for &Fit<'_> {
+/// The problem at one set of numbers after another.
+struct Trial<'a> {
+    fit: &'a Fit<'a>,
+    scene: RefCell<Variant<'a>>,
+}
+
+impl Residual for Trial<'_> {
     type Param = Vec<f64>;
     type Output = Vec<f64>;
     type Error = Infallible;
 
     fn residual(&self, x: &Vec<f64>) -> Result<Vec<f64>, Infallible> {
         // The method takes a step back from where there is no train.
-        Ok(self.readings(x).map_or(vec![f64::NAN; self.targets.len()], |readings| self.misfit(&readings)))
+        let Self { fit, scene } = self;
+        let readings = fit.readings_in(&mut scene.borrow_mut(), x);
+        Ok(readings.map_or(vec![f64::NAN; fit.targets.len()], |readings| fit.misfit(&readings)))
     }
 }
 
-impl Constraints for &Fit<'_> {
+impl Constraints for Trial<'_> {
     type Set = ConstraintSet<BoxBounds<Vec<f64>>>;
 
     fn constraints(&self) -> <Self::Set as ConstraintDescription>::Borrowed<'_> {
-        ConstraintSet::new().with_bounds(BoxBounds::new(Some(&self.low), Some(&self.high)))
+        ConstraintSet::new().with_bounds(BoxBounds::new(Some(&self.fit.low), Some(&self.fit.high)))
     }
 }

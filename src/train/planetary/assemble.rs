@@ -161,11 +161,11 @@ impl Planetary {
         check("number of planets", self.planets.len() as f64, !self.planets.is_empty(), ">= 1")?;
         check("rpm", self.rpm, self.rpm >= 0.0, ">= 0")?;
         for (name, teeth) in [("sun", self.teeth.sun), ("planet", self.teeth.planet), ("ring", self.teeth.ring)] {
-            check(&format!("{name} teeth"), f64::from(teeth), teeth > 0, ">= 1")?;
+            check(format_args!("{name} teeth"), f64::from(teeth), teeth > 0, ">= 1")?;
         }
         for (name, angle) in [("sun", self.sun_pressure_angle), ("ring", self.ring_pressure_angle)] {
-            let name = format!("{name} mesh: pressure angle");
-            check(&name, angle, (0.0..FRAC_PI_2).contains(&angle), "in [0, pi/2)")?;
+            let name = format_args!("{name} mesh: pressure angle");
+            check(name, angle, (0.0..FRAC_PI_2).contains(&angle), "in [0, pi/2)")?;
         }
         check("output torque", self.load.total_output(self.rpm), true, "finite")?;
         check("planet drag", self.load.planet_drag, true, "finite")?;
@@ -173,11 +173,13 @@ impl Planetary {
         self.ring.check("ring")?;
         self.carrier.check("carrier")?;
         for (i, planet) in self.planets.iter().enumerate() {
-            check(&format!("planet {}: position", i + 1), planet.position, true, "finite")?;
-            planet.body.check(&format!("planet {}", i + 1))?;
+            check(format_args!("planet {}: position", i + 1), planet.position, true, "finite")?;
+            planet.body.check(format_args!("planet {}", i + 1))?;
         }
-        let warnings = self.warnings();
-        if self.strict && !warnings.is_empty() { Err(TrainError::Implausible(warnings)) } else { Ok(()) }
+        match if self.strict { self.warnings() } else { Vec::new() } {
+            warnings if warnings.is_empty() => Ok(()),
+            warnings => Err(TrainError::Implausible(warnings)),
+        }
     }
 
     /// Alike and equally spaced planets: only then is in-phase motion a motion of the whole stage.
