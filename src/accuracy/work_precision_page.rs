@@ -180,7 +180,8 @@ fn panel(measure: &Measure, points: &[(&Row<'_>, f64)], x: &Axis, truth: &Truth)
             names.push(&row.contender.name);
         }
     }
-    let mut series = Vec::new();
+    // The legend follows their order.
+    let (mut series, mut wrong) = (Vec::new(), Vec::new());
     let mut next = (0..).filter(|c| *c != ENGINE);
     for name in &names {
         let is_engine = |row: &Row<'_>| row.contender.name == *name && row.contender.kind == Kind::Engine(Choice::Auto);
@@ -200,9 +201,10 @@ fn panel(measure: &Measure, points: &[(&Row<'_>, f64)], x: &Axis, truth: &Truth)
             series.push(Series::line(*name, colour, x, y).styled(Style::Joined));
         }
         if !wrong_x.is_empty() {
-            series.push(Series::line("sequence of events wrong", colour, wrong_x, wrong_y).styled(Style::Marks));
+            wrong.push(Series::line("sequence of events wrong", colour, wrong_x, wrong_y).styled(Style::Marks));
         }
     }
+    series.append(&mut wrong);
     let reference = || Guide::Horizontal { y: floor, name: "error of the reference".to_owned() };
     let guides = (*name == MEASURES[0].0).then(reference).into_iter().collect();
     Panel { x: x.clone(), y: logarithmic(name, error_unit), series, guides, ..Panel::default() }
