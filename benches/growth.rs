@@ -7,7 +7,7 @@
 //!
 //! A chain of equal masses between springs, lightly damped; the first mass is driven and meets a compliant wall, and further masses meet
 //! walls of their own where more contacts are asked for. One number is varied at a time. The table has the best of five runs, as every
-//! disturbance makes a run longer, and of the longest run the only one; with `--svg` a chart of it is written too.
+//! disturbance makes a run longer; the longest run is made once. With `--svg` a chart of it is written too.
 
 use std::{
     error::Error,
@@ -132,7 +132,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             freedoms,
             ..USUAL
         }),
-        vary(("contacts; masses: 24, or as many", Some(1)), &[1, 2, 4, 8, 16, 32, 64], &|contacts| Size {
+        vary(("contacts (24 masses or more)", Some(1)), &[1, 2, 4, 8, 16, 32, 64], &|contacts| Size {
             contacts,
             freedoms: 24.max(contacts),
             ..USUAL

@@ -94,8 +94,8 @@ pub use simulation::Simulation;
 pub use task::{Progress, Task};
 pub use vectors::Instructions;
 
-/// Whether the step rule of old is restored, which does not see what a guard is forced by: asked for by a variable, in builds for
-/// development, so that tests see `--verify` notice it.
+/// Whether the step rule of old is restored, which does not see what a guard is forced by, without the alarms, leaps and lanes that would
+/// notice or pass it: so a test shows that `--verify` does. Asked for by a variable, which builds without debug assertions ignore.
 fn old_steps() -> bool {
     use std::sync::LazyLock;
     static ASKED: LazyLock<bool> = LazyLock::new(|| std::env::var_os("FLANK_OLD_STEPS").is_some());

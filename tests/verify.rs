@@ -221,7 +221,6 @@ fn blind() -> [String; 4] {
 }
 
 /// The command with the step rule of old.
-#[cfg(debug_assertions)]
 fn old() -> Command {
     let mut command = Command::cargo_bin("flank").unwrap();
     command.env("FLANK_OLD_STEPS", "1");
@@ -229,7 +228,7 @@ fn old() -> Command {
 }
 
 #[test]
-#[cfg(debug_assertions)]
+#[cfg_attr(not(debug_assertions), ignore = "needs a build with debug assertions")]
 fn the_step_rule_of_old_is_noticed() {
     for scene in blind() {
         let (folder, done) = verify_by(old(), &scene, &["--verify"]);
@@ -241,7 +240,7 @@ fn the_step_rule_of_old_is_noticed() {
 }
 
 #[test]
-#[cfg(debug_assertions)]
+#[cfg_attr(not(debug_assertions), ignore = "needs a build with debug assertions")]
 fn a_wrong_row_of_a_sweep_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let scene = pair(LINEAR, 0.0, r#"{ "cycles": 4, "verify": true }"#);

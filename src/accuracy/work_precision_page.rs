@@ -180,7 +180,7 @@ fn panel(measure: &Measure, points: &[(&Row<'_>, f64)], x: &Axis, truth: &Truth)
             names.push(&row.contender.name);
         }
     }
-    // The legend follows their order.
+    // Wrong runs come last: the legend follows the order of the series.
     let (mut series, mut wrong) = (Vec::new(), Vec::new());
     let mut next = (0..).filter(|c| *c != ENGINE);
     for name in &names {
@@ -204,7 +204,7 @@ fn panel(measure: &Measure, points: &[(&Row<'_>, f64)], x: &Axis, truth: &Truth)
             wrong.push(Series::line("sequence of events wrong", colour, wrong_x, wrong_y).styled(Style::Marks));
         }
     }
-    series.append(&mut wrong);
+    series.extend(wrong);
     let reference = || Guide::Horizontal { y: floor, name: "error of the reference".to_owned() };
     let guides = (*name == MEASURES[0].0).then(reference).into_iter().collect();
     Panel { x: x.clone(), y: logarithmic(name, error_unit), series, guides, ..Panel::default() }

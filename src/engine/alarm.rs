@@ -34,10 +34,10 @@ fn on() -> bool {
     !crate::old_steps()
 }
 
-/// A guard that was met.
+/// A guard.
 #[derive(Clone, Copy, Debug)]
 struct Met {
-    /// Its largest rounding so far, in its units.
+    /// Its largest rounding so far, in its units; below zero if it was not met.
     rounding: f64,
     /// It cannot jump.
     is_continuous: bool,
@@ -46,7 +46,7 @@ struct Met {
 /// What is remembered from step to step.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Alarm {
-    /// Each guard that was met, by its number.
+    /// All guards up to the last one that was met, by their numbers.
     met: Vec<Met>,
     /// Values and errors at the end of the last step of the arc.
     ends: Vec<(GuardId, f64, f64)>,
@@ -134,7 +134,7 @@ impl Alarm {
         let slot = usize::from(guard.0);
         while self.met.len() <= slot {
             let id = GuardId(self.met.len() as u16);
-            self.met.push(Met { rounding: 0.0, is_continuous: system.is_continuous(id) });
+            self.met.push(Met { rounding: -1.0, is_continuous: system.is_continuous(id) });
         }
         let met = &mut self.met[slot];
         if rounding > met.rounding {
@@ -144,12 +144,12 @@ impl Alarm {
 
     /// The largest rounding of a guard of position; without one there is no scale to measure a displacement by.
     fn length(&self) -> Option<f64> {
-        let of_position = self.met.iter().filter(|met| met.is_continuous && met.rounding > 0.0);
+        let of_position = self.met.iter().filter(|met| met.is_continuous && met.rounding >= 0.0);
         of_position.map(|met| met.rounding).reduce(f64::max)
     }
 
     /// Largest rounding of a guard that was met, in its units.
-    fn rounding(&self, guard: GuardId) -> f64 {
+    fn largest_rounding(&self, guard: GuardId) -> f64 {
         self.met[usize::from(guard.0)].rounding
     }
 
@@ -178,7 +178,7 @@ impl Alarm {
     pub fn end_leap(&mut self, mode: &Mode, leap: &Leap) {
         self.mode = mode.clone();
         for Known { guard, value, error, terms, .. } in leap.ends.iter().copied() {
-            let error = error + self.rounding(guard) + TERMS * terms;
+            let error = error + self.largest_rounding(guard) + TERMS * terms;
             self.ends.push((guard, value, error));
         }
     }
@@ -197,7 +197,7 @@ impl Alarm {
         gathered: f64,
         (at, x): (Instant, &[f64]),
     ) -> Result<(), EngineError> {
-        let rounding = self.rounding(passage.guard);
+        let rounding = self.largest_rounding(passage.guard);
         let limit = MOVED * passage.error + GATHERED * rounding + self.waited;
         self.move_limit = self.length().map_or(f64::INFINITY, |length| (GATHERED * length).max(limit));
         let amount = (passage.residual - system.guard(mode, passage.guard, at, x)).abs();
@@ -211,14 +211,14 @@ impl Alarm {
 
     /// Tests the end of the last step against the state at the end of a run.
     pub fn finish(&mut self, system: &dyn HybridSystem, at: Instant, x: &[f64]) -> Result<(), EngineError> {
-        for &(id, value, error) in self.ends.iter().filter(|_| on()) {
+        let ends = std::mem::take(&mut self.ends);
+        for &(id, value, error) in ends.iter().filter(|_| on()) {
             let amount = (system.guard(&self.mode, id, at, x) - value).abs();
-            let limit = APART * (error + self.rounding(id) + TERMS * value.abs());
+            let limit = APART * (error + self.largest_rounding(id) + TERMS * value.abs());
             if amount > limit {
                 return Err(raise(system, at, id, "the series and the state differ at the end", amount, limit));
             }
         }
-        self.ends.clear();
         Ok(())
     }
 
@@ -239,7 +239,7 @@ impl Alarm {
         for (i, guard) in step.guards().iter().enumerate() {
             let (tail, _) = step.guard_error(i);
             let gathered = if closes { step.gathered(i, 1.0, 0) } else { 0.0 };
-            let error = tail + self.rounding(*guard) + gathered;
+            let error = tail + self.largest_rounding(*guard) + gathered;
             self.ends.push((*guard, step.guard(i).iter().sum(), error));
         }
     }
@@ -261,7 +261,7 @@ impl Alarm {
         for (i, guard) in step.guards().iter().enumerate() {
             let (id, row) = (*guard, step.guard(i));
             let (tail, _) = step.guard_error(i);
-            let rounding = self.rounding(id);
+            let rounding = self.largest_rounding(id);
             let limit = |tail: f64| MOVED * tail + GATHERED * rounding + self.waited;
             let fires = located.fired.contains(id);
             if (fires || located.near.contains(id)) && system.is_continuous(id) {
@@ -279,7 +279,7 @@ impl Alarm {
             let amount = (poly::eval(row, located.theta) - value).abs();
             // The state's own rounding: a flank may be far from where the step started.
             let added = |bound| bound + step.gathered(i, located.theta, 0) + TERMS * poly::terms(row, located.theta);
-            let bound = step.guard_error(i).0 + self.rounding(id);
+            let bound = step.guard_error(i).0 + self.largest_rounding(id);
             if let Some(limit) = exceeded(amount, bound, added)
                 && agreed.is_ok()
             {

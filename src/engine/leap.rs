@@ -99,7 +99,7 @@ impl Leaps {
                 continue;
             }
             let end = if self.leap.is_bound { bound } else { clock.advance(at, self.leap.time) };
-            // A comparison that vectors have.
+            // Unlike `max`, this comparison is one that vectors have.
             self.extent.iter_mut().zip(&self.leap.sizes).for_each(|(e, size)| *e = if *size > *e { *size } else { *e });
             let event = self.leap.passage.map(|passage| {
                 let now = (self.count + 1, self.leap.time);

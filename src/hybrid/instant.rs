@@ -7,7 +7,7 @@ use std::ops::{Add, Mul, Sub};
 
 /// A number as an unevaluated sum of two doubles, about 32 digits.
 ///
-/// Only what time keeping needs: sums, differences and products (Dekker 1971, Knuth 1969). Numbers are in order by their leading parts first.
+/// Only what time keeping needs: sums, differences and products (Dekker 1971, Knuth 1969). Ordered by `hi`, then `lo`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 pub struct Wide {
     /// Leading part: the double nearest to the number.
@@ -117,7 +117,8 @@ impl Mul<f64> for Wide {
 
 /// A moment: forcing cycle `n`, and phase `τ` in `[0, T)`, s, with its rounding remainder.
 ///
-/// Where a system has no period, `cycle` is 0 and the phase is the time itself. A later moment is the larger one.
+/// Where a system has no period, `cycle` is 0 and the phase is the time itself. Of two moments as one
+/// [`Clock`] makes them, with the phase in its range, the later one is the larger.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 pub struct Instant {
     /// Forcing cycle `n`.

@@ -190,7 +190,8 @@ impl Expansion<'_> {
             3 => self.horner::<P, 6>(path, orders, s, x),
             4 => self.horner::<P, 8>(path, orders, s, x),
             5 => self.horner::<P, 10>(path, orders, s, x),
-            _ => self.horner::<P, 12>(path, orders, s, x),
+            6 => self.horner::<P, 12>(path, orders, s, x),
+            blocks => unreachable!("{blocks} blocks in a linear mode"),
         }
     }
 

@@ -114,7 +114,7 @@ impl Expansion<'_> {
             let c = &s.contacts[j];
             let time = match p {
                 _ if p <= 0.0 => 0.0,
-                _ if p <= ROUNDING * s.deflection_size(c, request.x) => f64::MIN_POSITIVE,
+                _ if p <= ROUNDING * work[self.layout.sizes + j] => f64::MIN_POSITIVE,
                 _ => p / rate.abs(),
             };
             if p <= 0.0 && rate > 0.0 {

@@ -193,7 +193,7 @@ impl Expansion<'_> {
                         if let Some(i) = owner.filter(|_| clock.root == law.exponent.q) {
                             let left = root.power(law, k * f, (i, penetration(i)), c, &mut forces);
                             let apart = || sizes(&work[layout.of(j, STIFFNESS)..], &powers);
-                            let rounding = ROUNDING * s.deflection_size(c, self.request.x);
+                            let rounding = ROUNDING * work[layout.sizes + j];
                             left + if goes { root.beside(law, &apart(), rounding) } else { 0.0 }
                         } else {
                             let slope = if p > 0.0 { e * pressed / p } else { 0.0 };

@@ -363,10 +363,7 @@ impl Work for Ride<'_, '_> {
             let mut leaps = 0;
             loop {
                 let at = lane.stand.at;
-                let switch = match lane.stand.switch {
-                    None => None,
-                    Some(switch) => Some(switch).filter(|switch| clock.between(*switch, bound) >= 0.0),
-                };
+                let switch = lane.stand.switch.filter(|switch| *switch <= bound);
                 let Gait { motion, is_exact, .. } = &lane.gaits[lane.stand.gait];
                 let made = Made { arcs: arcs + lap.arcs, ..Made::default() };
                 let Some(propagator) = motion.propagator(made).filter(|_| *is_exact) else { break 'arcs };

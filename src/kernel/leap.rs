@@ -11,7 +11,7 @@ use super::{
     guards::ROUNDING,
     motion::Watched,
     propagator::{Component, MOST_INPUTS, MOST_TERMS, Propagator},
-    start::turned,
+    start::deflection_terms,
 };
 use crate::{
     hybrid::{Instant, JetRequest, Known, Leap, Passage},
@@ -294,7 +294,7 @@ impl Propagator {
         let [mut sums, mut sizes] = [[0.0; LANES]; 2];
         for (j, c) in s.contacts.iter().enumerate() {
             if j % LANES == 0 {
-                [sums, sizes] = turned(path, &s.columns.fours[j / LANES], x);
+                [sums, sizes] = deflection_terms(path, &s.columns.fours[j / LANES], x);
             }
             let first = self.fold.contacts[j];
             if first < j {
@@ -441,7 +441,7 @@ impl Propagator {
         }
         for (j, (_, start)) in starts.iter().enumerate() {
             if j % LANES == 0 {
-                [_, sizes] = turned(path, &s.columns.fours[j / LANES], &leap.x);
+                [_, sizes] = deflection_terms(path, &s.columns.fours[j / LANES], &leap.x);
             }
             let stretch = start.stretch + gained[self.deflections[j]];
             let is_small = stretch.abs() < SMALL_STRETCH * sizes[j % LANES];

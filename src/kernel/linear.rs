@@ -62,8 +62,8 @@ impl Expansion<'_> {
         }
     }
 
-    /// Each order is a row: displacements and velocities in blocks of four, zero beyond the last degree of freedom, and the oscillators.
-    /// Vectors are never read where single numbers have just been written: that would wait for them.
+    /// Each order is a row: displacements and velocities in blocks of four, zero beyond the last degree of freedom. From order to order no
+    /// vector is read where single numbers have just been written: that would wait for them.
     #[inline(always)]
     fn recurrence<P: Path, const B: usize, const C: usize>(&self, path: P, out: &mut Jet) {
         let (s, h, n, layout) = (self.s, self.h, self.s.n, self.layout);
@@ -89,13 +89,12 @@ impl Expansion<'_> {
             *wave = [work[o], work[o + ROW]];
         }
         let mut forces: SmallVec<[Four; 4]> = smallvec![[0.0; LANES]; C * compiled.groups.len()];
-        let mut stretches = forces.clone();
         let forces = forces.as_mut_slice();
-        let starts = work[layout.stretches..].as_chunks::<LANES>().0;
-        stretches.iter_mut().zip(starts).for_each(|(stretch, start)| *stretch = *start);
+        let starts = work[layout.stretches..layout.sizes].as_chunks::<LANES>().0;
+        let mut stretches: SmallVec<[Four; 4]> = SmallVec::from_slice(starts);
         for k in 0..ORDER {
             let step = h / (k + 1) as f64;
-            let ([.., [q, v]], [next, ..]) = orders.split_at_mut(k + 1) else { break };
+            let ([.., [q, v]], [next, ..]) = orders.split_at_mut(k + 1) else { unreachable!("no order {k}") };
             let (row, next_waves) = waves[k * count..].split_at_mut(count);
             self.contacts(path, (k, step), &groups, (v, row), [forces, &mut stretches], work);
             let of = |i: usize| row[i];
@@ -129,8 +128,8 @@ impl Expansion<'_> {
         }
     }
 
-    /// The contact forces at order `k`, of their `stretches`, and the deflections of the next order, four contacts at a time; of velocities
-    /// and oscillators.
+    /// The contact forces at order `k`, and the deflections of the next order, four contacts at a time; of velocities and oscillators. The
+    /// `stretches` are those of order `k`, and are replaced by those of the next.
     ///
     /// A deflection is the integral of its rate, `(k + 1) δ_{k+1} = h δ̇_k`, and is formed before it is multiplied by the stiffness:
     /// where the train has turned far, a difference of displacements is exact and one of forces would not be.
@@ -146,9 +145,8 @@ impl Expansion<'_> {
     ) {
         let deflections = work[self.layout.deflections..self.layout.stretches].as_chunks_mut::<LANES>().0;
         let deflections = deflections.as_chunks_mut::<ROW>().0.as_chunks_mut::<C>().0;
-        let numbers = forces.as_chunks_mut::<C>().0.iter_mut().zip(stretches.as_chunks_mut::<C>().0);
-        for (number, ((group, deflections), (forces, stretches))) in
-            groups.iter().zip(deflections).zip(numbers).enumerate()
+        let own = forces.as_chunks_mut::<C>().0.iter_mut().zip(stretches.as_chunks_mut::<C>().0);
+        for (number, ((group, deflections), (forces, stretches))) in groups.iter().zip(deflections).zip(own).enumerate()
         {
             let first = C * number;
             let mut rates = [path.all(0.0); C];

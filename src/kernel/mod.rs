@@ -83,7 +83,7 @@ struct Layout {
     clock: usize,
     /// `δ − σ b` of each contact at order zero, σ b its flank.
     stretches: usize,
-    /// Sizes of the terms of each deflection at order zero.
+    /// Sizes of the terms of each deflection at order zero, m.
     sizes: usize,
     /// `δ − σ b` at order zero of separated contacts from the flank that they have left, where it is known better than by the
     /// state; else NaN. Negative at the drive flank, positive at the back flank.
@@ -97,7 +97,7 @@ struct Layout {
     stride: usize,
     /// Where in a row the velocities start.
     velocities: usize,
-    /// And the oscillators at each order.
+    /// Oscillators of a linear mode: cosine and sine of each, order by order.
     waves: usize,
     len: usize,
 }

@@ -7,10 +7,10 @@ use crate::{
     vectors::Path,
 };
 
-/// `gᵀq` of four contacts and the size of the terms of each deflection: the bits of `dot` and `deflection_size`. For few degrees of freedom, as
-/// those that do not move a contact are looked at too.
+/// `gᵀq` of four contacts and the size of the terms of each deflection: the bits of `dot` and of `Structure::deflection_size`, as a column that
+/// is zero adds ±0. Columns are dense, which is cheaper than lists for few degrees of freedom.
 #[inline(always)]
-pub(super) fn turned<P: Path>(path: P, four: &FourColumns, x: &[f64]) -> [Four; 2] {
+pub(super) fn deflection_terms<P: Path>(path: P, four: &FourColumns, x: &[f64]) -> [Four; 2] {
     let [mut sum, mut size] = [path.all(0.0); 2];
     for (direction, x) in four.directions.iter().zip(x) {
         let term = path.times(path.four(*direction), path.all(*x));
@@ -41,7 +41,7 @@ impl Expansion<'_> {
             work[Layout::oscillator(i)] = cosine;
             work[Layout::oscillator(i) + ROW] = sine;
         });
-        self.turned(path, work);
+        self.begin_deflections(path, work);
         let (has_zeros, keeps_low) = (!self.request.pinned.is_empty(), self.keeps_low());
         for (j, c) in s.contacts.iter().enumerate() {
             let is_zero = |watch: Watch| has_zeros && self.pinned(j, watch);
@@ -75,7 +75,7 @@ impl Expansion<'_> {
 
     /// `gᵀq` of each contact, in the place of its deflection, and the size of the terms of that.
     #[inline(always)]
-    fn turned<P: Path>(&self, path: P, work: &mut [f64]) {
+    fn begin_deflections<P: Path>(&self, path: P, work: &mut [f64]) {
         let (s, layout, x) = (self.s, self.layout, self.request.x);
         if !self.motion.is_linear {
             for (j, c) in s.contacts.iter().enumerate() {
@@ -85,7 +85,7 @@ impl Expansion<'_> {
             return;
         }
         for (number, four) in s.columns.fours.iter().enumerate() {
-            let ([sum, size], first) = (turned(path, four, x), LANES * number);
+            let ([sum, size], first) = (deflection_terms(path, four, x), LANES * number);
             work[layout.deflection(first, 0)..][..LANES].copy_from_slice(&sum);
             work[layout.sizes + first..][..LANES].copy_from_slice(&size);
         }
@@ -112,3 +112,7 @@ impl Expansion<'_> {
         self.motion.forceless(j, request.at, stretch, rounding, || self.rate(j, 0, &request.x[self.s.n..], work))
     }
 }
+
+#[cfg(test)]
+#[path = "../../tests/unit/start.rs"]
+mod tests;

@@ -229,10 +229,8 @@ fn polish(p: &[f64], mut lo: f64, mut hi: f64, start: f64) -> f64 {
         let step = newton / (1.0 + 0.5 * newton * (bent / slope));
         let is_inside = x + step >= lo && x + step <= hi;
         let next = if is_inside { x + step } else { 0.5 * (lo + hi) };
-        if is_inside && is_settled(x, step, step * bent / slope) {
-            return next;
-        }
-        if (next - x).abs() <= f64::EPSILON * x || hi - lo <= f64::EPSILON * hi {
+        let is_last = is_inside && is_settled(x, step, step * bent / slope);
+        if is_last || (next - x).abs() <= f64::EPSILON * x || hi - lo <= f64::EPSILON * hi {
             return next;
         }
         x = next;

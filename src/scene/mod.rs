@@ -262,17 +262,21 @@ impl<'s> Variant<'s> {
         Self { scene, resolved: scene.resolved.clone() }
     }
 
-    /// As [`Scene::build_with`]; numbers that were set before and are not now stay.
+    /// As [`Scene::build_with`]; numbers that were set before, by a call that failed too, and are not now stay.
     pub fn build<'a>(&mut self, numbers: impl IntoIterator<Item = (&'a str, f64)>) -> Result<Built, SceneError> {
         let name = &self.scene.name;
         for (pointer, number) in numbers {
-            match self.resolved.pointer_mut(pointer).filter(|place| place.is_number()) {
-                Some(place) => *place = number.into(),
-                None => {
-                    let fault = Fault::new(pointer, "a pointer to no number", "a number of the resolved scene");
-                    return Err(SceneError::new(name, vec![fault]));
+            let place = self.resolved.pointer_mut(pointer).filter(|place| place.is_number());
+            let fault = match place {
+                Some(place) if number.is_finite() => {
+                    *place = number.into();
+                    continue;
                 }
-            }
+                // JSON has no such number, and the place would be lost.
+                Some(_) => Fault::new(pointer, number.to_string(), "a finite number"),
+                None => Fault::new(pointer, "a pointer to no number", "a number of the resolved scene"),
+            };
+            return Err(SceneError::new(name, vec![fault]));
         }
         build::build(&self.resolved).map_err(|faults| SceneError::new(name, faults))
     }

@@ -104,18 +104,15 @@ impl Schedule {
     /// The last start that is not after `late`: its repetition, and its place in that. Of listed times how many are not after it.
     #[inline]
     fn last(&self, clock: &Clock, late: Instant) -> (i64, usize) {
-        let first = match self {
+        let most = match self {
             Self::Listed { times, .. } => return (0, times.partition_point(|t| *t <= late)),
             Self::Locked { .. } => self.repetition(clock, late),
-            // The quotient is rounded.
+            // The quotient is rounded, up too.
             Self::Own { .. } => self.repetition(clock, late) + 1,
         };
-        // A repetition lasts as long as the clock does until it starts again: the last start is in it or in one before.
-        let found = (first - 2..=first).rev().find_map(|k| {
-            let is_past = |i: &usize| self.start(clock, k, *i) <= late;
-            Some((k, (0..self.starts()).rev().find(is_past)?))
-        });
-        found.unwrap_or((first - 2, 0))
+        let is_past = |k: i64, i: usize| self.start(clock, k, i) <= late;
+        let k = (most - 1..=most).rev().find(|k| is_past(*k, 0)).unwrap_or(most - 2);
+        (k, (1..self.starts()).rev().find(|i| is_past(k, *i)).unwrap_or(0))
     }
 
     /// The last start of piece `number` that is not after `late`, as [`last`](Self::last) gives it.
@@ -175,7 +172,8 @@ impl Schedule {
                 (k - 1..=k + 1).flat_map(of).collect()
             }
         };
-        starts.into_iter().min_by(|a, b| clock.between(*a, at).abs().total_cmp(&clock.between(*b, at).abs()))
+        let far = |start: Instant| (clock.between(start, at).abs(), start);
+        starts.into_iter().map(far).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, start)| start)
     }
 
     /// The end of piece `number`, in force at `at`. It is before `at` if the piece is over.

@@ -31,3 +31,18 @@ fn time_is_the_sum_of_steps_to_round_off_of_one_step() {
     }
     assert_eq!(clock.time(at).value(), 125_000.0);
 }
+
+#[test]
+fn the_later_of_two_instants_is_the_larger() {
+    for clock in [Clock::new(Some(0.9)), Clock::new(None)] {
+        let period = clock.period().map_or(7.0, Wide::value);
+        let steps = [0.0, 1e-30, 1e-17, 0.25, period - 1e-15, period, period + 1e-17, 5.5 * period];
+        let instants = steps.map(|step| clock.advance(clock.instant(2.0), step));
+        for a in instants {
+            for b in instants {
+                let later = clock.between(a, b);
+                assert_eq!((a < b, a == b, a > b), (later > 0.0, later == 0.0, later < 0.0), "{a:?} {b:?}");
+            }
+        }
+    }
+}

@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// All starts of a schedule from 20 repetitions before time zero on, in rising order, with the numbers of their pieces.
-fn all(schedule: &Schedule, clock: &Clock) -> Vec<(Instant, u32)> {
+/// The starts of a schedule from 20 repetitions before time zero, or another time, on, in rising order, with the numbers of their pieces.
+fn all(schedule: &Schedule, clock: &Clock, from: Instant) -> Vec<(Instant, u32)> {
     let values = match schedule {
         Schedule::Listed { times, .. } => {
             return times.iter().enumerate().map(|(i, time)| (*time, (i as u32 + 1) & 1)).collect();
@@ -11,15 +11,29 @@ fn all(schedule: &Schedule, clock: &Clock) -> Vec<(Instant, u32)> {
         Schedule::Locked { values, .. } | Schedule::Own { values, .. } => values.len(),
     };
     let of = |k| (0..schedule.starts()).map(move |i| (schedule.start(clock, k, i), (i % values) as u32));
-    (-20..60).flat_map(of).collect()
+    let first = schedule.repetition(clock, from) - 20;
+    (first..first + 80).flat_map(of).collect()
 }
 
 fn agrees(stiffness: &Stiffness, clock: &Clock, number_of_pieces: u32) {
     let schedule = Schedule::new(stiffness, clock);
-    let starts = all(&schedule, clock);
+    // Where a period of its own is no double any more, times are known to some 1e-6 s.
+    for cycle in [0, 1_000_000, if matches!(schedule, Schedule::Locked { .. }) { 1_000_000_000 } else { 1000 }] {
+        agrees_from(&schedule, clock, number_of_pieces, clock.at(cycle, 0.0));
+    }
+}
+
+fn agrees_from(schedule: &Schedule, clock: &Clock, number_of_pieces: u32, from: Instant) {
+    let starts = all(schedule, clock, from);
     assert!(starts.is_sorted_by(|a, b| a.0 < b.0), "{schedule:?}");
-    let between = (0..400).map(|i| clock.instant(0.0371 * f64::from(i)));
-    let edges = starts.iter().map(|(start, _)| *start).filter(|start| start.cycle >= 0 && clock.time(*start).hi < 15.0);
+    let between = (0..400).map(|i| clock.advance(from, 0.0371 * f64::from(i)));
+    let near =
+        starts.iter().map(|(start, _)| *start).filter(|start| (0.0..15.0).contains(&clock.between(from, *start)));
+    // At a start, and where a start is not told from it.
+    let edges = near.flat_map(|start| {
+        let tie = clock.between(start, tie(clock, start));
+        [-2.0, -0.5, 0.0, 0.5].map(|times| clock.advance(start, times * tie))
+    });
     for at in between.chain(edges) {
         let past = starts.iter().rposition(|(start, _)| *start <= tie(clock, at));
         let elapsed = |i: Option<usize>| i.map_or(0.0, |i| clock.between(starts[i].0, at));
@@ -57,5 +71,7 @@ fn pieces_are_those_of_a_list_of_all_starts() {
     }
     let listed = Stiffness::Switched { times: vec![[0.5, 0.0], [1.25, 0.0], [7.0, 1e-17]], levels: [1.0, 2.0] };
     agrees(&listed, &clock, 2);
-    agrees(&listed, &Clock::new(None), 2);
+    agrees_from(&Schedule::new(&listed, &Clock::new(None)), &Clock::new(None), 2, Instant::default());
+    let own = Schedule::new(&periodic(0.7, 0.3, &[0.1, 0.2, 0.7]), &Clock::new(None));
+    agrees_from(&own, &Clock::new(None), 3, Clock::new(None).instant(1e5));
 }

@@ -172,7 +172,7 @@ fn coordinate(parameter: &Parameter, value: f64) -> f64 {
     }
 }
 
-/// The problem at one set of numbers after another.
+/// The problem with a scene that is set anew at each trial and not copied.
 struct Trial<'a> {
     fit: &'a Fit<'a>,
     scene: RefCell<Variant<'a>>,

@@ -176,10 +176,13 @@ impl Planetary {
             check(format_args!("planet {}: position", i + 1), planet.position, true, "finite")?;
             planet.body.check(format_args!("planet {}", i + 1))?;
         }
-        match if self.strict { self.warnings() } else { Vec::new() } {
-            warnings if warnings.is_empty() => Ok(()),
-            warnings => Err(TrainError::Implausible(warnings)),
+        if self.strict {
+            let warnings = self.warnings();
+            if !warnings.is_empty() {
+                return Err(TrainError::Implausible(warnings));
+            }
         }
+        Ok(())
     }
 
     /// Alike and equally spaced planets: only then is in-phase motion a motion of the whole stage.
