@@ -217,7 +217,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("poly", 1400),
     ("scene", 2650),
     ("simulation", 1450),
-    ("study", 6800),
+    ("study", 6850),
     ("sweep", 1250),
     ("system", 4350),
     ("tangent", 1150),

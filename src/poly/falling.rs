@@ -294,15 +294,14 @@ impl<P: Path, const F: usize> Place<P, F> {
 /// Iterations of Halley's method: from the first guess two are enough most often.
 const ITERATIONS: usize = 32;
 
-/// Longest last step, relative to the place x. Where `x² p‴` is below a hundred slopes, as in rows of leaps, what is left is below a tenth of a
-/// unit in the last place. In any polynomial what is left of its value is at most `|step|³|p‴|/6 ≤ 1e-18 Σ C(k, 3) |p_k| xᵏ`: less than the
-/// rounding of that value up to degree 24, and some roundings at degree 40.
+/// Longest last step, relative to the place x: where `x² p‴` is below a hundred slopes, what is left is below a tenth of a unit in the last
+/// place.
 const SETTLED: f64 = 1e-6;
 
 /// Whether a `step` of Halley's method, over which the slope changes by a `share`, is the last one at `place`. What is left is of third
 /// order: the square of the share times the step has to be below rounding, and the step so short that what the third derivative adds is.
 #[inline(always)]
-pub(super) fn is_settled(place: f64, step: f64, share: f64) -> bool {
+fn is_settled(place: f64, step: f64, share: f64) -> bool {
     step.abs() <= SETTLED * place && share * share * step.abs() <= 0.25 * f64::EPSILON * place
 }
 

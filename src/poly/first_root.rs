@@ -3,7 +3,6 @@
 use super::{
     bernstein::{self, Bernstein, Signs},
     eval_with_derivatives, eval_with_slope,
-    falling::is_settled,
 };
 use crate::vectors::{Baseline, Path};
 
@@ -227,10 +226,8 @@ fn polish(p: &[f64], mut lo: f64, mut hi: f64, start: f64) -> f64 {
         // By ratios: products of small values vanish.
         let newton = -f / slope;
         let step = newton / (1.0 + 0.5 * newton * (bent / slope));
-        let is_inside = x + step >= lo && x + step <= hi;
-        let next = if is_inside { x + step } else { 0.5 * (lo + hi) };
-        let is_last = is_inside && is_settled(x, step, step * bent / slope);
-        if is_last || (next - x).abs() <= f64::EPSILON * x || hi - lo <= f64::EPSILON * hi {
+        let next = if x + step >= lo && x + step <= hi { x + step } else { 0.5 * (lo + hi) };
+        if (next - x).abs() <= f64::EPSILON * x || hi - lo <= f64::EPSILON * hi {
             return next;
         }
         x = next;
