@@ -24,7 +24,8 @@ impl Work for Terms<'_> {
 
 fn train(contacts: usize) -> Structure {
     let n = 5;
-    let direction = |j: usize, i: usize| if (i + j) % 3 == 0 { 0.0 } else { libm::sin((1 + i + 7 * j) as f64) };
+    let direction =
+        |j: usize, i: usize| if (i + j).is_multiple_of(3) { 0.0 } else { libm::sin((1 + i + 7 * j) as f64) };
     let contact = |j: usize| ContactSpec {
         name: format!("contact {j}"),
         direction: (0..n).map(|i| direction(j, i)).collect(),
