@@ -95,23 +95,30 @@ fn run(size: Size) -> Result<(f64, Counters), Box<dyn Error>> {
     Ok((best, work))
 }
 
-/// What is varied: its name, and the power of it that a dashed line through the last point shows.
-type Varied = (&'static str, Option<i32>);
+/// What is varied: its name, and a rise with a power of it that a dashed line through the last point shows.
+type Varied = (&'static str, Option<Rise>);
+
+/// Name and power.
+type Rise = (&'static str, i32);
+
+const PROPORTIONAL: Option<Rise> = Some(("in proportion", 1));
+const SQUARE: Option<Rise> = Some(("as the square", 2));
+/// The least time shown, µs.
+const LEAST: f64 = 0.5;
 
 /// Time for an event against what is varied, one panel for each.
 fn chart(points: &[(Varied, f64, f64)]) -> Figure {
     let mut panels: Vec<Panel> = Vec::new();
-    for of in points.chunk_by(|a, b| a.0 == b.0) {
-        let ((name, power), last, time) = of[of.len() - 1];
-        let y = Axis { logarithmic: true, ..Axis::new("time for an event", "µs") }.between(0.5, 2000.0);
+    for points in points.chunk_by(|a, b| a.0 == b.0) {
+        let ((name, rise), last, time) = points[points.len() - 1];
+        let y = Axis { logarithmic: true, ..Axis::new("time for an event", "µs") }.between(LEAST, 2000.0);
         let x = Axis { logarithmic: true, ..Axis::new(name, "") };
-        let values: Vec<f64> = of.iter().map(|point| point.1).collect();
-        let times = of.iter().map(|point| point.2).collect();
+        let values: Vec<f64> = points.iter().map(|point| point.1).collect();
+        let times = points.iter().map(|point| point.2).collect();
         let mut series = vec![Series::line("measured", 0, values.clone(), times).styled(Style::Joined)];
-        if let Some(power) = power {
-            let by = ["", "in proportion", "as the square"][power as usize];
+        if let Some((by, power)) = rise {
             let rising = |value: &f64| time * (value / last).powi(power);
-            let shown: Vec<f64> = values.into_iter().filter(|value| rising(value) >= 0.5).collect();
+            let shown: Vec<f64> = values.into_iter().filter(|value| rising(value) >= LEAST).collect();
             let rise = shown.iter().map(rising).collect();
             series.push(Series::line(by, power as usize, shown, rise).styled(Style::Dashed));
         }
@@ -128,16 +135,16 @@ fn main() -> Result<(), Box<dyn Error>> {
         values.iter().map(|value| (of, *value, with(*value))).collect::<Vec<_>>()
     };
     let sizes = [
-        vary(("degrees of freedom", Some(1)), &[2, 3, 5, 8, 12, 16, 24, 25, 50, 100, 200], &|freedoms| Size {
+        vary(("degrees of freedom", PROPORTIONAL), &[2, 3, 5, 8, 12, 16, 24, 25, 50, 100, 200], &|freedoms| Size {
             freedoms,
             ..USUAL
         }),
-        vary(("contacts (24 masses or more)", Some(1)), &[1, 2, 4, 8, 16, 32, 64], &|contacts| Size {
+        vary(("contacts (24 masses or more)", PROPORTIONAL), &[1, 2, 4, 8, 16, 32, 64], &|contacts| Size {
             contacts,
             freedoms: 24.max(contacts),
             ..USUAL
         }),
-        vary(("harmonics of the load", Some(2)), &[1, 3, 10, 30, 100], &|harmonics| Size { harmonics, ..USUAL }),
+        vary(("harmonics of the load", SQUARE), &[1, 3, 10, 30, 100], &|harmonics| Size { harmonics, ..USUAL }),
         vary(("cycles", None), &[1_000, 10_000, 100_000, 1_000_000, LONG as usize], &|cycles| Size {
             cycles: cycles as u64,
             ..USUAL

@@ -34,7 +34,7 @@ fn on() -> bool {
     !crate::old_steps()
 }
 
-/// A guard.
+/// What is known of a guard.
 #[derive(Clone, Copy, Debug)]
 struct Met {
     /// Its largest rounding so far, in its units; below zero if it was not met.
