@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use super::*;
 use crate::{
     gear::{
-        Stiffness,
+        Harmonic, Stiffness,
         contact::{Law, Linear, Release},
     },
     system::{ContactSpec, Flanks, LoadHarmonic, Spec, Structure},
@@ -29,7 +29,7 @@ fn train(contacts: usize) -> Structure {
     let contact = |j: usize| ContactSpec {
         name: format!("contact {j}"),
         direction: (0..n).map(|i| direction(j, i)).collect(),
-        error: Vec::new(),
+        error: vec![Harmonic { amplitude: 0.003 * (1 + j) as f64, omega: 2.0, phase: 0.1 }],
         error_offset: 0.01 * j as f64,
         half_backlash: 0.1,
         flanks: Flanks::Both,
