@@ -177,6 +177,42 @@ fn a_wrong_value_is_reported_where_it_stands() {
     }
 }
 
+/// Times that the clock does not resolve are refused with their numbers, before a run would stand still or go back in time.
+#[test]
+fn times_that_the_clock_does_not_resolve_are_refused() {
+    let forced = |omega: f64, run: Value| {
+        json!({ "flank": 1, "run": run, "train": {
+            "kind": "wall", "mass_kg": 1, "load_harmonics": [{ "amplitude_n": 1, "frequency_rad_per_s": omega }],
+            "wall": { "side": "above", "position_m": 1 }, "law": { "kind": "rigid", "restitution": 0.8 } } })
+    };
+    let switched = |period: f64| {
+        json!({ "flank": 1, "run": { "cycles": 3 }, "train": {
+            "kind": "gear-pair-dimensionless", "damping_ratio": 0.05, "damping_in_gap": true, "mean_load": 0.1, "base_frequency": 0.6,
+            "transmission_error": [{ "amplitude": 0.2, "frequency": 0.6 }],
+            "stiffness": { "kind": "rectangular", "high": 1.2, "low": 0.8, "duty": 0.5, "period": period } } })
+    };
+    for (scene, place, number) in [
+        (forced(1e15, json!({ "t_end_s": 1e10 })), "/run/t_end_s", "1.592e24 periods"),
+        (forced(std::f64::consts::PI, json!({ "cycles": 1, "period_s": 1e155 })), "/run/cycles", "1e155 s"),
+        (forced(5e-324, json!({ "cycles": 3 })), "/train", "5e-324 rad/s"),
+        (forced(1e200, json!({ "cycles": 3 })), "/train", "1e200 rad/s"),
+        (switched(1e-30), "/train", "5e-31"),
+    ] {
+        let error = refused(scene, number);
+        let [fault] = &error.faults[..] else { panic!("{error}") };
+        assert!(fault.pointer == place && fault.found.contains(number), "{error}");
+    }
+    for scene in [
+        forced(1e30, json!({ "cycles": 1000 })),
+        forced(1e-30, json!({ "cycles": 1000 })),
+        forced(6.28, json!({ "t_end_s": 1e15 })),
+        forced(6.28, json!({ "start_cycle": 1_000_000_000_000_000u64, "cycles": 3 })),
+        switched(1e-9),
+    ] {
+        Scene::from_value(scene, "sound").expect("a scene");
+    }
+}
+
 #[test]
 fn a_missing_key_is_reported_where_it_belongs() {
     for (text, pointer) in [

@@ -3,7 +3,12 @@
 use std::ops::ControlFlow;
 
 use flank::{
-    analysis::Contacts, engine::Observer, event::EventRecord, hybrid::Mode, integrate::DenseStep, system::Structure,
+    analysis::Contacts,
+    engine::{Jumped, Observer},
+    event::EventRecord,
+    hybrid::Mode,
+    integrate::DenseStep,
+    system::Structure,
 };
 use serde_json::{Value, json};
 
@@ -85,6 +90,14 @@ impl Observer for Watch<'_> {
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         self.contacts.step(mode, step, until)?;
         self.turning.step(mode, step, until)
+    }
+
+    fn wants_jumps(&self) -> bool {
+        self.contacts.wants_jumps()
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        self.contacts.jump(jumped);
     }
 
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::{
-    episode::{Episode, Moment, Separation, Spell, flank},
+    episode::{Blows, Episode, Moment, Separation, Spell, flank},
     extent::Extent,
     piece::{Piece, Row, measured_parts},
     report::ContactReport,
@@ -11,9 +11,9 @@ use super::{
     track::Track,
 };
 use crate::{
-    engine::Observer,
+    engine::{Jumped, Observer},
     event::EventRecord,
-    hybrid::{Clock, ContactMode, ContactView, HybridSystem, Instant, Mode, Power, Shown},
+    hybrid::{Clock, ContactMode, ContactView, HybridSystem, Instant, Mode, Power, Shown, Transition},
     integrate::DenseStep,
 };
 
@@ -157,11 +157,10 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
         if self.tracks[j].spell.is_none() {
             self.begin(j, before, record.at);
         }
-        if measured && self.impulses[j] != 0.0 {
-            // Impacts, and what they pass on through contacts at rest.
-            let (_, after) = system.deflection(j, record.at, &record.x_plus);
-            self.tracks[j].impulse.add(self.impulses[j]);
-            self.tracks[j].lost.add(0.5 * self.impulses[j] * (rate + after));
+        if measured {
+            let track = &mut self.tracks[j];
+            track.impulse.add(track.blows.impulse);
+            track.lost.add(track.blows.lost);
         }
         let struck = record
             .fired
@@ -171,7 +170,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
             .map(|(_, watch)| watch.side())
             .filter(|side| {
                 // Closing already, or set closing by another impact of the same instant.
-                let strikes = side * rate > 0.0 || side * self.impulses[j] > 0.0;
+                let strikes = side * rate > 0.0 || self.tracks[j].blows.count > 0;
                 system.is_rigid(j) && !before.is_closed() && strikes
             });
         match struck {
@@ -240,24 +239,26 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
         track.separated(spell.separation(&self.clock, side), self.keep);
     }
 
-    /// A rigid impact: an episode of no duration.
+    /// A rigid impact, with all its blows at the instant: an episode of no duration.
     fn impact(&mut self, j: usize, side: f64, record: &EventRecord, measured: bool) {
-        let before = self.system.deflection(j, record.at, &record.x_minus).1;
-        let after = self.system.deflection(j, record.at, &record.x_plus).1;
-        let lost = 0.5 * self.impulses[j] * (before + after);
+        let rates = [&record.x_minus, &record.x_plus].map(|x| self.system.deflection(j, record.at, x).1);
         let track = &mut self.tracks[j];
-        let (approach, release) = (side * before, -side * after);
+        let Blows { count, first, last, impulse, lost } = track.blows;
+        // A flank that closes and takes no impulse: others have turned it back.
+        let ([before, after], last) = if count > 0 { (first, last) } else { (rates, rates[1]) };
+        let approach = side * before;
         let episode = Episode {
             start: Moment::new(&self.clock, record.at),
             flank: flank(side),
             by_force: false,
             duration: 0.0,
+            blows: count,
             peak_force: None,
             peak_penetration: 0.0,
             approach,
-            release,
-            restitution: (approach > 0.0).then(|| release / approach),
-            impulse: side * self.impulses[j],
+            release: -side * last,
+            restitution: (approach > 0.0 && count > 0).then(|| -side * after / approach),
+            impulse: side * impulse,
             energy_lost: lost,
         };
         track.ended = Some(episode);
@@ -283,6 +284,30 @@ impl<S: HybridSystem + ContactView + ?Sized> Observer for Contacts<'_, S> {
         ControlFlow::Continue(())
     }
 
+    fn wants_jumps(&self) -> bool {
+        true
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        let Self { system, impulses, tracks, .. } = self;
+        let Jumped { at, from, to, x_minus, x_plus, .. } = *jumped;
+        let (from, to, fired) = (&from.mode, &to.mode, &(jumped.fired | &to.struck));
+        system.impulses(&Transition { at, fired, from, to, x_minus, x_plus }, impulses);
+        for (j, track) in tracks.iter_mut().enumerate().filter(|(j, _)| impulses[*j] != 0.0) {
+            let rates = [x_minus, x_plus].map(|x| system.deflection(j, at, x).1);
+            let is_struck = jumped.to.struck.iter().any(|id| system.watch(id).0 == j);
+            let [before, after] = [from, to].map(|mode| system.contact_mode(j, mode));
+            let rates = if before.side() == 0.0 { rates } else { [0.0, rates[1]] };
+            let restitution = system.free_restitution(j).filter(|_| after.side() == 0.0).unwrap_or(0.0);
+            let lost = match is_struck {
+                true => 0.5 * impulses[j] * (1.0 - restitution) * rates[0],
+                // Brought to rest: the energy of its speed is lost.
+                false => 0.5 * impulses[j] * (rates[0] + rates[1]),
+            };
+            track.blows.add(is_struck, rates, impulses[j], lost);
+        }
+    }
+
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
         for track in &mut self.tracks {
             track.ended = None;
@@ -291,9 +316,9 @@ impl<S: HybridSystem + ContactView + ?Sized> Observer for Contacts<'_, S> {
             return ControlFlow::Continue(());
         }
         let measured = self.measures(record.at);
-        self.system.impulses(&record.transition(), &mut self.impulses);
         for j in 0..self.tracks.len() {
             self.follow(j, record, measured);
+            self.tracks[j].blows = Blows::default();
         }
         ControlFlow::Continue(())
     }

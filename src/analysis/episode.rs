@@ -33,19 +33,21 @@ pub struct Episode {
     pub by_force: bool,
     /// How long, s.
     pub duration: f64,
+    /// Blows of a rigid impact: jumps of its instant in which the contact takes an impulse. 0 for a contact with a duration.
+    pub blows: u32,
     /// Largest compressive force, N; absent for an impact.
     pub peak_force: Option<f64>,
     /// Largest penetration, m.
     pub peak_penetration: f64,
-    /// Closing speed at the start, m/s.
+    /// Closing speed at the start, m/s; of an impact before its first blow.
     pub approach: f64,
-    /// Opening speed at the end, m/s.
+    /// Opening speed at the end, m/s; of an impact right after its last blow.
     pub release: f64,
-    /// `release / approach`, for an approach at the flank.
+    /// `release / approach`, for an approach at the flank; of an impact that of its first blow, absent if it was at rest.
     pub restitution: Option<f64>,
-    /// Impulse that pushed the flanks apart, N s.
+    /// Impulse that pushed the flanks apart, N s; of an impact the sum of its blows.
     pub impulse: f64,
-    /// Energy lost in it, J: dissipated, dropped at the release, or lost in the impact.
+    /// Energy lost in it, J: dissipated, dropped at the release, or lost in the blows, `½ P (1 − e) × approach` of each.
     pub energy_lost: f64,
 }
 
@@ -62,6 +64,33 @@ pub struct Separation {
     pub from: &'static str,
     /// The flank it met: `drive` or `back`.
     pub to: &'static str,
+}
+
+/// Blows of one contact at one instant.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Blows {
+    pub count: u32,
+    /// Rates of the deflection before and after the first, m/s: 0 before if the contact was at rest.
+    pub first: [f64; 2],
+    /// The rate after the last, m/s.
+    pub last: f64,
+    /// Sum of the impulses along the direction, N s.
+    pub impulse: f64,
+    /// Energy lost, J.
+    pub lost: f64,
+}
+
+impl Blows {
+    /// Adds a jump that changes the rate; it is a blow if the contact `is_struck`.
+    pub fn add(&mut self, is_struck: bool, rates: [f64; 2], impulse: f64, lost: f64) {
+        self.impulse += impulse;
+        self.lost += lost;
+        if is_struck {
+            self.first = if self.count == 0 { rates } else { self.first };
+            self.last = rates[1];
+            self.count += 1;
+        }
+    }
 }
 
 /// The spell a contact is in.
@@ -112,6 +141,7 @@ impl Spell {
             flank: flank(self.side),
             by_force: self.by_force,
             duration: self.duration.value(),
+            blows: 0,
             peak_force: Some(self.force.peak(self.side).max(0.0)),
             peak_penetration: (self.deflection.peak(self.side) - gap).max(0.0),
             approach: self.approach,

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::contacts::Contacts;
 use crate::{
-    engine::Observer,
+    engine::{Jumped, Observer},
     event::EventRecord,
     hybrid::{ContactMode, ContactView, HybridSystem, Mode},
     integrate::DenseStep,
@@ -56,9 +56,11 @@ pub struct ContactEvent {
     pub deflection: f64,
     /// Rate just before, m/s: of the deflection; of the gap (negative while it closes) for a rigid contact.
     pub velocity: f64,
-    /// Closing speed with which the episode began that begins or ends here, m/s.
+    /// Jumps of the instant in which the contact takes an impulse, for an impact.
+    pub blows: Option<u32>,
+    /// Closing speed with which the episode began that begins or ends here, m/s; of an impact before its first blow.
     pub approach: Option<f64>,
-    /// Opening speed with which the ending episode ends, m/s.
+    /// Opening speed with which the ending episode ends, m/s; of an impact right after its last blow.
     pub release: Option<f64>,
     /// How long force was carried, s; 0 for an impact.
     pub duration: Option<f64>,
@@ -66,11 +68,11 @@ pub struct ContactEvent {
     pub peak_force: Option<f64>,
     /// Largest penetration, m.
     pub peak_penetration: Option<f64>,
-    /// Impulse, N s.
+    /// Impulse, N s; of an impact the sum of its blows.
     pub impulse: Option<f64>,
-    /// Energy lost, J.
+    /// Energy lost, J; of an impact `½ P (1 − e) × approach speed`, summed over its blows.
     pub energy_lost: Option<f64>,
-    /// Restitution obtained: release over approach speed.
+    /// Restitution obtained: release over approach speed; of an impact that of its first blow, absent if it was at rest.
     pub restitution: Option<f64>,
     /// Restitution of a free impact under the contact's law: what was asked for.
     pub restitution_free: Option<f64>,
@@ -180,6 +182,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFl
             to: after.name(),
             deflection,
             velocity: if s.is_rigid(j) { -side * rate } else { rate },
+            blows: ended.map(|e| e.blows).filter(|_| kind == Kind::Impact),
             approach: if begins { Some(contact_side * rate) } else { ended.map(|e| e.approach) },
             release: ended.map(|e| e.release),
             duration: ended.map(|e| e.duration),
@@ -243,6 +246,14 @@ fn start(record: &EventRecord, on_flank: bool) -> Option<Kind> {
 impl<S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFlow<()>> Observer for EventLog<'_, S, F> {
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         self.contacts.step(mode, step, until)
+    }
+
+    fn wants_jumps(&self) -> bool {
+        self.contacts.wants_jumps()
+    }
+
+    fn jump(&mut self, jumped: &Jumped<'_>) {
+        self.contacts.jump(jumped);
     }
 
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {

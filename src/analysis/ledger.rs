@@ -26,6 +26,8 @@ pub struct Ledger<'s, S: ?Sized> {
     clock: Clock,
     piece: Piece,
     x: Vec<f64>,
+    /// Largest displacement of each degree of freedom at the ends of steps, m.
+    reach: Vec<f64>,
     start: Option<f64>,
     end: f64,
     largest: f64,
@@ -46,6 +48,9 @@ struct Totals {
     projection: Sum,
     flows: Sum,
 }
+
+/// Share of the largest column that the residual may not reach, whatever rounding is said to explain.
+const IMBALANCE: f64 = 0.005;
 
 /// The ledger's columns, J.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -94,11 +99,21 @@ impl Balance {
         (64.0 + 8.0 * steps as f64) * f64::EPSILON + left_out * steps as f64
     }
 
-    /// Whether the residual is more than the rounding of the throughput and of `energy`, J
-    /// ([`Structure::rounded_energy`](crate::system::Structure::rounded_energy)).
+    /// Largest residual that is no contradiction, J: the rounding of the throughput and of `energy`
+    /// ([`Structure::rounded_energy`](crate::system::Structure::rounded_energy)), and no more than [`IMBALANCE`] of the largest column. The
+    /// latter counts where that is above the rounding of the throughput and of `held`
+    /// ([`Structure::held_energy`](crate::system::Structure::held_energy)).
     #[must_use]
-    pub fn is_open(&self, energy: f64, steps: u64, left_out: f64) -> bool {
-        self.residual.abs() > Self::rounding(steps, left_out) * (self.throughput + energy)
+    pub fn limit(&self, [energy, held]: [f64; 2], steps: u64, left_out: f64) -> f64 {
+        let (rounding, largest) = (Self::rounding(steps, left_out), self.largest_column());
+        let counts = largest > rounding * (self.throughput + held);
+        (rounding * (self.throughput + energy)).min(if counts { IMBALANCE * largest } else { f64::INFINITY })
+    }
+
+    /// The largest of the energies at start and end and of the sums of work and loss, J.
+    fn largest_column(&self) -> f64 {
+        let Self { start, end, load, error, parametric, damping, contact, release, impact, .. } = *self;
+        [start, end, load, error, parametric, damping, contact, release, impact].iter().fold(0.0, |m, e| m.max(e.abs()))
     }
 }
 
@@ -111,11 +126,18 @@ impl<'s, S: HybridSystem + PowerBalance + ?Sized> Ledger<'s, S> {
             clock: *system.clock(),
             piece: Piece::new(*system.clock(), system.dim()),
             x: vec![0.0; system.dim()],
+            reach: vec![0.0; system.dim()],
             start: None,
             end: 0.0,
             largest: 0.0,
             totals: Totals::default(),
         }
+    }
+
+    /// The largest size of each component of the state at the ends of steps, `[dim]`.
+    #[must_use]
+    pub fn reach(&self) -> &[f64] {
+        &self.reach
     }
 
     /// The columns so far.
@@ -184,6 +206,7 @@ impl<S: HybridSystem + PowerBalance + ?Sized> Observer for Ledger<'_, S> {
             t.flows.add(w.abs());
         }
         step.state(until, &mut self.x);
+        self.reach.iter_mut().zip(&self.x).for_each(|(reach, x)| *reach = reach.max(x.abs()));
         let at = self.clock.advance(step.start(), step.time(until));
         let energy = self.system.energy(mode, at, &self.x);
         self.arrive(energy);

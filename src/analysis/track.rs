@@ -1,7 +1,7 @@
 //! What is kept of one contact.
 
 use super::{
-    episode::{Episode, Separation, Spell},
+    episode::{Blows, Episode, Separation, Spell},
     extent::Extent,
     report::{ContactReport, Statistics},
     sum::Sum,
@@ -11,6 +11,8 @@ use super::{
 pub(super) struct Track {
     /// The spell it is in.
     pub spell: Option<Spell>,
+    /// Its blows at the instant that is open.
+    pub blows: Blows,
     /// The episode that ended at the latest record.
     pub ended: Option<Episode>,
     pub separations: Vec<Separation>,

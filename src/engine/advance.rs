@@ -16,6 +16,9 @@ use crate::{
 /// Motions that are kept: some kilobytes each, and more modes than most trains come back to.
 const MAX_MOTIONS: usize = 1024;
 
+/// Arcs in a row that take no time, at most: more than an instant has jumps.
+const MAX_STILL: u32 = 10_000;
+
 /// A mode that was met.
 #[derive(Default)]
 struct Met<'s> {
@@ -99,17 +102,23 @@ impl<'s> Engine<'s> {
         let clock = *self.core.system.clock();
         let span = clock.between(self.state().at, end);
         self.core.iteration.is_silent = !observer.wants_events();
+        let (mut last, mut still) = (None, 0);
         while self.state().at < end {
+            still = if last == Some(self.state().at) { still + 1 } else { 0 };
+            last = Some(self.state().at);
+            if still > MAX_STILL {
+                return Err(EngineError::Still { t: clock.time(self.state().at).value(), arcs: still });
+            }
             if self.core.counters.events >= self.core.options.max_events {
                 return Ok(Outcome::EventBudgetSpent);
             }
-            if let Some(lane) = self.lane.as_deref_mut().filter(|_| !observer.wants_anything()) {
+            if let Some(lane) =
+                self.lane.as_deref_mut().filter(|_| !observer.wants_anything() && self.core.summed.is_none())
+            {
                 match lane::go_on(lane, &mut self.core, &mut *self.integrator, &mut self.point, end) {
                     Some(End::Bound) => break,
                     Some(End::Rest(guards, accumulation)) => {
-                        if let Some(outcome) = self.core.rest(&mut self.point, guards, accumulation, observer)? {
-                            return Ok(outcome);
-                        }
+                        self.core.rest(&mut self.point, guards, accumulation)?;
                         continue;
                     }
                     _ => {}
@@ -126,11 +135,15 @@ impl<'s> Engine<'s> {
                 End::Bound | End::Again => {}
                 End::Event(located) => self.core.fire(&mut self.point, &located, observer)?,
                 End::Rest(guards, accumulation) => {
-                    if let Some(outcome) = self.core.rest(&mut self.point, guards, accumulation, observer)? {
-                        return Ok(outcome);
-                    }
+                    self.core.rest(&mut self.point, guards, accumulation)?;
+                    continue;
                 }
+                End::Resume(until) => self.point = self.core.resume(until).unwrap_or_else(|| self.point.clone()),
                 End::Stop(outcome) => return Ok(outcome),
+            }
+            // An arc too short for a step says nothing against a sum.
+            if let Some(outcome) = self.core.confirm(&self.point.state, observer) {
+                return Ok(outcome);
             }
         }
         self.core.alarm.finish(self.core.system, self.point.state.at, &self.point.state.x)?;
@@ -140,7 +153,7 @@ impl<'s> Engine<'s> {
                 End::Event(located) => self.core.fire(&mut self.point, &located, observer)?,
                 End::Stop(outcome) => return Ok(outcome),
                 End::Again => {}
-                End::Bound | End::Rest(..) => return Ok(Outcome::ReachedEnd),
+                End::Bound | End::Rest(..) | End::Resume(_) => return Ok(Outcome::ReachedEnd),
             }
         }
         Ok(self.core.close(&self.point.state, observer).unwrap_or(Outcome::ReachedEnd))
@@ -169,7 +182,7 @@ impl<'s> Engine<'s> {
             let Again { steps, extent, left_out } = again;
             Before { steps: *steps, extent, left_out: *left_out }
         });
-        if let Some(motion) = motion.as_deref().filter(|_| known.leaps && !core.is_again) {
+        if let Some(motion) = motion.as_deref().filter(|_| known.leaps && !core.is_again && core.summed.is_none()) {
             if let Some(end) = leaps.arc(core, (motion, met.arcs), point, bound, arrival, observer)? {
                 return Ok(end);
             }

@@ -52,6 +52,8 @@ pub(super) struct Flight<'a> {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Chatter {
     sequences: Vec<Sequence>,
+    /// No sequence is summed before this instant: something else happens up to there.
+    blocked: Option<Instant>,
 }
 
 /// The expansion in ε is used only where its neglected square is below rounding.
@@ -72,6 +74,11 @@ impl Chatter {
         self.sequences.clear();
     }
 
+    /// Lets impacts go on one by one up to `until`.
+    pub fn block(&mut self, until: Instant) {
+        self.blocked = Some(until);
+    }
+
     /// Called with the flight after the impacts `fired`: which of them end here, and when.
     ///
     /// A sequence ends when the rebound speed has fallen far enough and ε is small.
@@ -82,8 +89,9 @@ impl Chatter {
         fired: &GuardSet,
         options: &Options,
     ) -> Option<(GuardSet, Accumulation)> {
+        self.blocked = self.blocked.filter(|until| flight.start < *until);
         let mut ending = GuardSet::default();
-        let mut end = Accumulation { resolved: 0, remaining: 0.0 };
+        let mut end = Accumulation { resolved: 0, remaining: 0.0, uncertainty: 0.0 };
         for (i, guard) in flight.guards.iter().enumerate() {
             if !fired.contains(*guard) {
                 continue;
@@ -97,23 +105,30 @@ impl Chatter {
             let now = flight.start;
             let since = |before| system.clock().between(before, now);
             let sequence = self.record(*guard, (now, since), u, e, others);
-            let slow = u <= options.chatter_fraction * sequence.fastest || u <= options.chatter_speed;
+            let is_last = u <= options.chatter_fraction * sequence.fastest;
             // The height of a flight is `u²/2A`.
             let is_flat = u * u <= 2.0 * a.abs() * (flight.rounding)(i);
             let [ratio, before] = sequence.ratios;
-            let remaining = if sequence.own >= IN_A_ROW {
-                let is_small = slow && a > 0.0 && epsilon.abs() <= SMALL * (1.0 - e);
-                is_small.then(|| 2.0 * u / (a * (1.0 - e)) * (1.0 + 2.0 * epsilon / (3.0 * (1.0 - e))))
+            // Time to the end, and its uncertainty: by how much the last factor differs from the one that is summed.
+            let sum = if sequence.own >= IN_A_ROW {
+                let is_slow = is_last || u <= options.chatter_speed;
+                let is_small = is_slow && a > 0.0 && epsilon.abs() <= SMALL * (1.0 - e);
+                let remaining = 2.0 * u / (a * (1.0 - e)) * (1.0 + 2.0 * epsilon / (3.0 * (1.0 - e)));
+                is_small.then(|| (remaining, remaining * (ratio / e - 1.0).abs() / (1.0 - e)))
             } else if ratio >= STALLED {
-                (is_flat && sequence.impacts > IN_A_ROW).then_some(0.0)
+                (is_flat && sequence.impacts > IN_A_ROW).then_some((0.0, sequence.interval))
             } else {
-                let is_steady = (ratio - before).abs() <= STEADY * ratio;
-                let is_joint = sequence.impacts > IN_A_ROW && (slow || is_flat && is_steady);
-                is_joint.then(|| sequence.interval * ratio / (1.0 - ratio))
+                let change = (ratio - before).abs();
+                // The factor of a faster sequence is not known to rounding: `chatter_speed` does not end it.
+                let is_joint = sequence.impacts > IN_A_ROW && (is_last || is_flat && change <= STEADY * ratio);
+                let per_share = sequence.interval / (1.0 - ratio);
+                is_joint.then(|| (per_share * ratio, per_share * change / (1.0 - ratio)))
             };
-            let Some(remaining) = remaining else { continue };
+            let Some((remaining, uncertainty)) = sum.filter(|_| self.blocked.is_none()) else { continue };
             ending.insert(*guard);
-            end.remaining = end.remaining.max(remaining);
+            if remaining >= end.remaining {
+                (end.remaining, end.uncertainty) = (remaining, uncertainty + f64::EPSILON * remaining);
+            }
             end.resolved = end.resolved.max(sequence.impacts);
             if sequence.own < IN_A_ROW {
                 let watched = |id: GuardId| flight.guards.contains(&id);

@@ -8,11 +8,11 @@ use super::{
     EngineError, Jumped, Observer, Outcome,
     chatter::Flight,
     state::{Point, State},
-    visit::{Arrival, Core, End, Place},
+    visit::{Arrival, Core, End, Place, Summed},
 };
 use crate::{
-    event::{Accumulation, EventRecord, Located},
-    hybrid::{GuardSet, Mode},
+    event::{Accumulation, Conditioning, EventRecord, Located},
+    hybrid::{GuardSet, Instant, Mode},
     integrate::DenseStep,
 };
 
@@ -186,31 +186,45 @@ impl Core<'_> {
     }
 
     /// An impact sequence ends: the contacts of `guards` come to rest. The time of the record is that of the sum, which is ahead of the
-    /// state: nothing else is known to happen then, and the instant is closed.
-    pub fn rest(
-        &mut self,
-        point: &mut Point,
-        guards: GuardSet,
-        accumulation: Accumulation,
-        observer: &mut dyn Observer,
-    ) -> Result<Option<Outcome>, EngineError> {
-        let (clock, Point { state, low, carried }) = (self.system.clock(), point);
+    /// state. So the sum stands only if nothing else happens before: the first step of the motion at rest tells.
+    pub fn rest(&mut self, point: &mut Point, guards: GuardSet, accumulation: Accumulation) -> Result<(), EngineError> {
+        let (clock, before) = (self.system.clock(), point.clone());
+        let Point { state, low, carried } = point;
         low.fill(0.0);
         carried.clear();
         self.alarm.jumped();
-        self.chatter.clear();
         self.iteration.open(state);
-        let at = clock.advance(state.at, accumulation.remaining);
-        let before = observer.wants_jumps().then(|| (state.jump.clone(), state.x.clone()));
+        let (at, remaining) = (clock.advance(state.at, accumulation.remaining), accumulation.remaining);
         let settled = self.system.settle(&state.jump, &guards, state.at, &mut state.x);
         state.jump = settled.map_err(|source| EngineError::Model { t: clock.time(at).value(), source })?;
-        if let Some((from, x_minus)) = &before {
-            let (at, to, x_plus, fired) = (state.at, &state.jump, state.x.as_slice(), &guards);
-            observer.jump(&Jumped { at, from, to, fired, x_minus, x_plus, settles: true });
-        }
         let record = &mut self.iteration.record;
-        (record.at, record.fired, record.accumulation, record.jumps) = (at, guards, Some(accumulation), 1);
-        Ok(self.close(state, observer))
+        (record.at, record.fired, record.accumulation, record.jumps) = (at, guards.clone(), Some(accumulation), 1);
+        record.conditioning =
+            Conditioning { time: accumulation.uncertainty, estimated: true, ..Conditioning::default() };
+        self.summed = Some(Summed { before, guards, remaining });
+        Ok(())
+    }
+
+    /// Confirms the sum of an impact sequence, if there is one, which has led to `state`: its instant is closed. What ends the run there.
+    pub fn confirm(&mut self, state: &State, observer: &mut dyn Observer) -> Option<Outcome> {
+        let Summed { before, guards, .. } = self.summed.take()?;
+        self.chatter.clear();
+        if observer.wants_jumps() {
+            let State { at, x, jump } = &before.state;
+            let (x_plus, fired) = (state.x.as_slice(), &guards);
+            observer.jump(&Jumped { at: *at, from: jump, to: &state.jump, fired, x_minus: x, x_plus, settles: true });
+        }
+        let is_spent = |core: &Self| core.counters.events >= core.options.max_events;
+        self.close(state, observer).or_else(|| is_spent(self).then_some(Outcome::EventBudgetSpent))
+    }
+
+    /// Takes the sum of an impact sequence back: its impacts go on one by one up to `until`. Where they go on.
+    pub fn resume(&mut self, until: Instant) -> Option<Point> {
+        let Summed { before, .. } = self.summed.take()?;
+        self.chatter.block(until);
+        self.iteration.stage = Stage::Past;
+        self.iteration.record.at = before.state.at;
+        Some(before)
     }
 
     /// Closes the instant that is open, if any, and hands on its record. The outcome, if the observer stops the run there.

@@ -47,6 +47,16 @@ pub enum EngineError {
         /// By how much they may.
         limit: f64,
     },
+    /// The clock does not tell the ends of many arcs from their starts.
+    #[error(
+        "at t = {t} s time stands still: {arcs} arcs in a row are shorter than the clock resolves; the events up to there stand"
+    )]
+    Still {
+        /// When, s.
+        t: f64,
+        /// Arcs in a row.
+        arcs: u32,
+    },
     /// Jumps at one instant that lead to each other without end.
     #[error("at t = {t} s the jumps do not come to rest after {rounds} rounds; they go round through: {}", cycle.join("; "))]
     Cycle {

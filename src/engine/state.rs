@@ -21,6 +21,7 @@ pub struct State {
 }
 
 /// A state, and what its doubles alone do not hold.
+#[derive(Clone)]
 pub(super) struct Point {
     pub state: State,
     /// What the state is beyond the rounding of its `x`, `[dim]`.
@@ -47,7 +48,8 @@ pub struct Options {
     pub event_tolerance: f64,
     /// The period that this is a fraction of, s; that of the system's clock if there is none.
     pub period: Option<f64>,
-    /// It is summed as well when the rebound speed has fallen below this, in the guards' units per second; 0 for never.
+    /// Replaces the fraction where the rebound speed has fallen below this, in the guards' units per second: a chatter of one contact is
+    /// summed then too, if the same expansion holds. 0 for never.
     pub chatter_speed: f64,
 }
 

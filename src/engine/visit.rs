@@ -34,6 +34,18 @@ pub(super) struct Core<'s> {
     pub again: Option<Again>,
     /// Whether the arc at hand goes on from such a step.
     pub is_again: bool,
+    /// The sum of an impact sequence that the first step of the motion at rest has to confirm.
+    pub summed: Option<Summed>,
+}
+
+/// An impact sequence that is summed, before anything of it is on record.
+pub(super) struct Summed {
+    /// Where its last resolved impact left the motion.
+    pub before: Point,
+    /// Its guards.
+    pub guards: GuardSet,
+    /// Time from there to its end, s.
+    pub remaining: f64,
 }
 
 /// The steps of an arc before one of them is made again: see [`Before`](crate::integrate::Before).
@@ -53,6 +65,8 @@ pub(super) enum End {
     Event(Located),
     /// An impact sequence that is summed: the contacts of its guards come to rest.
     Rest(GuardSet, Accumulation),
+    /// The sum of an impact sequence does not stand: its impacts go on one by one, at least up to this instant.
+    Resume(Instant),
     /// The end of the run.
     Stop(Outcome),
 }
@@ -95,6 +109,7 @@ impl<'s> Core<'s> {
             left: Point::new(state.clone()),
             again: None,
             is_again: false,
+            summed: None,
         }
     }
 }
@@ -113,6 +128,17 @@ impl Core<'_> {
         let left = self.system.clock().between(step.start(), place.bound);
         let closes = place.arrival != Arrival::Switch && left <= step.time(1.0) * (1.0 + 4.0 * f64::EPSILON);
         let (mut located, touch) = self.locator.first(step, first, closes);
+        if let Some(Summed { remaining, .. }) = self.summed {
+            let event = located.as_ref().map_or(1.0, |located| located.theta);
+            let quiet = step.time(touch.as_ref().map_or(event, |touch| touch.theta.min(event)));
+            if quiet < remaining {
+                self.leave(step, 0.0);
+                return Ok(Some(End::Resume(self.system.clock().advance(step.start(), quiet))));
+            }
+            if let Some(outcome) = self.confirm(place.state, observer) {
+                return self.end_at(step, place, 0.0, End::Stop(outcome));
+            }
+        }
         if first && let Some(end) = self.resolve(step, place, &mut located, left, observer) {
             return self.end_at(step, place, 0.0, end);
         }
@@ -171,7 +197,9 @@ impl Core<'_> {
             // The root is a rounded number: time and state are moved onto a guard that fell through zero there.
             if let Some(id) = located.zero.iter().next().filter(|_| theta > 0.0) {
                 let by = self.system.meet(mode, id, *at, located.conditioning.time, x, &mut self.left.low);
-                *at = self.system.clock().advance(*at, by);
+                let met = self.system.clock().advance(*at, by);
+                // Times in a log do not decrease.
+                *at = if met < place.state.at { place.state.at } else { met };
             }
         }
         Ok(Some(end))

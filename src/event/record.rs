@@ -20,6 +20,8 @@ pub struct Accumulation {
     pub resolved: u32,
     /// Time from the last resolved impact to the accumulation point, s.
     pub remaining: f64,
+    /// Uncertainty of that time, s: an estimate, by how steadily the last rebounds have shrunk.
+    pub uncertainty: f64,
 }
 
 /// One instant at which the mode or the state changed.

@@ -5,26 +5,32 @@ use crate::system::{Sticking, zeros};
 
 impl Expansion<'_> {
     /// The multipliers that hold the resting contacts, `g·a = ë`, at order `k`, and what they do to the accelerations.
+    ///
+    /// They are solved for twice: the first time leaves the rounding of the loads in `g·a`, which may be far above ë where a flank moves
+    /// slowly, and steps are long then.
     pub(super) fn hold(&self, held: &Sticking, k: usize, accelerations: &mut [f64], work: &mut [f64]) {
         let s = self.s;
         let mut forces = zeros(held.contacts().len());
-        for (force, &j) in forces.iter_mut().zip(held.contacts()) {
-            let c = &s.contacts[j];
-            *force = c.direction.iter().fold(0.0, |sum, (i, g)| sum + g * accelerations[*i as usize]);
-            for w in &c.error {
-                let o = Layout::oscillator(w.index) + k;
-                let omega = s.oscillators[w.index].omega;
-                *force += omega * omega * (w.cosine * work[o] + w.sine * work[o + ROW]);
+        for round in 0..2 {
+            for (force, &j) in forces.iter_mut().zip(held.contacts()) {
+                let c = &s.contacts[j];
+                *force = c.direction.iter().fold(0.0, |sum, (i, g)| sum + g * accelerations[*i as usize]);
+                for w in &c.error {
+                    let o = Layout::oscillator(w.index) + k;
+                    let omega = s.oscillators[w.index].omega;
+                    *force += omega * omega * (w.cosine * work[o] + w.sine * work[o + ROW]);
+                }
             }
-        }
-        held.solve(&mut forces);
-        if s.is_symmetric(&self.motion.mode, self.request.x) {
-            s.symmetry.restore_forces(held.contacts(), &mut forces);
-        }
-        for (force, &j) in forces.iter().zip(held.contacts()) {
-            work[self.layout.of(j, FORCE) + k] = *force;
-            for (i, p) in &s.contacts[j].push {
-                accelerations[*i as usize] -= p * force;
+            held.solve(&mut forces);
+            if s.is_symmetric(&self.motion.mode, self.request.x) {
+                s.symmetry.restore_forces(held.contacts(), &mut forces);
+            }
+            for (force, &j) in forces.iter().zip(held.contacts()) {
+                let row = &mut work[self.layout.of(j, FORCE) + k];
+                *row = if round == 0 { *force } else { *row + force };
+                for (i, p) in &s.contacts[j].push {
+                    accelerations[*i as usize] -= p * force;
+                }
             }
         }
     }

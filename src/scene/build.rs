@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::{
-    Built, dimensionless,
+    Built, clock, dimensionless,
     fault::Fault,
     initial, matrices,
     node::{Findings, Node},
@@ -47,6 +47,7 @@ pub(super) fn faults_of_train(resolved: &Value) -> Vec<Fault> {
 fn read(root: &Node) -> Option<Built> {
     let (spec, carrier_speed) = read_train(&root.at("train"))?;
     let run = run::read(&root.at("run"), &spec);
+    clock::check(root, &spec, &run);
     if run.frame == run::Frame::Fixed && carrier_speed.is_none() {
         root.at("run")
             .at("output")

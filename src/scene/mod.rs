@@ -34,6 +34,7 @@
 mod body;
 mod build;
 mod check;
+mod clock;
 mod contact;
 mod dimensionless;
 mod fault;

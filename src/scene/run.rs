@@ -115,7 +115,7 @@ impl Run {
         // A period written in a scene and that of the clock, 2π/ω, differ by rounding.
         let whole = self.period.zip(forcing).is_some_and(|(own, clock)| (own - clock).abs() <= 1.0e-14 * clock);
         let at = |cycles: u64| match self.period {
-            // OK to convert: scenes count up to 10¹² cycles.
+            // OK to convert: scenes count up to 10¹⁵ cycles.
             Some(_) if whole => clock.at(cycles as i64, 0.0),
             Some(period) => clock.instant(cycles as f64 * period),
             None => clock.instant(0.0),

@@ -38,11 +38,11 @@ pub enum SimulationError {
         missing: String,
     },
     /// The energy ledger does not balance.
-    #[error("the energy ledger of the run is open by {closure:e} of its throughput; rounding explains {rounding:e}")]
+    #[error("the energy ledger of the run is open by {closure:e} of its throughput, where {rounding:e} is allowed")]
     Energy {
         /// Residual over throughput.
         closure: f64,
-        /// What rounding explains.
+        /// The largest that is allowed: what rounding explains, and no more than half a percent of the largest column.
         rounding: f64,
     },
     /// A measure of the run is not a number.

@@ -11,7 +11,7 @@ use super::{
     samples::{SampleFile, sample_grid},
 };
 use crate::{
-    analysis::{Balance, Contacts, EventLog, EventRow, Grid, Ledger, Trajectory, TransmissionError},
+    analysis::{Contacts, EventLog, EventRow, Grid, Ledger, Trajectory, TransmissionError},
     engine::{Observer, Outcome},
     event::EventRecord,
     hybrid::{Clock, Instant, Mode},
@@ -187,7 +187,7 @@ impl<'a> Job<'a> {
         let step = clock.between(from, state.at) / summary.work.steps.max(1) as f64;
         // A difference comes before what follows from it; a run that failed says so itself.
         let failure = verified.err().map(SimulationError::from).or_else(|| match result {
-            Ok(_) => alarm(simulation, &summary, step, left_out),
+            Ok(_) => alarm(simulation, &summary, (step, ledger.reach()), left_out),
             Err(error) => Some(error.into()),
         });
         Ok(RunRecord { summary, events, failure })
@@ -201,8 +201,14 @@ impl RunRecord {
     }
 }
 
-/// What the numbers of a run say against it; `step` is the mean step, s, that leaves out `left_out` of the rates.
-fn alarm(simulation: &Simulation, summary: &Summary, step: f64, left_out: f64) -> Option<SimulationError> {
+/// The contradiction in the numbers of a run, if any; `step` is the mean step, s, that leaves out `left_out` of the rates, `reach` the
+/// largest size of each component of the state.
+fn alarm(
+    simulation: &Simulation,
+    summary: &Summary,
+    (step, reach): (f64, &[f64]),
+    left_out: f64,
+) -> Option<SimulationError> {
     // The ledger takes K as symmetric, and knows rounding and truncation only.
     let (spec, steps) = (simulation.structure.spec(), summary.work.steps);
     let modes = &summary.integrator.modes;
@@ -212,11 +218,12 @@ fn alarm(simulation: &Simulation, summary: &Summary, step: f64, left_out: f64) -
     let is_symmetric = spec.stiffness == spec.stiffness.transpose();
     let throughput = summary.energy.throughput;
     let energy = simulation.structure.rounded_energy(step, throughput);
+    let held = simulation.structure.held_energy(reach, throughput);
     // Of each degree of freedom a kinetic energy and that of springs: products of two factors, each off by twice the truncation.
     let left_out = 8.0 * spec.freedoms.len() as f64 * left_out;
-    if is_exact && is_symmetric && summary.energy.is_open(energy, steps, left_out) {
-        let share = if throughput > 0.0 { energy / throughput } else { 0.0 };
-        let rounding = Balance::rounding(steps, left_out) * (1.0 + share);
+    let limit = summary.energy.limit([energy, held], steps, left_out);
+    if is_exact && is_symmetric && summary.energy.residual.abs() > limit {
+        let rounding = if throughput > 0.0 { limit / throughput } else { limit };
         return Some(SimulationError::Energy { closure: summary.energy.closure(), rounding });
     }
     summary.overflow().map(SimulationError::Overflow)

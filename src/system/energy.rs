@@ -115,10 +115,26 @@ impl Structure {
     /// amplitude a, `E = k a²`, does the work `ε k ℓ a` on that.
     #[must_use]
     pub fn rounded_energy(&self, step: f64, throughput: f64) -> f64 {
-        let of_loads = (0..self.n).map(|i| {
-            let waves: f64 = self.spec.load_harmonics.iter().map(|load| load.vector[i].abs()).sum();
-            ((self.spec.load[i].abs() + waves) * step).powi(2) / self.spec.mass[(i, i)]
-        });
+        let of_loads = (0..self.n).map(|i| (self.largest_load(i) * step).powi(2) / self.spec.mass[(i, i)]);
+        of_loads.sum::<f64>() + self.rounded_stretches(throughput)
+    }
+
+    /// Energies that rounding shows where nothing moves, beside that of the `throughput` E, J: the work of the loads on the displacements
+    /// `reach`, m, that are rounded, and that of the contacts as in [`rounded_energy`](Self::rounded_energy).
+    #[must_use]
+    pub fn held_energy(&self, reach: &[f64], throughput: f64) -> f64 {
+        let of_loads = reach[..self.n].iter().enumerate().map(|(i, reach)| self.largest_load(i) * reach);
+        of_loads.sum::<f64>() + self.rounded_stretches(throughput)
+    }
+
+    /// The largest load on degree of freedom `i`, N.
+    fn largest_load(&self, i: usize) -> f64 {
+        let waves: f64 = self.spec.load_harmonics.iter().map(|load| load.vector[i].abs()).sum();
+        self.spec.load[i].abs() + waves
+    }
+
+    /// `√(E Σ k ℓ²)`, J: a stretch is rounded by ε of the flank's distance ℓ.
+    fn rounded_stretches(&self, throughput: f64) -> f64 {
         let of_flanks = self.contacts.iter().map(|c| {
             let distance = c.gap().abs()
                 + c.spec.error_offset.abs()
@@ -126,7 +142,7 @@ impl Structure {
             let power = if let Some(l) = c.spec.law.power() { l.exponent.value() + 1.0 } else { 2.0 };
             c.stiffest * libm::pow(distance, power)
         });
-        of_loads.sum::<f64>() + (throughput * of_flanks.sum::<f64>()).sqrt()
+        (throughput * of_flanks.sum::<f64>()).sqrt()
     }
 }
 

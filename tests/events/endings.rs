@@ -58,6 +58,15 @@ fn l30_a_number_that_is_none_is_an_error_at_once() {
 }
 
 #[test]
+fn l30_a_run_whose_time_stands_still_ends_with_an_error() {
+    let course = Course::new(&[1.0]);
+    let course = Course { stop: Some(course.clock.instant(2.0)), ..course };
+    let (outcome, run) = attempt(&course, course.start(), course.clock.instant(3.0));
+    assert!(matches!(outcome, Err(EngineError::Still { t: 2.0, .. })), "{outcome:?}");
+    assert_eq!(run.clock.time(run.state.at).value(), 2.0);
+}
+
+#[test]
 fn l31_a_run_to_where_it_stands_is_no_run() {
     let s = ball(0.5);
     let run = run(&s, &[0.7], &[0.0], 0.0);

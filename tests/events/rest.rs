@@ -1,15 +1,23 @@
 //! Rigid contacts: impacts, accumulation, rest and release: lines 19 to 24.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::{
+    f64::consts::{FRAC_PI_2, PI},
+    ops::ControlFlow,
+};
 
 use flank::{
+    engine::{Observer, Options},
     gear::{Harmonic, Stiffness},
-    hybrid::ContactMode::{Drive, Separated},
-    system::contact_mode,
+    hybrid::{
+        ContactMode::{Drive, Separated},
+        Mode,
+    },
+    integrate::DenseStep,
+    system::{Structure, contact_mode},
     train::{Walled, Walls},
 };
 
-use crate::support::{ball, masses, modes, rigid, run, walled};
+use crate::support::{ball, engine, masses, modes, rigid, run, state, walled};
 
 #[test]
 fn l19_three_impacts_at_one_instant_are_solved_together() {
@@ -119,6 +127,42 @@ fn l21_accumulation_rest_and_release_follow_each_other() {
     for (k, t) in releases.iter().enumerate() {
         let exact = 2.0 * PI * (k as f64 + 1.0) - (1.0f64 / 1.2).acos();
         assert!((t - exact).abs() <= 8.0 * f64::EPSILON * exact, "{k}: {:e}", t - exact);
+    }
+}
+
+#[test]
+fn l21_a_body_at_rest_goes_with_a_flank_that_moves_slowly() {
+    // The floor's acceleration is 1e-24 of gravity, below the rounding of the load; a step takes 1e12 s.
+    let omega = 1e-12;
+    let s = walled(&Walled {
+        load: -1.0,
+        motion: vec![Harmonic { omega, amplitude: 1.2, phase: 0.0 }],
+        ..Walled::new(1.0, Walls::Below { position: 0.0 }, rigid(0.5), Stiffness::Constant(0.0))
+    });
+    let mut watch = Deepest { s: &s, distance: 0.0 };
+    let mut engine = engine(&s, state(&s, &[1.2], &[0.0]), Options::default());
+    engine.run(s.clock().instant(4.0 * PI / omega), &mut watch).unwrap();
+    assert_eq!(contact_mode(&engine.state().jump.mode, 0), Drive);
+    // A row of 25 terms, each rounded.
+    assert!(watch.distance <= 1.2 * 64.0 * f64::EPSILON, "{:e}", watch.distance);
+}
+
+/// The largest distance from the first flank, on eight points of each step.
+struct Deepest<'s> {
+    s: &'s Structure,
+    distance: f64,
+}
+
+impl Observer for Deepest<'_> {
+    fn step(&mut self, _: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
+        let mut x = vec![0.0; 2];
+        for i in 0..=8 {
+            let theta = until * f64::from(i) / 8.0;
+            step.state(theta, &mut x);
+            let at = self.s.clock().advance(step.start(), step.time(theta));
+            self.distance = self.distance.max(self.s.deflection(0, at, &x).0.abs());
+        }
+        ControlFlow::Continue(())
     }
 }
 

@@ -161,11 +161,13 @@ pub struct Course {
     pub c: Vec<f64>,
     /// Every jump leads where the guard fires again.
     pub trap: bool,
+    /// A known time that no switch gets past.
+    pub stop: Option<Instant>,
 }
 
 impl Course {
     pub fn new(c: &[f64]) -> Self {
-        Self { clock: Clock::new(None), c: c.to_vec(), trap: false }
+        Self { clock: Clock::new(None), c: c.to_vec(), trap: false, stop: None }
     }
 
     /// The polynomial with these roots and this leading coefficient.
@@ -265,6 +267,9 @@ impl HybridSystem for Course {
         _: &mut [f64],
     ) -> Result<Jump, ModelError> {
         Ok(Jump { mode: Mode::default().with(0, 1 - from.mode.get(0)), pinned: fired.clone(), ..Jump::default() })
+    }
+    fn next_switch(&self, _: &Mode, _: Instant) -> Option<Instant> {
+        self.stop
     }
     fn settle(&self, from: &Jump, fired: &GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {
         self.jump(from, fired, at, x, &mut [])

@@ -46,6 +46,40 @@ fn g1_a_row_tells_both_sides_of_an_impact() {
     );
 }
 
+/// G1. A light ball on a heavy one, dropped together, all elastic (arXiv 2007.15005; box2d issue 167): at one instant the floor strikes
+/// first, then the balls. Each row has the blow of its own contact: the approach of the second is made by the first. With masses M and m,
+/// `r = m/M` and `v = √(2 g h)` the heavy ball leaves with `v (1 − 3r)/(1 + r)`, and no contact loses energy.
+#[test]
+fn g1_rows_of_a_cascade_have_the_blows_of_their_own_contact() {
+    let drop = |restitution: f64| {
+        let loads = [-0.6 * 9.81, -0.06 * 9.81];
+        let s = masses(&[0.6, 0.06], &loads, &[vec![-1.0, 0.0], vec![1.0, -1.0]], rigid(restitution));
+        let (mut rows, mut contacts) = (Vec::new(), Contacts::new(&s, None));
+        let mut log = EventLog::new(&s, Contacts::new(&s, None), |row: EventRow| {
+            rows.push(row);
+            ControlFlow::Continue(())
+        });
+        let mut engine =
+            engine(&s, state(&s, &[1.0, 1.0], &[0.0, 0.0]), Options { max_events: 1, ..Options::default() });
+        engine.run(s.clock().instant(0.8), &mut (&mut log, &mut contacts)).unwrap();
+        let impacts = rows.last().unwrap().contacts.iter().map(|c| {
+            let [approach, release, lost] = [c.approach, c.release, c.energy_lost].map(Option::unwrap);
+            (c.blows.unwrap(), approach, release, c.impulse.unwrap(), lost, c.restitution)
+        });
+        (impacts.collect::<Vec<_>>(), [0, 1].map(|j| contacts.report(j).energy_lost), engine.state().x.clone())
+    };
+    let (v, r) = ((2.0 * 9.81f64).sqrt(), 0.1);
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-14 * v;
+    let (rows, lost, x) = drop(1.0);
+    let [floor, between] = rows[..] else { panic!("{rows:?}") };
+    assert!(near(x[2], v * (1.0 - 3.0 * r) / (1.0 + r)) && near(x[3] - x[2], 2.0 * v), "{x:?}");
+    assert!(floor.0 == 1 && near(floor.1, v) && near(floor.2, v) && near(floor.3, 2.0 * 0.6 * v), "{floor:?}");
+    assert!(between.0 == 1 && near(between.1, 2.0 * v) && near(between.2, 2.0 * v), "{between:?}");
+    assert!(near(between.3, 2.0 * 0.06 * 2.0 * v / (1.0 + r)), "{between:?}");
+    assert_eq!((floor.4, between.4, lost), (0.0, 0.0, [0.0, 0.0]));
+    assert_eq!((floor.5, between.5), (Some(1.0), Some(1.0)));
+}
+
 /// G2. A mode is told in words: the name of each contact and its state.
 #[test]
 fn g2_modes_are_told_in_the_words_of_the_train() {
