@@ -241,6 +241,7 @@ impl Core<'_> {
             self.counters.add(record, self.tolerance);
         }
         self.iteration.stage = Stage::Past;
+        self.locator.clear();
         self.alarm.go_past();
         self.next_switch = self.system.next_switch(&state.jump.mode, state.at);
     }
