@@ -149,7 +149,7 @@ impl Alarm {
     }
 
     /// Largest rounding of a guard that was met, in its units.
-    fn largest_rounding(&self, guard: GuardId) -> f64 {
+    pub fn largest_rounding(&self, guard: GuardId) -> f64 {
         self.met[usize::from(guard.0)].rounding
     }
 

@@ -122,7 +122,7 @@ impl Leaps {
             }
             core.counters.steps += 1;
             core.locator.splits += self.leap.splits;
-            core.locator.clear();
+            core.locator.leapt();
             core.counters.arcs += u64::from(self.count == 0);
             let gathered = |id| self.last.map_or(0.0, |time| self.gathered(motion, id, 0, (self.count, time)));
             core.alarm.start_leap(core.system, at, &self.leap, self.count == 0, gathered)?;

@@ -127,7 +127,8 @@ impl Core<'_> {
         self.alarm.start(self.system, step, first)?;
         let left = self.system.clock().between(step.start(), place.bound);
         let closes = place.arrival != Arrival::Switch && left <= step.time(1.0) * (1.0 + 4.0 * f64::EPSILON);
-        let (mut located, touches) = self.locator.first(step, first, closes);
+        let carried = |id| self.alarm.largest_rounding(id);
+        let (mut located, touches) = self.locator.first(step, (first, closes), &carried);
         if let Some(Summed { remaining, .. }) = self.summed {
             let event = located.as_ref().map_or(1.0, |located| located.theta);
             let quiet = step.time(touches.first().map_or(event, |touch| touch.theta.min(event)));

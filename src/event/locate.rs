@@ -39,13 +39,13 @@ fn falls_on(p: &[f64], depth: f64) -> bool {
     poly::eval_with_slope(p, 1.0).1 < 0.0 && poly::eval(p, 1.0 + BEYOND) < -LOOSER * depth
 }
 
-/// Where the motion stands in a dip: a stretch in which a guard cannot be told from zero.
+/// A dip that goes on from step to step: a stretch in which a guard cannot be told from zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Stage {
-    /// The dip is not on record.
-    Open,
-    /// It is, or it began with the arc.
-    Known,
+struct Stage {
+    /// It is on record, or it began with the arc.
+    is_known: bool,
+    /// Its length so far, s.
+    length: f64,
 }
 
 /// A guard that may come near zero on a step.
@@ -67,6 +67,8 @@ impl Near {
 pub struct Locator {
     /// Subdivisions spent where the coefficients alone did not decide.
     pub splits: u64,
+    /// Steps since the last jump, whatever arcs they are of: they gather rounding.
+    steps: u32,
     dips: SmallVec<[(GuardId, Stage); 2]>,
 }
 
@@ -93,11 +95,13 @@ impl Touch {
         Self { theta, guard: step.guards()[i], conditioning }
     }
 
-    /// In a dip: at its lowest point, with half its length as uncertainty.
-    fn of(step: &dyn DenseStep, i: usize, [from, to]: [f64; 2]) -> Self {
+    /// In a dip: at its lowest point on the step. The touch may be anywhere in it, also in the `length` before the step, s.
+    fn of(step: &dyn DenseStep, i: usize, [from, to]: [f64; 2], length: f64) -> Self {
         let middle = 0.5 * (from + to);
-        let lowest = lowest(step.guard(i), middle).filter(|x| (from..=to).contains(x));
-        Self::new(step, i, lowest.unwrap_or(middle), 0.5 * (to - from))
+        let theta = lowest(step.guard(i), middle).filter(|x| (from..=to).contains(x)).unwrap_or(middle);
+        let mut touch = Self::new(step, i, theta, (theta - from).max(to - theta));
+        touch.conditioning.time += length;
+        touch
     }
 
     /// Where a step in a root clock is not to be told from zero.
@@ -155,24 +159,32 @@ impl Locator {
     /// Tells if a guard is in a dip that is neither on record nor over: the next step has to decide.
     #[must_use]
     pub fn is_pending(&self) -> bool {
-        self.dips.iter().any(|(_, stage)| *stage == Stage::Open)
+        self.dips.iter().any(|(_, stage)| !stage.is_known)
     }
 
-    /// All guards are clear of zero.
-    pub fn clear(&mut self) {
+    /// A jump makes another motion.
+    pub fn jumped(&mut self) {
+        self.steps = 0;
+    }
+
+    /// A leap has been made: all guards are clear of zero.
+    pub fn leapt(&mut self) {
+        self.steps += 1;
         self.dips.clear();
     }
 
     /// The first event on the step, and the touches before it, in order.
     ///
     /// `starts` says that the step is the first of its arc: a guard in a dip there has just left its flank, or the dip is on record.
-    /// `closed_end` makes an event exactly at the end of the step belong to it (the end of a run).
+    /// `closed_end` makes an event exactly at the end of the step belong to it (the end of a run). `carried` gives the largest rounding that
+    /// a guard has had in the run: it counts where an arc goes on that a known time has cut.
     pub fn first(
         &mut self,
         step: &dyn DenseStep,
-        starts: bool,
-        closed_end: bool,
+        (starts, closed_end): (bool, bool),
+        carried: &dyn Fn(GuardId) -> f64,
     ) -> (Option<Located>, SmallVec<[Touch; 1]>) {
+        self.steps += 1;
         if starts && !self.dips.is_empty() {
             self.dips.retain(|(guard, _)| step.guards().contains(guard));
         }
@@ -198,7 +210,7 @@ impl Locator {
                 continue;
             }
             let root = if is_plain {
-                match self.near(step, (i, &series), stage, (starts, closed_end), limit) {
+                match self.near(step, (i, &series), stage, (starts, closed_end), (limit, carried)) {
                     Ok(found) => {
                         let crossing = found.crossing();
                         near.push(found);
@@ -235,12 +247,15 @@ impl Locator {
         (i, series): (usize, &Deflated<'_>),
         stage: Option<Stage>,
         (starts, closed_end): (bool, bool),
-        limit: f64,
+        (limit, carried): (f64, &dyn Fn(GuardId) -> f64),
     ) -> Result<Near, f64> {
+        let (all, here) = (f64::from(self.steps), f64::from(step.before().steps + 1));
+        let before = if all > here { all.sqrt() * carried(step.guards()[i]) } else { 0.0 };
+        let cut = (all / here).max(1.0).sqrt();
         // What an arc has gathered counts where no zero at its start is exact. What is left out on request makes a dip uncertain, and does
         // not make it a touch.
         let bounds = |theta: f64| {
-            let gathered = if series.order == 0 { step.gathered(i, theta, 0) } else { 0.0 };
+            let gathered = if series.order == 0 { before.max(cut * step.gathered(i, theta, 0)) } else { 0.0 };
             let margin = series.error + gathered;
             [margin, DEPTH * (margin - step.left_out(i))]
         };
@@ -252,7 +267,9 @@ impl Locator {
         }
         self.splits += 1;
         let begins = stage.is_some() || series.p[0] <= bounds(0.0)[0];
-        let stage = stage.or(begins.then_some(if starts || series.order > 0 { Stage::Known } else { Stage::Open }));
+        // A guard that rises has left its flank, or its dip is on record.
+        let rises = series.order > 0 || series.p.get(1).is_some_and(|slope| *slope >= 0.0);
+        let stage = stage.or(begins.then_some(Stage { is_known: starts || rises, length: 0.0 }));
         let mut dips = poly::dips(series.p, bounds, begins);
         let Some(dip) = dips.last_mut() else { return Ok(Near { guard: i, stage, dips }) };
         // At the end of a step the series goes on: it tells a crossing from a touch. A run that ends there has no other way to know.
@@ -282,17 +299,19 @@ impl Locator {
         let (i, guard) = (near.guard, step.guards()[near.guard]);
         self.dips.retain(|(id, _)| *id != guard);
         for (number, dip) in near.dips.iter().enumerate().filter(|(_, dip)| dip.from < end || end == 0.0) {
-            let stage = near.stage.filter(|_| number == 0).unwrap_or(Stage::Open);
+            let begun = near.stage.filter(|_| number == 0);
+            let Stage { is_known, length } = begun.unwrap_or(Stage { is_known: false, length: 0.0 });
             let goes_on = dip.is_open || dip.to >= end;
             if goes_on && fires {
                 continue;
             }
-            let is_touch = stage == Stage::Open && (!goes_on || is_last);
+            let is_touch = !is_known && (!goes_on || is_last);
             if is_touch {
-                touches.push(Touch::of(step, i, [dip.from, dip.to.min(end)]));
+                touches.push(Touch::of(step, i, [dip.from, dip.to.min(end)], length));
             }
             if goes_on {
-                self.dips.push((guard, if is_touch { Stage::Known } else { stage }));
+                let length = length + step.time(end) - step.time(dip.from);
+                self.dips.push((guard, Stage { is_known: is_known || is_touch, length }));
             }
         }
     }

@@ -147,7 +147,10 @@ pub(crate) fn dips(p: &[f64], bounds: impl Fn(f64) -> [f64; 2], inside: bool) ->
                 dip = None;
                 break;
             };
-            let rise = passage(p, margin, from, -1.0, !begins).filter(|to| *to > from);
+            // A dip that begins at the start may be over there.
+            let is_over = begins && eval(p, at) >= margin;
+            let rise =
+                if is_over { Some(from) } else { passage(p, margin, from, -1.0, !begins).filter(|to| *to > from) };
             let to = rise.unwrap_or(1.0);
             dip = Some(Dip { from, to, is_open: rise.is_none(), root: None });
             let closer = bounds(to)[0];
