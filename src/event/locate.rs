@@ -260,10 +260,12 @@ impl Locator {
             [margin, DEPTH * (margin - step.left_out(i))]
         };
         let [margin, depth] = bounds(1.0);
-        if stage.is_none()
-            && let Some(fall) = poly::only_fall(series.p, limit, margin.max(depth))
-        {
-            return Err(fall);
+        if stage.is_none() && series.p[0] > margin {
+            match poly::fall_or_clear(series.p, limit, [margin, margin.max(depth)]) {
+                Some(Some(fall)) => return Err(fall),
+                Some(None) => return Ok(Near { guard: i, stage, dips: SmallVec::new() }),
+                None => {}
+            }
         }
         self.splits += 1;
         let begins = stage.is_some() || series.p[0] <= bounds(0.0)[0];

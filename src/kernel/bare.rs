@@ -262,7 +262,7 @@ impl Motion<'_> {
                 continue;
             }
             let error = series.error + if series.order == 0 { GATHERED * doubtful[place].afresh } else { 0.0 };
-            let theta = match poly::fall_or_clear(path, series.p, limit, [error, DEEP * error]) {
+            let theta = match poly::fall_or_clear_on(path, series.p, limit, [error, DEEP * error]) {
                 None => return false,
                 Some(None) => continue,
                 Some(Some(theta)) => theta,

@@ -50,16 +50,10 @@ const MAX_DEPTH: u32 = 52;
 /// If `p` is empty or has a degree above [`MAX_DEGREE`](super::MAX_DEGREE).
 #[must_use]
 pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
-    first_root_on(Baseline, p, limit, uncertainty)
-}
-
-/// As [`first_root`], compiled for the set of `path`: the same bits by every set.
-#[inline(always)]
-pub(crate) fn first_root_on<P: Path>(path: P, p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
     if bernstein::certainly_positive(p, uncertainty) {
         return Isolation::CLEAR;
     }
-    let root = match bernstein::signs(path, p, limit, uncertainty) {
+    let root = match bernstein::signs(Baseline, p, limit, uncertainty) {
         Signs::Above => FirstRoot::None,
         Signs::Fall(guess) => FirstRoot::At(polish(p, 0.0, limit, guess * limit)),
         Signs::Mixed => return search(p, limit, uncertainty),
@@ -73,18 +67,20 @@ pub(crate) fn is_above(p: &[f64], margin: f64) -> bool {
     bernstein::certainly_positive(p, margin)
 }
 
-/// The only zero of `p` in `[0, limit]`, if it starts above `margin`, falls through it and ends below its negative.
-pub(crate) fn only_fall(p: &[f64], limit: f64, margin: f64) -> Option<f64> {
-    match bernstein::signs(Baseline, p, limit, margin) {
-        Signs::Fall(guess) => Some(polish(p, 0.0, limit, guess * limit)),
-        Signs::Above | Signs::Mixed => None,
-    }
-}
-
 /// The only zero of `p` in `[0, limit]`, if it ends below `-depth`, or `None` in place of it if `p` stays above `margin`; nothing where
 /// neither is proved.
+pub(crate) fn fall_or_clear(p: &[f64], limit: f64, bounds: [f64; 2]) -> Option<Option<f64>> {
+    fall_or_clear_on(Baseline, p, limit, bounds)
+}
+
+/// As [`fall_or_clear`], compiled for the set of `path`.
 #[inline(always)]
-pub(crate) fn fall_or_clear<P: Path>(path: P, p: &[f64], limit: f64, [margin, depth]: [f64; 2]) -> Option<Option<f64>> {
+pub(crate) fn fall_or_clear_on<P: Path>(
+    path: P,
+    p: &[f64],
+    limit: f64,
+    [margin, depth]: [f64; 2],
+) -> Option<Option<f64>> {
     if bernstein::certainly_positive(p, margin) {
         return Some(None);
     }
