@@ -108,7 +108,7 @@ fn text(simulation: &Simulation, found: &Found) -> Result<String, std::fmt::Erro
     writeln!(out, "{}: {count} {}", simulation.name, if count == 1 { "orbit" } else { "orbits" })?;
     let head = ["period", "word", "stable", "largest multiplier", "residual"].map(String::from);
     let rows = found.orbits.iter().map(|orbit| {
-        let stable = if orbit.is_stable { "yes" } else { "no" };
+        let stable = orbit.stability().0;
         let [largest, residual] = [orbit.largest_multiplier(), orbit.residual].map(number);
         let word = if orbit.image.word.is_empty() { "no event".to_owned() } else { orbit.word() };
         vec![orbit.period.to_string(), word, stable.to_owned(), largest, residual]

@@ -26,6 +26,7 @@ pub use approach::{Approach, Approached};
 pub use crossing::{Crossing, GuardMap};
 pub use exponents::{Averaging, Exponents, Finite, INTERRUPTED, Lyapunov, WithoutSaltation};
 pub use kind::{Kind, Motion, Watching, decide};
+pub(crate) use newton::MARGINAL;
 pub use newton::{Missed, Orbit};
 pub use report::components;
 pub use search::{Found, LONGEST, Search, Searched};

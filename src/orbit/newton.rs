@@ -140,6 +140,16 @@ impl Orbit {
         left
     }
 
+    /// The answer to whether it is stable, and the adjective for it. An orbit that no multiplier makes unstable beyond rounding is marginal.
+    #[must_use]
+    pub fn stability(&self) -> (&'static str, &'static str) {
+        match self.is_stable {
+            true => ("yes", "stable"),
+            false if self.largest_multiplier() <= 1.0 + MARGINAL => ("marginal", "marginal"),
+            false => ("no", "unstable"),
+        }
+    }
+
     /// The multiplier of largest size, but those that say nothing of stability.
     #[must_use]
     pub fn largest_multiplier(&self) -> f64 {

@@ -193,7 +193,7 @@ pub fn orbit(simulation: &Simulation, orbit: &Orbit, count: usize) -> Result<Fig
         series: placed,
         ..Panel::default()
     };
-    let stable = if orbit.is_stable { "stable" } else { "unstable" };
+    let stable = orbit.stability().1;
     let left_out = structure.contacts().len() - contacts.len();
     let rest = if left_out > 0 { format!(" {left_out} further contacts are not drawn.") } else { String::new() };
     let which = if count > 1 { format!("Orbit 1 of {count}. ") } else { String::new() };

@@ -22,6 +22,23 @@ pub(crate) fn returns(simulation: &Simulation, x: &[f64], end: &[f64], cycles: u
     (0..n).all(|i| off(i) <= reach && off(n + i) <= reach * omega)
 }
 
+/// Whether a multiplier is one, to rounding.
+fn is_one(m: &Complex<f64>) -> bool {
+    (m - Complex::new(1.0, 0.0)).norm() <= NEUTRAL
+}
+
+impl Orbit {
+    /// Whether it belongs to a family of rests: nothing happens along it, and all multipliers are one.
+    pub(super) fn is_rest(&self) -> bool {
+        self.image.word.is_empty() && self.multipliers.len() > self.neutral && self.multipliers.iter().all(is_one)
+    }
+
+    /// Writes one for a multiplier that is one but for rounding.
+    pub(super) fn round_ones(&mut self) {
+        self.multipliers.iter_mut().filter(|m| is_one(m)).for_each(|m| *m = Complex::new(1.0, 0.0));
+    }
+}
+
 impl SectionMap<'_> {
     /// The orbit of one cycle through `section`, if a train rests there in its gaps: no contact does anything, and no multiplier is off the
     /// unit circle. Newton's method finds none, because orbits lie in families there. `cycles` were run before.
@@ -40,9 +57,7 @@ impl SectionMap<'_> {
         let residual = unknowns.between(&section.x, &image.end.x).norm();
         let derivative = unknowns.reduced(&image.jacobian);
         let mut orbit = Orbit::of(section, image, (&unknowns, &[derivative]), residual, f64::INFINITY);
-        // One is one, whatever rounding has made of it.
-        let one = |m: &Complex<f64>| (m - Complex::new(1.0, 0.0)).norm() <= NEUTRAL;
-        orbit.multipliers.iter_mut().filter(|m| one(m)).for_each(|m| *m = Complex::new(1.0, 0.0));
+        orbit.round_ones();
         Ok(Some(orbit).filter(|orbit| (orbit.largest_multiplier() - 1.0).abs() <= NEUTRAL))
     }
 }

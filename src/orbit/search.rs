@@ -373,8 +373,17 @@ impl Found {
         }
     }
 
-    /// Adds an orbit that is not there yet, at any of its points, each known to its condition times its residual.
-    fn add(&mut self, map: &SectionMap<'_>, orbit: Orbit) {
+    /// Adds an orbit that is not there yet, at any of its points, each known to its condition times its residual. A family of rests is one
+    /// orbit: any of them stands for it.
+    fn add(&mut self, map: &SectionMap<'_>, mut orbit: Orbit) {
+        if orbit.is_rest() {
+            orbit.round_ones();
+            orbit.is_marginal = true;
+            let is_family = |known: &Orbit| known.is_rest() && known.section.contacts == orbit.section.contacts;
+            if self.orbits.iter().any(is_family) {
+                return;
+            }
+        }
         let unsure = |orbit: &Orbit| (UNSURE * orbit.condition * orbit.residual).min(1e3 * SAME);
         let is_same = |known: &Orbit| {
             let within = SAME + unsure(known).max(unsure(&orbit));

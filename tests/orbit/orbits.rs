@@ -238,3 +238,23 @@ fn an_event_at_phase_0_is_told() {
     };
     assert!(at(0.0) && !at(1e-6));
 }
+
+/// A bead in a shaken box without gravity (de Souza, Caldas and Viana 2009) rests anywhere in the gap: one family, neither stable nor
+/// unstable.
+#[test]
+fn a_family_of_rests_is_one_orbit() {
+    let simulation = open(json!({
+        "flank": 1,
+        "train": {
+            "kind": "wall", "mass_kg": 1, "wall": { "side": "both", "half_gap_m": 1 },
+            "wall_motion": [{ "amplitude_m": 0.5, "frequency_rad_per_s": 1 }], "law": { "kind": "rigid", "restitution": 0.8 },
+        },
+        "initial": { "q": [0], "v": [0.6] },
+        "run": { "cycles": 400, "transient_cycles": 300 },
+    }));
+    let orbits = found(&simulation, Search { period: None, starts: 60 }).orbits;
+    let resting: Vec<_> = orbits.iter().filter(|orbit| orbit.image.word.is_empty()).collect();
+    let [rest] = resting[..] else { panic!("{} rests", resting.len()) };
+    assert_eq!(rest.stability().0, "marginal");
+    assert!(rest.multipliers.iter().all(|m| (m.re, m.im) == (1.0, 0.0)));
+}
