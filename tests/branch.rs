@@ -636,3 +636,148 @@ fn what_is_near_another_point_is_found() {
         assert!(nearest.kind == Kind::GrazingDamped && off(&nearest) <= 1e-12, "{nearest:?}");
     }
 }
+
+/// A pair between rigid flanks with an eccentricity, damped and loaded (Mason and Piiroinen 2009; Halse et al. 2007), as a mass in contact.
+fn eccentric(restitution: f64) -> Value {
+    json!({
+        "flank": 1,
+        "train": {
+            "kind": "wall", "mass_kg": 1, "damping_n_s_per_m": 0.6, "load_n": 7.539_822_368_615_503_5,
+            "load_harmonics": [{ "amplitude_n": -6, "frequency_rad_per_s": std::f64::consts::TAU }],
+            "wall": { "side": "both", "half_gap_m": 0.6 }, "law": { "kind": "rigid", "restitution": restitution },
+        },
+        "initial": { "q": [0.6], "v": [0] },
+        "run": { "cycles": 100, "transient_cycles": 50 },
+    })
+}
+
+const ECCENTRICITY: &str = "/train/load_harmonics/0/amplitude_n";
+
+/// Permanent contact ends where the forcing is as large as the mean load, for every restitution and from every range.
+#[test]
+fn a_rest_that_lasts_ends_where_its_least_load_is_zero() {
+    for restitution in [0.0, 0.5, 0.9] {
+        for ends in [[-8.0, -5.0], [-5.5, -7.9], [-7.7, -4.0], [-7.8, -5.9]] {
+            let branches = follow(&eccentric(restitution), &[ECCENTRICITY], ends, 0);
+            let exact = -7.539_822_368_615_503_5;
+            let found = nearest(&branches, Kind::Stick, exact);
+            let stick = specials(&branches).into_iter().find(|special| special.value == found).unwrap();
+            let off = (found - exact).abs();
+            assert!(off <= stick.uncertainty && off <= 1e-12, "{restitution} {ends:?}: {off:e} {stick:?}");
+        }
+    }
+}
+
+/// A ball that lies on a vibrating table is thrown off at the acceleration of gravity (Holmes 1982).
+#[test]
+fn a_table_throws_at_the_acceleration_of_gravity() {
+    for restitution in [0.0, 0.5, 0.9] {
+        let scene = json!({
+            "flank": 1,
+            "train": {
+                "kind": "wall", "mass_kg": 1, "load_n": -1, "wall": { "side": "below", "position_m": 0 },
+                "wall_motion": [{ "amplitude_m": 0.9, "frequency_rad_per_s": 1 }],
+                "law": { "kind": "rigid", "restitution": restitution },
+            },
+            "initial": { "q": [1.06] },
+            "run": { "cycles": 200, "transient_cycles": 100 },
+        });
+        for ends in [[0.6, 1.05], [1.02, 0.3]] {
+            let branches = follow(&scene, &["/train/wall_motion/0/amplitude_m"], ends, 0);
+            let stick = branches[0].specials.iter().find(|s| s.kind == Kind::Stick).unwrap();
+            let off = (stick.value - 1.0).abs();
+            assert!(off <= stick.uncertainty && off <= 1e-12, "{restitution} {ends:?}: {off:e} {stick:?}");
+        }
+    }
+}
+
+/// A rest within the cycle ends where impacts accumulate at the instant at which the load is zero. The value is that of a program of its own
+/// with 40 digits, which follows each flight of a trial until the sequence is left on either side.
+#[test]
+fn a_rest_within_the_cycle_ends_where_the_load_is_zero_at_accumulation() {
+    for ends in [[-8.51, -5.5], [-8.503, -5.0]] {
+        let branches = follow(&eccentric(0.9), &[ECCENTRICITY], ends, 0);
+        let found = nearest(&branches, Kind::Stick, -8.502);
+        let special = specials(&branches).into_iter().find(|s| s.value == found).unwrap();
+        let off = (found + 8.502_071_908_645_25).abs();
+        assert!(off <= special.uncertainty, "{ends:?}: {off:e} {special:?}");
+        assert!(special.uncertainty <= 1e-9 * (ends[0] - ends[1]).abs());
+    }
+}
+
+/// A graze is on the orbit without the impact, and so is its curve: `A = √((1 − ω²)² + 0.01 ω²)`, from a start with impacts (Dankowicz and
+/// Schilder 2013, example 15.2). The fold of the impacts has 30 digits of our own.
+#[test]
+fn a_curve_of_rigid_grazes_follows_the_motion_without_the_impact() {
+    const AMPLITUDE: &str = "/train/load_harmonics/0/amplitude_n";
+    let curve = |w: f64| (1.0 - w * w).hypot(0.1 * w);
+    let law = json!({ "kind": "rigid", "restitution": 0.8 });
+    for (frequency, start) in [(1.0, [-0.98, -0.29]), (0.8, [-0.98, -0.29])] {
+        let scene = wall(0.1, 1.0, 0.0, &law, frequency, start);
+        let found = plane(&scene, Kind::GrazingRigid, (AMPLITUDE, [0.05, 1.2]), (FORCING, [0.5, 1.4]));
+        let along = |point: &&CurvePoint| (point.value - curve(point.second)).abs() <= point.uncertainty;
+        let points: Vec<&CurvePoint> = found.iter().flat_map(|curve| &curve.points).filter(along).collect();
+        let seconds = || points.iter().map(|point| point.second);
+        let [least, most] = [seconds().fold(9.0, f64::min), seconds().fold(0.0, f64::max)];
+        assert!(least <= 0.5 && most >= 1.4, "{frequency}: {least} to {most}");
+    }
+    let scene = wall(0.1, 1.0, 0.0, &law, 1.0, [-0.98, -0.29]);
+    let branches = follow(&scene, &[AMPLITUDE], [0.05, 1.2], 0);
+    for (kind, exact) in [(Kind::GrazingRigid, 0.1), (Kind::Fold, 0.099_970_753_628_313_272)] {
+        let special = specials(&branches).into_iter().find(|s| s.kind == kind).unwrap();
+        assert!((special.value - exact).abs() <= special.uncertainty && special.uncertainty <= 1e-11, "{special:?}");
+    }
+}
+
+/// A pair of multipliers that no damper moves stays on the unit circle: an undamped free motion passes no torus.
+#[test]
+fn an_undamped_free_motion_passes_no_torus() {
+    let law = json!({ "kind": "rigid", "restitution": 0.8 });
+    let branches = follow(&wall(0.0, 50.0, 0.0, &law, 2.5, [-0.19, 0.0]), &[FORCING], [1.6, 3.3], 0);
+    assert!(branches.iter().all(|branch| branch.unlocated.is_empty()), "{:?}", branches[0].unlocated);
+    assert!(specials(&branches).iter().all(|special| special.kind != Kind::Torus));
+}
+
+/// A special point is found from four ranges, in both directions, within its uncertainty.
+#[test]
+fn a_special_point_is_known_to_its_uncertainty() {
+    let rigid = |restitution: f64| json!({ "kind": "rigid", "restitution": restitution });
+    let kelvin = json!({ "kind": "kelvin-voigt", "damping_n_s_per_m": 0.5, "release": "force" });
+    let cases = [
+        (pair(0.05, 0.1, 0.05, 0.75, [1.1, 0.0]), FREQUENCY, [[0.65, 1.6], [0.6, 1.2], [0.68, 1.0], [0.5, 1.4]]),
+        (
+            wall(0.0, 0.0, 0.0, &rigid(0.8), 2.5, [-0.7, 0.1]),
+            FORCING,
+            [[2.4, 2.75], [2.45, 2.7], [2.3, 2.8], [2.48, 2.72]],
+        ),
+        (
+            wall(0.1, 0.5, 0.0, &rigid(0.7), 1.6, [0.0, 0.0]),
+            FORCING,
+            [[1.5, 2.2], [1.4, 2.1], [1.45, 2.0], [1.55, 2.3]],
+        ),
+        (wall(0.1, 0.5, 0.0, &kelvin, 1.9, [0.0, 0.0]), FORCING, [[1.6, 2.2], [1.65, 2.1], [1.68, 2.0], [1.62, 2.3]]),
+        (
+            wall(0.2, 0.0, 0.0, &rigid(0.3), 0.9, [-0.3, 0.1]),
+            FORCING,
+            [[0.85, 1.0], [0.8, 1.05], [0.86, 0.99], [0.82, 1.1]],
+        ),
+    ];
+    for (scene, pointer, ranges) in cases {
+        let found: Vec<Vec<Special>> = ranges
+            .iter()
+            .flat_map(|[from, to]| [[*from, *to], [*to, *from]])
+            .map(|ends| specials(&follow(&scene, &[pointer], ends, 0)).into_iter().cloned().collect())
+            .collect();
+        let mut pairs = 0;
+        for (i, special) in found.iter().enumerate().flat_map(|(i, found)| found.iter().map(move |s| (i, s))) {
+            for other in found[i + 1..].iter().flatten() {
+                let off = (special.value - other.value).abs();
+                if special.kind == other.kind && special.period == other.period && off <= 1e-6 {
+                    assert!(off <= special.uncertainty + other.uncertainty, "{off:e} {special:?} {other:?}");
+                    pairs += 1;
+                }
+            }
+        }
+        assert!(pairs >= 20, "{pairs} pairs of {found:?}");
+    }
+}

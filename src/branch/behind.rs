@@ -4,6 +4,7 @@ use super::{
     follow::{Change, Vanishing, vanishing},
     locate::Located,
     node::{Guess, Node, Solver},
+    special::{Sought, Trail},
 };
 
 /// Steps, in ranges, by which orbits behind a rigid graze are looked for; largest distance of such an orbit.
@@ -15,8 +16,9 @@ const ERRORS: f64 = 10.0;
 
 impl Solver<'_> {
     /// Locates a rigid graze from the orbit `behind` it, and takes this value where it agrees and has a smaller error. Seen from the impacts, orbits close
-    /// to the graze are badly conditioned: an impact of speed v has a derivative of size 1/v.
-    pub fn refine_from_behind(&self, near: &mut Located, behind: &Node, contact: usize) {
+    /// to the graze are badly conditioned: an impact of speed v has a derivative of size 1/v. Returns the trail of the graze along the orbits
+    /// without the impact.
+    pub fn refine_from_behind(&self, near: &mut Located, behind: &Node, contact: usize) -> Option<Trail> {
         let (own, range) = (near.value, self.family.range());
         let is_same = |node: &Node| Change::of(&behind.course, &node.course) == Change::None;
         let back = (own - behind.value).signum() * behind.tangent.p.signum();
@@ -26,12 +28,15 @@ impl Solver<'_> {
             Vanishing::Low(j, ..) if j == contact && value > 0.0 => Some(key),
             _ => None,
         });
-        let limits = lows.filter_map(|key| self.limit(behind, &way, &|node| key.at(node).filter(|_| is_same(node))));
+        let limits = lows
+            .filter_map(|key| Some((key, self.limit(behind, &way, &|node| key.at(node).filter(|_| is_same(node)))?)));
         let alike = SAME.max(ERRORS * near.error) * range;
-        let limits = limits.filter(|located| (located.value - own).abs() <= alike && located.error < near.error);
-        if let Some(best) = limits.min_by(|a, b| a.error.total_cmp(&b.error)) {
-            (near.value, near.second, near.error) = (best.value, best.second, best.error);
+        let limits = limits.filter(|(_, located)| (located.value - own).abs() <= alike);
+        let (key, best) = limits.min_by(|a, b| a.1.error.total_cmp(&b.1.error))?;
+        if best.error < near.error {
+            (near.value, near.second, near.error, near.residual) = (best.value, best.second, best.error, best.residual);
         }
+        Some(Trail { sought: Sought::Limit(key), seed: best.node.seed(&best.node.tangent), from: best.from })
     }
 
     /// Looks on both sides of a rigid graze for an orbit with the other events.

@@ -9,15 +9,17 @@ use crate::{
     integrate::DenseStep,
     orbit::{
         Section, SectionMap,
-        words::{Letter, Speller},
+        words::{Letter, Speller, letters},
     },
     poly,
     simulation::SimulationError,
-    system::{Structure, contact_mode, guard_of},
+    system::{Structure, contact_mode, guard_id, guard_of},
 };
 
 /// Share of the size of a guard that steps may differ by where they meet.
 const SMOOTH: f64 = 1e-9;
+/// Share of a step within which a least value counts as one where two steps meet.
+const NEAR: f64 = 1e-6;
 
 /// A place at which a guard that does not fire is least.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +36,17 @@ pub struct Low {
     pub value: f64,
 }
 
+/// The beginning of a rest of a rigid contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rest {
+    /// Which contact.
+    pub contact: usize,
+    /// Its load at that instant, positive.
+    pub load: f64,
+    /// Time summed at the end of the impacts that lead to it, cycles.
+    pub remaining: f64,
+}
+
 /// The events of an orbit and the least values of guards between them.
 #[derive(Clone, Debug, Default)]
 pub struct Course {
@@ -43,6 +56,8 @@ pub struct Course {
     pub times: Vec<f64>,
     /// Least values of guards, in order.
     pub lows: Vec<Low>,
+    /// Contacts that come to rest, in order.
+    pub rests: Vec<Rest>,
 }
 
 /// Looks for least values along steps.
@@ -51,16 +66,52 @@ struct Lowest<'s> {
     x: Vec<f64>,
     row: Vec<f64>,
     lows: Vec<Low>,
+    rests: Vec<Rest>,
     events: usize,
-    /// Each guard with its value and slope at the end of the last step; none behind an event.
-    ends: Vec<(GuardId, f64, f64)>,
+    /// Each guard at the end of the last step; none behind an event.
+    ends: Vec<(GuardId, End)>,
+    /// The same at the section, as the orbit leaves it.
+    starts: Vec<(GuardId, End)>,
+}
+
+/// A guard at an end of a step: value, first and second derivative, by parts of the step, and size along it; whether its contact is closed.
+#[derive(Clone, Copy)]
+struct End {
+    value: f64,
+    slope: f64,
+    size: f64,
+    bend: f64,
+    is_closed: bool,
 }
 
 impl Lowest<'_> {
-    fn take(&mut self, mode: &Mode, id: GuardId, value: f64) {
+    fn take(&mut self, id: GuardId, is_closed: bool, value: f64) {
         let (contact, watch) = guard_of(id);
-        let is_closed = contact_mode(mode, contact).is_closed();
         self.lows.push(Low { contact, watch, is_closed, after: self.events, value });
+    }
+
+    /// Takes what is least where one step meets the next one. There a guard can jump, or have a corner: where the stiffness or a forcing does.
+    fn meet(&mut self, id: GuardId, end: End, start: End) {
+        // What differs by rounding alone is no jump.
+        let jump = start.value - end.value;
+        let jump = if jump.abs() <= SMOOTH * start.size.max(end.value.abs()) { 0.0 } else { jump };
+        // By rounding, a least value there may seem to lie beside it, in neither of the steps.
+        let falls = end.slope <= NEAR * end.bend.max(0.0);
+        let rises = start.slope >= -NEAR * start.bend.max(0.0);
+        let turns = falls && rises && (end.slope < start.slope || start.bend > 0.0);
+        if end.slope < 0.0 && jump > 0.0 || jump == 0.0 && turns {
+            self.take(id, end.is_closed, end.value);
+        } else if start.slope > 0.0 && jump < 0.0 {
+            self.take(id, start.is_closed, start.value);
+        }
+    }
+
+    /// Takes what is least at the section, where the orbit closes.
+    fn close(&mut self) {
+        for (id, end) in std::mem::take(&mut self.ends) {
+            let start = self.starts.iter().find(|(other, _)| *other == id).map(|(_, start)| *start);
+            start.into_iter().for_each(|start| self.meet(id, end, start));
+        }
     }
 }
 
@@ -68,33 +119,32 @@ impl Observer for Lowest<'_> {
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         let s = self.structure;
         let before = std::mem::take(&mut self.ends);
+        let is_first = self.starts.is_empty() && self.events == 0;
         for (i, id) in step.guards().iter().enumerate() {
             self.row.clear();
             self.row.extend(step.guard(i));
             poly::shift(&mut self.row, 0.0, until);
-            // Between two steps a guard can jump, or have a corner: where the stiffness or a forcing does.
-            let (start, rise) = (self.row[0], self.row.get(1).copied().unwrap_or_default());
-            let last = before.iter().find(|(other, ..)| other == id);
-            if let Some((_, end, slope)) = last {
-                // What differs by rounding alone is no jump.
-                let jump = start - end;
-                let size = self.row.iter().fold(end.abs(), |size, c| size.max(c.abs()));
-                let jump = if jump.abs() <= SMOOTH * size { 0.0 } else { jump };
-                if *slope < 0.0 && (jump > 0.0 || jump == 0.0 && rise > 0.0) {
-                    self.take(mode, *id, *end);
-                } else if rise > 0.0 && jump < 0.0 {
-                    self.take(mode, *id, start);
-                }
+            let size = self.row.iter().fold(0.0, |size: f64, c| size.max(c.abs()));
+            let slope = self.row.get(1).copied().unwrap_or_default();
+            let bend = 2.0 * self.row.get(2).copied().unwrap_or_default();
+            let is_closed = contact_mode(mode, guard_of(*id).0).is_closed();
+            let start = End { value: self.row[0], slope, size, bend, is_closed };
+            if let Some((_, end)) = before.iter().find(|(other, _)| other == id) {
+                self.meet(*id, *end, start);
             }
-            let end: f64 = self.row.iter().sum();
+            if is_first {
+                self.starts.push((*id, start));
+            }
+            let value: f64 = self.row.iter().sum();
             let slope: f64 = self.row.iter().enumerate().map(|(k, c)| k as f64 * c).sum();
-            self.ends.push((*id, end, slope));
+            let bend: f64 = self.row.iter().enumerate().skip(2).map(|(k, c)| (k * (k - 1)) as f64 * c).sum();
+            self.ends.push((*id, End { value, slope, bend, ..start }));
             for theta in poly::minima(&self.row) {
                 let theta = theta * until;
                 step.state(theta, &mut self.x);
                 let at = s.clock().advance(step.start(), step.time(theta));
                 let value = s.guard(mode, *id, at, &self.x);
-                self.take(mode, *id, value);
+                self.take(*id, is_closed, value);
             }
         }
         ControlFlow::Continue(())
@@ -104,12 +154,25 @@ impl Observer for Lowest<'_> {
         true
     }
 
-    fn jump(&mut self, _: &Jumped<'_>) {
+    fn jump(&mut self, jumped: &Jumped<'_>) {
         self.events += 1;
         self.ends.clear();
+        let resting = letters(self.structure, jumped).filter(|(_, token)| token.starts_with('z'));
+        let load = |j| self.structure.guard(&jumped.to.mode, guard_id(j, Watch::Force), jumped.at, jumped.x_plus);
+        self.rests.extend(resting.map(|(contact, _)| Rest { contact, load: load(contact), remaining: 0.0 }));
     }
 
-    fn event(&mut self, _: &EventRecord) -> ControlFlow<()> {
+    fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
+        if record.start {
+            // A decision about the first mode, and no event.
+            self.rests.clear();
+        }
+        if let Some(accumulation) = record.accumulation {
+            for (contact, _) in record.fired.iter().map(guard_of) {
+                let rest = self.rests.iter_mut().rfind(|rest| rest.contact == contact);
+                rest.into_iter().for_each(|rest| rest.remaining = accumulation.remaining);
+            }
+        }
         ControlFlow::Continue(())
     }
 }
@@ -122,13 +185,23 @@ impl Course {
     pub fn new(map: &SectionMap<'_>, section: &Section, period: u64) -> Result<Self, SimulationError> {
         let structure = &map.simulation().structure;
         let mut speller = Speller::new(structure, &section.x);
-        let mut lowest =
-            Lowest { structure, x: section.x.clone(), row: Vec::new(), lows: Vec::new(), events: 0, ends: Vec::new() };
+        let mut lowest = Lowest {
+            structure,
+            x: section.x.clone(),
+            row: Vec::new(),
+            lows: Vec::new(),
+            rests: Vec::new(),
+            events: 0,
+            ends: Vec::new(),
+            starts: Vec::new(),
+        };
         map.watch(section, period, &mut (&mut speller, &mut lowest))?;
+        lowest.close();
         let clock = structure.clock();
         let (start, length) = (map.at(0), map.simulation().period()?);
+        let rests = lowest.rests.iter().map(|rest| Rest { remaining: rest.remaining / length, ..*rest }).collect();
         let times = speller.letters.iter().map(|letter| clock.between(start, letter.at) / length).collect();
-        Ok(Self { letters: speller.letters, times, lows: lowest.lows })
+        Ok(Self { letters: speller.letters, times, lows: lowest.lows, rests })
     }
 
     /// The tokens in order of time; those of one instant in alphabetic order.
@@ -148,6 +221,16 @@ impl Course {
         // The period is whole cycles, and longer than any stay.
         let last = self.times.last().map_or(1.0, |time| time.ceil());
         pairs.map(|(i, k)| (self.times[*k] - self.times[*i]).rem_euclid(last)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The rest that begins with the least load.
+    pub fn weakest(&self) -> Option<&Rest> {
+        self.rests.iter().min_by(|a, b| a.load.total_cmp(&b.load))
+    }
+
+    /// Time from the first instant of a rest to the next event of its contact, cycles; the shortest of this contact.
+    pub fn stay(&self, rest: &Rest) -> f64 {
+        self.shortest(rest.contact, 'z', 'l')
     }
 
     /// The middle of the longest part of the period of the forcing without an event in any cycle, as a part of it, from `phase` where the

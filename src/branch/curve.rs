@@ -9,7 +9,7 @@ use super::{
     follow::{CLEAR, Change, GROWTH, LONGEST, SHORTEST},
     node::{Direction, Guess, Node, Place, Plane, Solver, Spot},
     run::Branch,
-    special::{Kind, LOCATED, Sought, Special, Trail, rests},
+    special::{Kind, Sought, Special, Trail},
 };
 use crate::{
     orbit::{SectionMap, words::sorted},
@@ -82,6 +82,8 @@ pub struct CurvePoint {
     pub word: String,
     /// As that of a special point.
     pub residual: f64,
+    /// As that of a special point.
+    pub uncertainty: f64,
     /// What it is besides.
     pub codimension_two: Option<Codimension>,
 }
@@ -102,7 +104,8 @@ pub struct Curve {
 struct Head {
     node: Node,
     place: Place,
-    residual: f64,
+    /// Residual and uncertainty.
+    quality: [f64; 2],
     sought: Sought,
     /// The point before; the way goes on away from it.
     before: Spot,
@@ -124,9 +127,17 @@ impl Head {
     }
 
     fn point(&self) -> CurvePoint {
-        let Self { node, place: [value, second], residual, .. } = self;
+        let Self { node, place: [value, second], quality: [residual, uncertainty], .. } = self;
         let (period, word) = (node.orbit.period, node.orbit.word());
-        CurvePoint { value: *value, second: *second, period, word, residual: *residual, codimension_two: None }
+        CurvePoint {
+            value: *value,
+            second: *second,
+            period,
+            word,
+            residual: *residual,
+            uncertainty: *uncertainty,
+            codimension_two: None,
+        }
     }
 }
 
@@ -190,9 +201,9 @@ impl Solver<'_> {
         let head = |sense: f64| {
             let mut before = Spot::of(&node);
             before.place[1] -= sense * ranges[1];
-            let (place, residual) = ([special.value, node.second], special.residual);
+            let (place, quality) = ([special.value, node.second], [special.residual, special.uncertainty]);
             let (beside, from) = (beside.clone(), from.clone());
-            Head { node: node.clone(), place, residual, sought: *sought, before, beside, from }
+            Head { node: node.clone(), place, quality, sought: *sought, before, beside, from }
         };
         let (mut ahead, end, after) = self.advance(&head(1.0), special.kind, task);
         let (mut points, mut ends) = (Vec::new(), [end.clone(), end.clone()]);
@@ -308,20 +319,19 @@ impl Solver<'_> {
                     let way = (a.tangent.clone(), 3.0 * aside);
                     solver.limit(&a, &way, &|node| key.at(node).filter(|_| is_same(node)))
                 }
-                Sought::Edge => {
-                    let b = other()?;
-                    let is_passed = rests(&a) == rests(&from.node) && rests(&b) != rests(&a);
-                    if is_passed { solver.edge(&a, &b, &|node| rests(node) == rests(&a)) } else { None }
+                Sought::Rest => {
+                    let way = (a.tangent.clone(), 3.0 * aside);
+                    solver.limit(&a, &way, &|node| solver.settling(node, from.node.course.rests.len()))
                 }
             }
             .filter(|located| {
-                located.error <= LOCATED && (located.value - located.node.value).abs() <= NEAR * ranges[0]
+                solver.is_located(located) && (located.value - located.node.value).abs() <= NEAR * ranges[0]
             })
         })?;
-        let residual = located.residual.max(located.error);
+        let quality = [located.residual, located.uncertainty(ranges[0])].map(|part| part * ranges[0]);
         let (node, place) = (located.node, [located.value, located.second]);
         let beside = Spot::at(node.guess(&node.tangent, ranges, BESIDE));
-        Some(Head { before: here, beside, place, residual, sought: from.sought, from: located.from, node })
+        Some(Head { before: here, beside, place, quality, sought: from.sought, from: located.from, node })
     }
 
     /// The point at which a curve leaves the ranges, between two of its points.

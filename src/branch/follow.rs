@@ -333,7 +333,7 @@ impl Solver<'_> {
 /// The least values and times of a point that fall to zero where its word ends: of each guard, of each stay between two events of one contact,
 /// and the speed of each impact.
 pub fn vanishing(node: &Node) -> Vec<(Vanishing, f64)> {
-    let Course { letters, times, lows } = &node.course;
+    let Course { letters, times, lows, .. } = &node.course;
     let mut all: Vec<(Vanishing, f64)> = Vec::new();
     for low in lows {
         let key = Vanishing::Low(low.contact, low.watch, low.is_closed);

@@ -7,12 +7,15 @@ use crate::orbit::Section;
 const MOST: usize = 40;
 /// Halvings of a step that is too long for the function of a special point.
 const HALVINGS: usize = 8;
-/// Bisections: to the resolution of doubles from a step of a branch.
-const BISECTIONS: usize = 44;
 /// Values used for an extrapolation.
 const USED: usize = 7;
 /// Share of the way to an expected limit that the next orbit takes.
 const SHARE: f64 = 0.75;
+/// Parts of a step between a root and the nearest of the orbits by which it is found a second time.
+const APART: [f64; 3] = [64.0, 1024.0, 16384.0];
+/// Factor of the difference of two values for one point, and roundings of the value, that it may be off by.
+const SAFETY: f64 = 8.0;
+const ROUNDINGS: f64 = 32.0;
 /// The same of the last one.
 const CLOSE: f64 = 1.0 - 1e-6;
 
@@ -27,18 +30,25 @@ pub struct Located {
     pub node: Node,
     /// The orbit that a limit was taken from.
     pub from: Option<Spot>,
-    /// How far the values may be off, in ranges.
+    /// Change of the values, in ranges, from one way to find them to another one.
     pub error: f64,
-    /// Distance between the ends of the orbit, in scales; none of a limit.
+    /// What is left of the equations, over their slope in the parameter, in ranges.
     pub residual: f64,
     /// Where the orbit starts: of a limit by the polynomial through those before.
     pub section: Section,
 }
 
 impl Located {
-    fn of(node: Node, error: f64) -> Self {
-        let (residual, section) = (node.orbit.residual, node.orbit.section.clone());
+    /// At a node, where `defect` is what is left of a function over its slope, in ranges.
+    fn of(node: Node, error: f64, defect: f64) -> Self {
+        let (residual, section) = (defect.max(node.closure()), node.orbit.section.clone());
         Self { value: node.value, second: node.second, from: None, error, residual, section, node }
+    }
+
+    /// How far the value may be off, in ranges of length `range`.
+    pub fn uncertainty(&self, range: f64) -> f64 {
+        let rounding = ROUNDINGS * f64::EPSILON * (self.value.abs() / range).max(1.0);
+        SAFETY * self.error + self.residual + rounding
     }
 }
 
@@ -122,7 +132,7 @@ impl Solver<'_> {
         let far = |place: Place, from: Place| {
             libm::fmax((place[0] - from[0]).abs() / ranges[0], (place[1] - from[1]).abs() / ranges[1])
         };
-        let (mut best, mut before): (Option<Node>, Place) = (None, [f64::NAN; 2]);
+        let mut before: Place = [f64::NAN; 2];
         let mut kept = 0;
         for step in 0..MOST {
             // The method of Illinois; a bisection at times.
@@ -148,14 +158,43 @@ impl Solver<'_> {
             let is_small = value.abs() <= 1e-6 * size;
             let is_last = value == 0.0 || error <= 4.0 * f64::EPSILON * far(node.place(), [0.0; 2]) && is_small;
             if is_last || (high.0 - low.0) <= 1e-15 * length {
-                let error = if error.is_nan() { 0.0 } else { error };
-                return is_small.then(|| Located::of(node, error));
+                if !is_small {
+                    return None;
+                }
+                let again = |parts: &f64| self.again(a, (&row, s), length / parts, f, &node);
+                let (error, defect) = APART.iter().filter_map(again).min_by(|a, b| a.0.total_cmp(&b.0))?;
+                return Some(Located::of(node, error, defect));
             }
-            best = Some(node);
         }
-        let node = best?;
-        let is_small = f(&node).abs() <= 1e-6 * size;
-        is_small.then(|| Located::of(node, high.0 - low.0))
+        None
+    }
+
+    /// How far the root at a distance `s` along `row` is off that of the polynomial through orbits on both sides of it, `h` and 2 h away, in
+    /// ranges; and what is left of `f` there over its slope.
+    fn again(
+        &self,
+        a: &Node,
+        (row, s): (&Direction, f64),
+        h: f64,
+        f: &dyn Fn(&Node) -> f64,
+        root: &Node,
+    ) -> Option<(f64, f64)> {
+        let ranges = self.family.ranges();
+        let mut points: Vec<(f64, Place)> = Vec::new();
+        for k in [-2.0, -1.0, 1.0, 2.0] {
+            let guess = root.guess(row, ranges, k * h);
+            let node = self.on(a, row, s + k * h, Some(guess))?;
+            points.push((f(&node), node.place()));
+        }
+        // Places as functions of f.
+        let off = |i: usize| {
+            let at = at_zero(&points.iter().map(|(f, place)| (*f, place[i])).collect::<Vec<_>>());
+            (at - root.place()[i]).abs() / ranges[i]
+        };
+        let error = libm::fmax(off(0), off(1));
+        let ((low, from), (high, to)) = (points[1], points[2]);
+        let defect = f(root).abs() * ((to[0] - from[0]) / (high - low)).abs() / ranges[0];
+        (error + defect).is_finite().then_some((error, defect))
     }
 
     /// As [`root`](Self::root). Where that fails, halves the step by `orbits`, the solver of the branch.
@@ -261,26 +300,7 @@ impl Solver<'_> {
         {
             last = node;
         }
-        Some(Located { value, second, from: Some(Spot::of(a)), error, residual: 0.0, section, node: last })
-    }
-
-    /// The last orbit on the way from `a` to `b` for which `is_same` holds, by bisection.
-    pub fn edge(&self, a: &Node, b: &Node, is_same: &dyn Fn(&Node) -> bool) -> Option<Located> {
-        let (row, length) = a.chord(b, self.family.ranges());
-        let (mut low, mut high) = (0.0, length);
-        let mut nodes = vec![(0.0, a.clone())];
-        for _ in 0..BISECTIONS {
-            let s = 0.5 * (low + high);
-            let guess = extended(&nodes[nodes.len().saturating_sub(3)..], s);
-            match self.on(a, &row, s, guess).filter(|node| is_same(node)) {
-                Some(node) => {
-                    low = s;
-                    nodes.push((s, node));
-                }
-                None => high = s,
-            }
-        }
-        let (_, node) = nodes.pop()?;
-        Some(Located::of(node, high - low))
+        let residual = a.closure().max(error);
+        Some(Located { value, second, from: Some(Spot::of(a)), error, residual, section, node: last })
     }
 }

@@ -11,6 +11,7 @@ mod family;
 mod follow;
 mod locate;
 mod node;
+mod rest;
 mod run;
 mod special;
 

@@ -217,6 +217,11 @@ impl Node {
         (1..*period).filter(|k| period.is_multiple_of(*k)).any(|k| closes(&k))
     }
 
+    /// How far the numbers may be off, in ranges, as the orbit does not close to the last digit.
+    pub fn closure(&self) -> f64 {
+        self.orbit.residual * self.orbit.condition
+    }
+
     /// The chord to another point of the branch, of length one, and its length.
     pub fn chord(&self, to: &Self, ranges: [f64; 2]) -> (Direction, f64) {
         self.direction(&Spot::of(self), &Spot::of(to), ranges)
@@ -402,7 +407,10 @@ impl<'f> Solver<'f> {
             let length = change.norm();
             let is_settled = step > SLOW && length >= 0.25 * last && length <= SETTLED;
             if residual <= CLOSED && (length <= SHORT || is_settled || step + 1 == STEPS) {
-                let condition = svd.singular_values.min().recip();
+                // Along a direction in which nothing is decided no step is made.
+                let cut = cutoff(&svd);
+                let decided = svd.singular_values.iter().filter(|value| **value > cut);
+                let condition = decided.fold(f64::INFINITY, |least, value| least.min(*value)).recip();
                 let tangent = if plane.is_none_or(|plane| plane.goes_on) {
                     *by = exact()?.1;
                     let svd = bordered(by).svd(true, true);

@@ -1,6 +1,6 @@
 //! What changes along a branch: special points between two neighbours, and at its ends.
 
-use std::rc::Rc;
+use std::{cmp::Ordering, rc::Rc};
 
 use nalgebra::Complex;
 use serde::{Deserialize, Serialize};
@@ -10,13 +10,18 @@ use super::{
     locate::{Located, limit},
     node::{Guess, Node, Plane, Seed, Solver, Spot},
 };
-use crate::{gear::contact::Law, hybrid::Watch, orbit::Section, task::Task};
+use crate::{
+    gear::contact::Law,
+    hybrid::Watch,
+    orbit::{MARGINAL, Section},
+    task::Task,
+};
 
 /// Share of the largest singular value that leaves the direction alone that breaks a symmetry.
 const SYMMETRIC: f64 = 1e-6;
 /// How far beyond a neighbour a graze between two is looked for, and where it may be: in steps, and in ranges.
-const REACH: f64 = 1.5;
-const SLACK: f64 = 1e-9;
+pub(super) const REACH: f64 = 1.5;
+pub(super) const SLACK: f64 = 1e-9;
 /// Kinds at which the derivative jumps.
 const JUMPS: [Kind; 3] = [Kind::GrazingRigid, Kind::GrazingDamped, Kind::Stick];
 /// Residual from which on a graze, or a coincidence, is looked for from both sides.
@@ -27,7 +32,7 @@ const CANDIDATES: usize = 3;
 /// last one.
 const FAR: f64 = 0.03;
 const BEYOND: f64 = 1.1;
-/// Largest residual of a point that counts as located, in scales and ranges.
+/// Largest uncertainty of a point that counts as located, in ranges.
 pub(super) const LOCATED: f64 = 1e-9;
 /// Steps, in scales, in which the branch is looked for that another one is born from.
 const PARENT: [f64; 6] = [3e-3, 1e-3, 1e-2, 3e-4, 3e-5, 3e-6];
@@ -98,9 +103,10 @@ pub struct Special {
     pub period: u64,
     /// Its word in normal form.
     pub word: String,
-    /// What is left of the equations: the distance of the orbit's ends, in scales, or the change of the value by the last step, in ranges,
-    /// whichever is larger.
+    /// What is left of the equations of the point, over their slope in the parameter.
     pub residual: f64,
+    /// Estimate of the error of the value.
+    pub uncertainty: f64,
     /// The critical multiplier; for kinds made by contact the largest.
     pub multiplier: Complex<f64>,
     /// Whether the parameter turns there: at a fold, and where a graze makes the branch turn.
@@ -131,12 +137,12 @@ pub enum Sought {
     Root,
     /// What vanishes, seen from the side on which it exists.
     Limit(Vanishing),
-    /// The time that is left of a rest.
-    Edge,
+    /// The load at the instant at which a rest begins.
+    Rest,
 }
 
 /// A special point that was looked for: its kind, what is zero there, and where.
-type Found = (Kind, Sought, Located);
+pub(super) type Found = (Kind, Sought, Located);
 
 /// A special point with the orbit there.
 pub struct Passed {
@@ -177,7 +183,7 @@ impl Solver<'_> {
             let is_fold = |found: &(&str, Option<Found>)| found.0 == Kind::Fold.word();
             let turns = a.tangent.p * b.tangent.p < 0.0 && !all_found.iter().any(is_fold);
             for (what, found) in all_found {
-                let Some((kind, sought, located)) = found.filter(|(.., located)| located.error <= LOCATED) else {
+                let Some((kind, sought, located)) = found.filter(|(.., located)| self.is_located(located)) else {
                     unlocated.push(format!("{what} between {} and {}", a.value, b.value));
                     continue;
                 };
@@ -190,8 +196,9 @@ impl Solver<'_> {
         if self.spent.get() >= last || task.is_cancelled() {
             return (all, unlocated);
         }
+        let is_known = |passed: &Passed| passed.special.uncertainty <= LOCATED * self.family.range();
         if trace.stalls {
-            match self.end(trace, sign).filter(|passed| passed.special.residual <= LOCATED) {
+            match self.end(trace, sign).filter(is_known) {
                 Some(passed) => all.push(passed),
                 None => {
                     unlocated.extend(trace.nodes.last().map(|last| format!("end of the branch near {}", last.value)))
@@ -199,7 +206,7 @@ impl Solver<'_> {
             }
         }
         if let Some((a, b)) = &trace.born {
-            match self.birth(a, b).filter(|passed| passed.special.residual <= LOCATED) {
+            match self.birth(a, b).filter(is_known) {
                 Some(passed) => all.push(Passed { place: sign * trace.nodes.len() as f64, ..passed }),
                 None => unlocated.push(format!("birth of the branch between {} and {}", a.value, b.value)),
             }
@@ -229,14 +236,18 @@ impl Solver<'_> {
         ];
         // Of the pairs that are outside on one side the last is inside on the other.
         let pair = (before[2].max(after[2]) / 2).saturating_sub(1);
-        let by_multipliers = is_passed.into_iter().filter(|(_, is_passed)| *is_passed).map(|(kind, _)| {
-            let is_symmetric = kind == Kind::Symmetry;
-            let solver = Self { is_symmetric, ..self.of_kind(kind) };
-            let test = |node: &Node| kind.test(node, pair);
-            let located = if jumps { solver.root(a, b, &test) } else { solver.refined(self, a, b, &test) };
-            let located = located.filter(|located| located.error <= LOCATED);
-            (kind.word(), located.map(|located| (kind, Sought::Root, located)))
-        });
+        // A pair that damping does not move stays on the circle, on either side of it by rounding.
+        let moves =
+            |kind: Kind| kind != Kind::Torus || kind.test(a, pair).abs().max(kind.test(b, pair).abs()) > MARGINAL;
+        let by_multipliers =
+            is_passed.into_iter().filter(|(kind, is_passed)| *is_passed && moves(*kind)).map(|(kind, _)| {
+                let is_symmetric = kind == Kind::Symmetry;
+                let solver = Self { is_symmetric, ..self.of_kind(kind) };
+                let test = |node: &Node| kind.test(node, pair);
+                let located = if jumps { solver.root(a, b, &test) } else { solver.refined(self, a, b, &test) };
+                let located = located.filter(|located| self.is_located(located));
+                (kind.word(), located.map(|located| (kind, Sought::Root, located)))
+            });
         by_multipliers.filter(|(_, found)| found.is_some() || !jumps).chain(by_contact).collect()
     }
 
@@ -280,6 +291,11 @@ impl Solver<'_> {
         })
     }
 
+    /// Whether the place of a point is known well enough.
+    pub(super) fn is_located(&self, located: &Located) -> bool {
+        located.uncertainty(self.family.range()) <= LOCATED
+    }
+
     /// The same for what is located on symmetric branches.
     pub fn of_kind(&self, kind: Kind) -> Self {
         let neutral = if kind == Kind::Symmetry { SYMMETRIC } else { self.neutral };
@@ -299,7 +315,8 @@ impl Solver<'_> {
             value: located.value,
             period: node.orbit.period,
             word: node.orbit.word(),
-            residual: located.residual.max(located.error),
+            residual: located.residual * self.family.range(),
+            uncertainty: located.uncertainty(self.family.range()) * self.family.range(),
             multiplier,
             turns: kind == Kind::Fold,
             branch: 0,
@@ -309,7 +326,7 @@ impl Solver<'_> {
     }
 
     /// Which kind a graze is, by the law of the contact.
-    fn kind_of(&self, node: &Node, contact: usize, watch: Watch, is_closed: bool) -> Kind {
+    pub(super) fn kind_of(&self, node: &Node, contact: usize, watch: Watch, is_closed: bool) -> Kind {
         let law = self.family.train(node.place()).ok().map(|s| s.structure.spec().contacts[contact].law);
         match law {
             Some(Law::Rigid(_)) if is_closed => Kind::Stick,
@@ -380,7 +397,12 @@ impl Solver<'_> {
                 found.extend(located.filter(is_between).map(|located| (kind, Sought::Limit(*key), located)));
             }
         }
-        let mut best = found.into_iter().min_by(|a, b| a.2.error.total_cmp(&b.2.error))?;
+        // At a rigid graze the motion is smooth without the impact alone.
+        let is_singular =
+            |found: &Found| found.0 == Kind::GrazingRigid && !matches!(found.1, Sought::Limit(Vanishing::Low(..)));
+        let order = |found: &Found| (!self.is_located(&found.2), is_singular(found), found.2.error);
+        let by_order = |a: &Found, b: &Found| order(a).partial_cmp(&order(b)).unwrap_or(Ordering::Equal);
+        let mut best = found.into_iter().min_by(by_order)?;
         if best.0 == Kind::GrazingRigid
             && best.2.error > WELL
             && let Some(behind) = self.look_behind(&best.2)
@@ -388,19 +410,6 @@ impl Solver<'_> {
             self.refine_from_behind(&mut best.2, &behind, contact);
         }
         Some(best)
-    }
-
-    /// The end of a rest between two points of which one has more rests. A sequence of impacts whose number grows without end leads to it:
-    /// the time that is left of the rest is no smooth function of the parameter there.
-    fn stick(&self, a: &Node, b: &Node) -> Option<Found> {
-        let (rest, other) = match rests(a).cmp(&rests(b)) {
-            std::cmp::Ordering::Less => (b, a),
-            std::cmp::Ordering::Greater => (a, b),
-            std::cmp::Ordering::Equal => return None,
-        };
-        // How many impacts stand before a rest may change on the way.
-        let located = self.edge(rest, other, &|node| rests(node) == rests(rest))?;
-        Some((Kind::Stick, Sought::Edge, located))
     }
 
     fn kind_of_events(&self, node: &Node, key: Vanishing) -> Kind {
@@ -445,26 +454,20 @@ impl Solver<'_> {
         let closer = self.limit(far, &(row, BEYOND * length), &|node| key.at(node).filter(|_| is_same(node)));
         let closer = closer.filter(|located| located.error < error && (located.value - value).abs() <= 1e-6 * range);
         let (second, from, section) = (last.second, Some(Spot::of(far)), last.orbit.section.clone());
-        let outermost = || Located { value, second, from, error, residual: 0.0, section, node: last.clone() };
+        let outermost = || Located { value, second, from, error, residual: error, section, node: last.clone() };
         let mut located = closer.unwrap_or_else(outermost);
         let contact = match key {
             Vanishing::Low(j, ..) => j,
             Vanishing::Speed(i) | Vanishing::Stay(i) | Vanishing::Between(i) => last.course.letters[i].contact,
         };
         let behind = if kind == Kind::GrazingRigid { self.look_behind(&located) } else { None };
-        if let Some(behind) = &behind {
-            self.refine_from_behind(&mut located, behind, contact);
-        }
+        let smooth = behind.as_ref().and_then(|behind| self.refine_from_behind(&mut located, behind, contact));
         let place = sign * trace.nodes.len() as f64;
-        let special = self.special(kind, Sought::Limit(key), &located);
+        let mut special = self.special(kind, Sought::Limit(key), &located);
+        special.trail = smooth.unwrap_or(special.trail);
         let Located { node, section, .. } = located;
         Some(Passed { special, node, section, behind, place, is_birth: false })
     }
-}
-
-/// How many rests an orbit has.
-pub(super) fn rests(node: &Node) -> usize {
-    node.course.letters.iter().filter(|letter| letter.token.starts_with('z')).count()
 }
 
 /// The multiplier nearest to `place`.

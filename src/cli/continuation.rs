@@ -268,9 +268,10 @@ fn text(branches: &Branches, left_out: usize) -> Result<String, std::fmt::Error>
             special.period.to_string(),
             shortened(&special.word),
             number(special.residual),
+            number(special.uncertainty),
         ]
     });
-    let head = ["branch", "kind", "parameter", "period", "word", "residual"].map(String::from);
+    let head = ["branch", "kind", "parameter", "period", "word", "residual", "uncertainty"].map(String::from);
     write!(out, "{}", Table::new(head).with(rows))?;
     Ok(out)
 }

@@ -142,6 +142,7 @@ impl Branches {
             "multiplier_im",
             "branch",
             "turns",
+            "uncertainty",
         ];
         let mut text = csv_line(head) + "\n";
         for special in self.specials() {
@@ -155,6 +156,7 @@ impl Branches {
                 number(special.multiplier.im),
                 special.branch.to_string(),
                 special.turns.to_string(),
+                number(special.uncertainty),
             ];
             text += &(csv_line(cells) + "\n");
         }
@@ -321,7 +323,8 @@ impl Branches {
 /// The table of curves: `curves.csv`.
 #[must_use]
 pub fn curve_table(curves: &[Curve]) -> String {
-    let head = ["curve", "kind", "parameter", "second", "period_cycles", "word", "codimension_two", "residual"];
+    let head =
+        ["curve", "kind", "parameter", "second", "period_cycles", "word", "codimension_two", "residual", "uncertainty"];
     let mut text = csv_line(head) + "\n";
     for (i, curve) in curves.iter().enumerate() {
         for point in &curve.points {
@@ -334,6 +337,7 @@ pub fn curve_table(curves: &[Curve]) -> String {
                 point.word.clone(),
                 point.codimension_two.map(Codimension::word).unwrap_or_default().to_owned(),
                 number(point.residual),
+                number(point.uncertainty),
             ];
             text += &(csv_line(cells) + "\n");
         }

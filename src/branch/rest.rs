@@ -1,0 +1,80 @@
+//! Ends of rests: where the load that holds a contact at rest is zero.
+
+use std::cmp::Ordering;
+
+use super::{
+    follow::{Change, Vanishing, vanishing},
+    locate::Located,
+    node::{Node, Solver},
+    special::{Found, Kind, REACH, SLACK, Sought},
+};
+use crate::gear::contact::Law;
+
+/// Largest part of a rest that its last impacts may be summed for where its end is looked for.
+const SUMMED: f64 = 1e-6;
+
+impl Solver<'_> {
+    /// The end of a rest between two points. A rest that lasts ends where the least load along it is zero. One within the cycle ends where the
+    /// load is zero at the instant at which the contact comes to rest, after any number of impacts.
+    pub(super) fn stick(&self, a: &Node, b: &Node) -> Option<Found> {
+        let (low, high) = (a.value.min(b.value), a.value.max(b.value));
+        let slack = SLACK * self.family.range();
+        let is_between = |located: &Located| (low - slack..=high + slack).contains(&located.value);
+        let mut found: Vec<Found> = Vec::new();
+        for (here, there) in [(a, b), (b, a)] {
+            let (row, length) = self.towards(here, there);
+            let way = (row, REACH * length);
+            let is_same = |node: &Node| Change::of(&here.course, &node.course) == Change::None;
+            for (key, value) in vanishing(here) {
+                let Vanishing::Low(j, watch, true) = key else { continue };
+                if value > 0.0 && self.kind_of(here, j, watch, true) == Kind::Stick {
+                    let located = self.limit(here, &way, &|node| key.at(node).filter(|_| is_same(node)));
+                    found.extend(located.map(|located| (Kind::Stick, Sought::Limit(key), located)));
+                }
+            }
+            let count = here.course.rests.len();
+            let is_of = |contact: usize| there.course.letters.iter().any(|letter| letter.contact == contact);
+            if count > there.course.rests.len() && here.course.weakest().is_some_and(|rest| is_of(rest.contact)) {
+                let located = self.limit(here, &way, &|node| self.settling(node, count));
+                found.extend(located.map(|located| (Kind::Stick, Sought::Rest, located)));
+            }
+        }
+        found.retain(|(.., located)| is_between(located) && self.is_located(located));
+        // A rest that lasts is a smooth motion up to its end.
+        let order = |found: &Found| (found.1 == Sought::Rest, found.2.error);
+        found.into_iter().min_by(|a, b| order(a).partial_cmp(&order(b)).unwrap_or(Ordering::Equal))
+    }
+
+    /// The least load at an instant at which a contact comes to rest, to the power by which the parameter follows it near zero; of an orbit
+    /// with this many rests. `None` where the last impacts are summed for a part of the rest that is not small: the load falls on their way.
+    pub(super) fn settling(&self, node: &Node, count: usize) -> Option<f64> {
+        let rest = node.course.weakest()?;
+        if node.course.rests.len() != count || rest.load <= 0.0 || rest.remaining > SUMMED * node.course.stay(rest) {
+            return None;
+        }
+        let train = self.family.train(node.place()).ok()?;
+        let Law::Rigid(law) = train.structure.spec().contacts[rest.contact].law else { return None };
+        Some(libm::pow(rest.load, settling_power(law.restitution)))
+    }
+}
+
+/// The power p of the load at which a contact comes to rest, of whose value V₀ − V is a multiple where the load is almost zero.
+///
+/// Let the load fall to zero as the time τ that is left to it. A rebound of speed u has a flight rτ with `w = u/τ² = r/2 − r²/6`. The next
+/// has `τ′ = (1 − r)τ` and `w′ = e(r/2 − r²/3)/(1 − r)²`. At the end of rests w′ = w for ever: impacts come nearer and nearer to the
+/// instant without load. What is off from there grows by λ = dw′/dw, as τ shrinks: `V₀ − V ∝ τᵖ`, `p = ln λ/ln(1/(1 − r))`.
+fn settling_power(e: f64) -> f64 {
+    if e <= 0.0 {
+        return 1.0;
+    }
+    let grows = |r: f64| e * (0.5 - r / 3.0) < (1.0 - r).powi(2) * (0.5 - r / 6.0);
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..f64::MANTISSA_DIGITS {
+        let r = 0.5 * (low + high);
+        if grows(r) { low = r } else { high = r }
+    }
+    let (r, left) = (low, 1.0 - low);
+    let next = e * (0.5 * r - r * r / 3.0) / (left * left);
+    let growth = (e * (0.5 - r / 1.5) / (left * left) + 2.0 * next / left) / (0.5 - r / 3.0);
+    -libm::log(growth) / libm::log(left)
+}
