@@ -45,6 +45,8 @@ pub struct Rest {
     pub load: f64,
     /// Time summed at the end of the impacts that lead to it, cycles.
     pub remaining: f64,
+    /// Uncertainty of the instant, cycles.
+    pub uncertainty: f64,
 }
 
 /// The events of an orbit and the least values of guards between them.
@@ -159,7 +161,12 @@ impl Observer for Lowest<'_> {
         self.ends.clear();
         let resting = letters(self.structure, jumped).filter(|(_, token)| token.starts_with('z'));
         let load = |j| self.structure.guard(&jumped.to.mode, guard_id(j, Watch::Force), jumped.at, jumped.x_plus);
-        self.rests.extend(resting.map(|(contact, _)| Rest { contact, load: load(contact), remaining: 0.0 }));
+        self.rests.extend(resting.map(|(contact, _)| Rest {
+            contact,
+            load: load(contact),
+            remaining: 0.0,
+            uncertainty: f64::NAN,
+        }));
     }
 
     fn event(&mut self, record: &EventRecord) -> ControlFlow<()> {
@@ -167,11 +174,10 @@ impl Observer for Lowest<'_> {
             // A decision about the first mode, and no event.
             self.rests.clear();
         }
-        if let Some(accumulation) = record.accumulation {
-            for (contact, _) in record.fired.iter().map(guard_of) {
-                let rest = self.rests.iter_mut().rfind(|rest| rest.contact == contact);
-                rest.into_iter().for_each(|rest| rest.remaining = accumulation.remaining);
-            }
+        // The rests that this event begins have no uncertainty yet.
+        for rest in self.rests.iter_mut().rev().take_while(|rest| rest.uncertainty.is_nan()) {
+            let (remaining, of_sum) = record.accumulation.map_or((0.0, 0.0), |sum| (sum.remaining, sum.uncertainty));
+            (rest.remaining, rest.uncertainty) = (remaining, record.conditioning.time + of_sum);
         }
         ControlFlow::Continue(())
     }
@@ -199,7 +205,9 @@ impl Course {
         lowest.close();
         let clock = structure.clock();
         let (start, length) = (map.at(0), map.simulation().period()?);
-        let rests = lowest.rests.iter().map(|rest| Rest { remaining: rest.remaining / length, ..*rest }).collect();
+        let cycles =
+            |rest: &Rest| Rest { remaining: rest.remaining / length, uncertainty: rest.uncertainty / length, ..*rest };
+        let rests = lowest.rests.iter().map(cycles).collect();
         let times = speller.letters.iter().map(|letter| clock.between(start, letter.at) / length).collect();
         Ok(Self { letters: speller.letters, times, lows: lowest.lows, rests })
     }

@@ -11,6 +11,8 @@ use crate::{
     simulation::{Simulation, SimulationError},
 };
 
+/// Distance of an orbit's ends, in scales, that rounding leaves: of some ten arcs a cycle.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// Newton steps at most.
 const STEPS: usize = 14;
 /// Residual, in scales, below which a point counts.
@@ -217,9 +219,9 @@ impl Node {
         (1..*period).filter(|k| period.is_multiple_of(*k)).any(|k| closes(&k))
     }
 
-    /// How far the numbers may be off, in ranges, as the orbit does not close to the last digit.
+    /// How far the numbers may be off, in ranges, as the orbit closes to rounding at best.
     pub fn closure(&self) -> f64 {
-        self.orbit.residual * self.orbit.condition
+        self.orbit.residual.max(ROUNDING) * self.orbit.condition
     }
 
     /// The chord to another point of the branch, of length one, and its length.

@@ -12,6 +12,8 @@ use crate::gear::contact::Law;
 
 /// Largest part of a rest that its last impacts may be summed for where its end is looked for.
 const SUMMED: f64 = 1e-6;
+/// Bound of the power by which the parameter follows the load.
+const POWER: f64 = 5.0 / 3.0;
 
 impl Solver<'_> {
     /// The end of a rest between two points. A rest that lasts ends where the least load along it is zero. One within the cycle ends where the
@@ -36,13 +38,21 @@ impl Solver<'_> {
             let is_of = |contact: usize| there.course.letters.iter().any(|letter| letter.contact == contact);
             if count > there.course.rests.len() && here.course.weakest().is_some_and(|rest| is_of(rest.contact)) {
                 let located = self.limit(here, &way, &|node| self.settling(node, count));
-                found.extend(located.map(|located| (Kind::Stick, Sought::Rest, located)));
+                found.extend(located.map(|located| (Kind::Stick, Sought::Rest, self.timed(here, located))));
             }
         }
         found.retain(|(.., located)| is_between(located) && self.is_located(located));
         // A rest that lasts is a smooth motion up to its end.
         let order = |found: &Found| (found.1 == Sought::Rest, found.2.error);
         found.into_iter().min_by(|a, b| order(a).partial_cmp(&order(b)).unwrap_or(Ordering::Equal))
+    }
+
+    /// The end of a rest, seen from the orbit `here`, with what the uncertainty of the instant of rest adds: near the end the load is a multiple
+    /// of the time that is left, and the parameter of a power of it.
+    fn timed(&self, here: &Node, located: Located) -> Located {
+        let way = (located.value - here.value).abs() / self.family.range();
+        let share = here.course.weakest().map_or(0.0, |rest| rest.uncertainty / here.course.stay(rest));
+        Located { residual: located.residual + POWER * way * share, ..located }
     }
 
     /// The least load at an instant at which a contact comes to rest, to the power by which the parameter follows it near zero; of an orbit
