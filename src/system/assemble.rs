@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 use smallvec::{SmallVec, smallvec};
 
 use super::{
@@ -10,7 +10,8 @@ use super::{
 };
 use crate::{
     gear::{Harmonic, Stiffness, contact::Law},
-    hybrid::{Clock, Instant},
+    hybrid::{Clock, Instant, Wide},
+    linalg::Inverse,
     vectors::Instructions,
 };
 
@@ -32,6 +33,14 @@ fn sparse<'a>(values: impl IntoIterator<Item = &'a f64>) -> Sparse {
 /// `Σ row_i x_i`.
 pub(crate) fn dot(row: &Sparse, x: &[f64]) -> f64 {
     row.iter().fold(0.0, |s, (i, g)| s + g * x[*i as usize])
+}
+
+/// `Σ row_i x_i`, rounded once where x has two doubles: the terms of an ill-conditioned mass matrix cancel.
+fn along(row: &Sparse, x: &[Wide]) -> f64 {
+    if x.iter().all(|x| x.lo == 0.0) {
+        return row.iter().fold(0.0, |sum, (i, g)| sum + g * x[*i as usize].hi);
+    }
+    row.iter().fold(Wide::default(), |sum, (i, g)| sum + x[*i as usize] * *g).value()
 }
 
 /// One frequency of the forcing; its phase is evaluated once a step and shared by all harmonics.
@@ -280,8 +289,7 @@ impl Structure {
     pub fn new(spec: Spec) -> Result<Self, AssembleError> {
         let n = spec.freedoms.len();
         spec.check()?;
-        let cholesky = Cholesky::new(spec.mass.clone()).ok_or(AssembleError::Mass)?;
-        let over_mass = |v: &[f64]| cholesky.solve(&DVector::from_column_slice(v)).as_slice().to_vec();
+        let inverse = Inverse::new(&spec.mass).ok_or(AssembleError::Mass)?;
         let (clock, oscillators, places) = find_oscillators(&spec);
         let wave = |h: &Harmonic, scale: f64| Wave {
             // OK to index: find_oscillators collected every frequency of the spec.
@@ -294,7 +302,7 @@ impl Structure {
             .iter()
             .map(|l| {
                 let w = wave(&Harmonic { omega: l.omega, amplitude: 1.0, phase: l.phase }, 1.0);
-                let a = over_mass(&l.vector);
+                let a = inverse.solve(&l.vector);
                 LoadWave {
                     index: w.index,
                     cosine: a.iter().map(|v| v * w.cosine).collect(),
@@ -305,9 +313,11 @@ impl Structure {
         let weights: Vec<f64> = (0..n).map(|i| spec.mass[(i, i)].sqrt()).collect();
         let mut dim = 2 * n;
         let mut contacts = Vec::with_capacity(spec.contacts.len());
+        let mut pushes = Vec::with_capacity(spec.contacts.len());
         for c in &spec.contacts {
-            let push = over_mass(&c.direction);
-            let mobility: f64 = c.direction.iter().zip(&push).map(|(g, p)| g * p).sum();
+            let wide = inverse.wide(&DVector::from_column_slice(&c.direction));
+            let push: Vec<f64> = wide.iter().map(|p| p.value()).collect();
+            let mobility = along(&sparse(&c.direction), &wide);
             let error: Vec<Wave> = c.error.iter().map(|h| wave(h, 1.0)).collect();
             let latch = matches!(c.law, Law::Power(l) if l.hysteresis > 0.0).then(|| {
                 dim += 1;
@@ -322,6 +332,7 @@ impl Structure {
             };
             let error_rate: Vec<Wave> = error.iter().map(|w| w.rate(oscillators[w.index].omega)).collect();
             let size = |w: &Wave| w.cosine.abs() + w.sine.abs();
+            pushes.push(wide);
             contacts.push(Contact {
                 error_sizes: [
                     error.iter().map(size).sum(),
@@ -347,15 +358,10 @@ impl Structure {
                 spec: c.clone(),
             });
         }
-        let pushes: Vec<Sparse> = contacts.iter().map(|c| c.push.clone()).collect();
         for contact in &mut contacts {
-            let along = |push: &Sparse| {
-                let at = |row: u32| push.iter().find(|(r, _)| *r == row).map_or(0.0, |(_, p)| *p);
-                contact.direction.iter().map(|(row, g)| g * at(*row)).sum()
-            };
-            contact.couplings = pushes.iter().map(along).collect();
+            contact.couplings = pushes.iter().map(|push| along(&contact.direction, push)).collect();
         }
-        let (k, c) = (cholesky.solve(&spec.stiffness), cholesky.solve(&spec.damping));
+        let (k, c) = (inverse.solve_matrix(&spec.stiffness), inverse.solve_matrix(&spec.damping));
         let rows: Vec<Vec<(u32, f64, f64)>> = (0..n)
             .map(|i| {
                 (0..n)
@@ -364,7 +370,7 @@ impl Structure {
                     .collect()
             })
             .collect();
-        let load = over_mass(&spec.load);
+        let load = inverse.solve(&spec.load);
         let pull = |i: usize| {
             let waves: f64 = load_waves.iter().map(|w| w.cosine[i].abs() + w.sine[i].abs()).sum();
             [load[i].abs() + waves, rows[i].iter().map(|(_, k, _)| k.abs()).sum()]
