@@ -23,7 +23,7 @@ use Part::{All, Only};
 
 /// Module, and what it may import. Nothing imports `cli`, and a module without a row imports nothing.
 const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
-    ("linalg", &[]),
+    ("linalg", &[("hybrid", Only(&["Wide"]))]),
     ("hybrid", &[]),
     ("gear", &[]),
     ("output", &[]),
@@ -209,7 +209,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("hybrid", 1550),
     ("integrate", 1800),
     ("kernel", 8000),
-    ("linalg", 150),
+    ("linalg", 200),
     ("map", 3200),
     ("orbit", 4180),
     ("output", 450),
