@@ -1,4 +1,4 @@
-//! Finding events: A1 to A15.
+//! Finding events: A1 to A16.
 
 use std::f64::consts::{PI, TAU};
 
@@ -20,7 +20,7 @@ use flank::{
 use proptest::prelude::*;
 
 use crate::support::{
-    Course, Log, Moving, Run, attempt, ball, engine, ghost, modes, product, run, run_from, state, walled,
+    Course, Log, Moving, Run, attempt, ball, engine, ghost, masses, modes, product, run, run_from, state, walled,
 };
 
 fn elastic() -> Law {
@@ -309,6 +309,22 @@ fn a14_crossings_closer_than_the_rounding_of_time_stay_apart() {
         assert_eq!(modes(&events, 0), [Drive, Separated], "{cycle}");
         let apart = s.clock().between(events[0].at, events[1].at);
         assert!((apart / (2.0 * half) - 1.0).abs() <= 1e-12, "{cycle}: {apart:e}");
+    }
+}
+
+/// A16. Two masses whose inertias are nearly one: off the diagonal o, on it 1, both loaded by F. The first contact, b away, is at
+/// `√(2b(1 + o)/F)`. M⁻¹ by doubles alone costs the condition of M in units in the last place: 4.7e-11 s for o = 1 − 1e-6.
+#[test]
+fn a16_a_nearly_singular_mass_matrix_costs_no_digits() {
+    let (b, f) = (0.5, 0.3368);
+    for o in [0.9999, 0.999_999, 0.999_999_99, 1.0 - 1e-10] {
+        let mut spec = masses(&[1.0; 2], &[f; 2], &[vec![1.0, 0.0]], elastic()).spec().clone();
+        spec.mass = nalgebra::dmatrix![1.0, o; o, 1.0];
+        spec.contacts[0].half_backlash = b;
+        let run = run(&Structure::new(spec).unwrap(), &[0.0; 2], &[0.0; 2], 2.6);
+        let (first, exact) = (run.events()[0], (2.0 * b * (1.0 + o) / f).sqrt());
+        let (off, allowed) = (run.times()[0] - exact, first.conditioning.time + 2.0 * f64::EPSILON * exact);
+        assert!(off.abs() <= allowed, "{o}: off by {off:e}, {allowed:e} allowed");
     }
 }
 
