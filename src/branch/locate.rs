@@ -13,9 +13,10 @@ const USED: usize = 7;
 const SHARE: f64 = 0.75;
 /// Parts of a step between a root and the nearest of the orbits by which it is found a second time.
 const APART: [f64; 3] = [64.0, 1024.0, 16384.0];
-/// Factor of the difference of two values for one point, and roundings of the value, that it may be off by.
-const SAFETY: f64 = 8.0;
-const ROUNDINGS: f64 = 32.0;
+/// Factor of the difference of two values for one point, and roundings of the range, that it may be off by. Both are measured: points with
+/// known values, and the scatter of points found from several ranges, use up to a fourth of them.
+const SAFETY: f64 = 32.0;
+const ROUNDINGS: f64 = 1024.0;
 /// The same of the last one.
 const CLOSE: f64 = 1.0 - 1e-6;
 

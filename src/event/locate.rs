@@ -260,8 +260,8 @@ impl Locator {
             [margin, DEPTH * (margin - step.left_out(i))]
         };
         let [margin, depth] = bounds(1.0);
-        if stage.is_none() && series.p[0] > margin {
-            match poly::fall_or_clear(series.p, limit, [margin, margin.max(depth)]) {
+        if stage.is_none() {
+            match poly::fall_or_clear(series.p, limit, margin.max(depth)) {
                 Some(Some(fall)) => return Err(fall),
                 Some(None) => return Ok(Near { guard: i, stage, dips: SmallVec::new() }),
                 None => {}

@@ -67,13 +67,13 @@ pub(crate) fn is_above(p: &[f64], margin: f64) -> bool {
     bernstein::certainly_positive(p, margin)
 }
 
-/// The only zero of `p` in `[0, limit]`, if it ends below `-depth`, or `None` in place of it if `p` stays above `margin`; nothing where
-/// neither is proved.
-pub(crate) fn fall_or_clear(p: &[f64], limit: f64, bounds: [f64; 2]) -> Option<Option<f64>> {
-    fall_or_clear_on(Baseline, p, limit, bounds)
+/// The only zero of `p` in `[0, limit]`, if it ends below `-depth`, or `None` in place of it if `p` stays above `depth`; nothing where the signs
+/// of its coefficients prove neither.
+pub(crate) fn fall_or_clear(p: &[f64], limit: f64, depth: f64) -> Option<Option<f64>> {
+    decided(p, limit, bernstein::signs(Baseline, p, limit, depth))
 }
 
-/// As [`fall_or_clear`], compiled for the set of `path`.
+/// As [`fall_or_clear`], compiled for the set of `path`; where signs prove neither, `p` is searched, and clear if it stays above `margin`.
 #[inline(always)]
 pub(crate) fn fall_or_clear_on<P: Path>(
     path: P,
@@ -84,13 +84,18 @@ pub(crate) fn fall_or_clear_on<P: Path>(
     if bernstein::certainly_positive(p, margin) {
         return Some(None);
     }
-    match bernstein::signs(path, p, limit, depth) {
+    decided(p, limit, bernstein::signs(path, p, limit, depth)).or_else(|| {
+        let found = search(p, limit, margin);
+        (found.touch.is_none() && found.root == FirstRoot::None).then_some(None)
+    })
+}
+
+#[inline(always)]
+fn decided(p: &[f64], limit: f64, signs: Signs) -> Option<Option<f64>> {
+    match signs {
         Signs::Above => Some(None),
         Signs::Fall(guess) => Some(Some(polish(p, 0.0, limit, guess * limit))),
-        Signs::Mixed => {
-            let found = search(p, limit, margin);
-            (found.touch.is_none() && found.root == FirstRoot::None).then_some(None)
-        }
+        Signs::Mixed => None,
     }
 }
 

@@ -153,7 +153,7 @@ impl<'a> Job<'a> {
         }
         let verified = check.as_mut().map_or(Ok(()), |check| check.finish(state.at));
         let name = |(mode, name): (Mode, _)| (simulation.mode_name(&mode), name);
-        let summary = Summary {
+        let mut summary = Summary {
             flank: env!("CARGO_PKG_VERSION"),
             scene: Provenance { name: simulation.name.clone(), sha256: simulation.hash() },
             train: TrainUsed {
@@ -179,17 +179,20 @@ impl<'a> Job<'a> {
             verification: check.as_ref().map(crate::verify::Verifier::verification),
             warnings: simulation.warnings_in_words(),
         };
-        let written = rows.finish();
-        let sampled = samples.map_or(Ok(()), SampleFile::finish);
-        folder.map_or(Ok(()), |mut folder| folder.complete(SUMMARY, &summary))?;
-        let events = written.map_err(|error| SimulationError::File(EVENTS, error))?;
-        sampled.map_err(|error| SimulationError::File(TRAJECTORY, error))?;
         let step = clock.between(from, state.at) / summary.work.steps.max(1) as f64;
         // A difference comes before what follows from it; a run that failed says so itself.
         let failure = verified.err().map(SimulationError::from).or_else(|| match result {
             Ok(_) => alarm(simulation, &summary, (step, ledger.reach()), left_out),
             Err(error) => Some(error.into()),
         });
+        if let Some(failure) = &failure {
+            summary.outcome.fail(failure);
+        }
+        let written = rows.finish();
+        let sampled = samples.map_or(Ok(()), SampleFile::finish);
+        folder.map_or(Ok(()), |mut folder| folder.complete(SUMMARY, &summary))?;
+        let events = written.map_err(|error| SimulationError::File(EVENTS, error))?;
+        sampled.map_err(|error| SimulationError::File(TRAJECTORY, error))?;
         Ok(RunRecord { summary, events, failure })
     }
 }
@@ -275,6 +278,10 @@ impl Observer for Watchman<'_> {
         if self.steps == 0 {
             self.task.report(Progress::Share(self.clock.between(self.from, step.start()) / self.span));
         }
+        self.task.flow()
+    }
+
+    fn leap(&mut self, _: &Mode, _: f64) -> ControlFlow<()> {
         self.task.flow()
     }
 

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::Simulation;
+use super::{Simulation, SimulationError};
 use crate::{
     analysis::{Balance, ContactReport, TransmissionReport},
     engine::{Counters, EngineError, Outcome, State},
@@ -154,5 +154,11 @@ impl RunEnd {
             q: state.x[..n].to_vec(),
             v: state.x[n..2 * n].to_vec(),
         }
+    }
+
+    /// A run whose numbers contradict each other has failed, wherever it ended.
+    pub(super) fn fail(&mut self, failure: &SimulationError) {
+        self.kind = Ended::Failed;
+        self.reason.get_or_insert_with(|| failure.to_string());
     }
 }

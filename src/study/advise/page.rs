@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::{Advice, Rung, measure::Estimate, verdict::Verdict};
-use crate::output::{Table, label};
+use crate::output::{Table, csv_line, label};
 
 /// Four significant digits, as they read best.
 fn short(value: f64) -> String {
@@ -239,7 +239,7 @@ impl Advice {
             for mesh in &motion.meshes {
                 let change = rung.changes.iter().find(|change| change.family == mesh.family);
                 let words = [
-                    format!("\"{}\"", rung.words),
+                    rung.words.clone(),
                     rung.ladder.map(label).unwrap_or_default(),
                     if rung.changes.is_empty() { String::new() } else { rung.verdict.words() },
                     motion.freedoms.to_string(),
@@ -263,9 +263,9 @@ impl Advice {
                 ];
                 let mut cells = words.to_vec();
                 cells.extend(numbers.map(some));
-                cells.push(format!("\"{}\"", mesh.family.replace('"', "\"\"")));
+                cells.push(mesh.family.clone());
                 cells.extend(measures.map(some));
-                text += &(cells.join(",") + "\r\n");
+                text += &(csv_line(cells) + "\r\n");
             }
         }
         text
