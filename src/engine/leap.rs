@@ -96,9 +96,9 @@ impl Leaps {
             if is_over(&clock, at, span) || !motion.leap(&request, made, shown, &mut self.leap) {
                 return Ok(None);
             }
-            // Where a guard may be in a dip the steps decide. One that is exactly zero has just left it. Leaps by series look themselves.
+            // Where a guard may be in a dip the steps decide. One that is exactly zero has just left it.
             let is_near = |known: &Known| known.value != 0.0 && known.value <= NEAR * known.error;
-            if !self.leap.is_series && self.leap.starts.iter().any(is_near) {
+            if self.leap.starts.iter().any(is_near) {
                 return Ok(None);
             }
             let falls_exactly = self.leap.passage.is_some_and(|passage| core.falls_exactly(passage.guard));

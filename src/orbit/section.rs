@@ -104,9 +104,8 @@ impl<'a> SectionMap<'a> {
         let begins = clock.time(self.at(0)).value();
         let strays = |what: String| {
             format!(
-                "{what} does not repeat with its cycle of {cycle} s; change it, so that it is a whole multiple of the frequency of the cycle, \
-                 {} rad/s",
-                std::f64::consts::TAU / cycle
+                "{what} does not repeat with its cycle of {cycle} s; give the train a base frequency of which all of its frequencies are \
+                 multiples (base_frequency_rad_per_s, without units base_frequency)"
             )
         };
         let of_contact = |c: &ContactSpec| match &c.stiffness {

@@ -75,7 +75,7 @@ fn names(node: &Node, n: usize) -> Vec<String> {
     names
 }
 
-/// The frequency of one cycle: the one written, or the highest of which all of the excitation are multiples.
+/// The frequency of one cycle: the one written, or the lowest of the excitation if all are its multiples.
 pub(super) fn base_frequency(node: &Node, spec: &Spec) -> Option<f64> {
     if let Some(written) = node.at_unit("base_frequency", "rad_per_s").written() {
         return Some(written.number());
@@ -88,49 +88,8 @@ pub(super) fn base_frequency(node: &Node, spec: &Spec) -> Option<f64> {
     });
     let errors = spec.contacts.iter().flat_map(|c| c.error.iter().map(|h| h.omega));
     let loads = spec.load_harmonics.iter().map(|h| h.omega);
-    common_base(&loads.chain(errors).chain(scheduled).collect::<Vec<f64>>())
-}
-
-/// Largest whole number in a ratio of two frequencies of one cycle.
-const RATIO: u32 = 1000;
-
-/// The highest frequency of which all of `frequencies` are multiples, none above [`RATIO`] unless it is the lowest of them.
-fn common_base(frequencies: &[f64]) -> Option<f64> {
-    let least = frequencies.iter().copied().reduce(f64::min)?;
-    let whole = |ratio: f64, bound: f64| (ratio - ratio.round()).abs() <= bound * ratio;
-    if frequencies.iter().all(|omega| whole(omega / least, 1.0e-12)) {
-        return Some(least);
-    }
-    // Two written doubles, a period turned into a frequency and the quotient round by less than two units in the last place.
-    let repeats = |parts: &u32| {
-        let ratio = |omega: &f64| omega / least * f64::from(*parts);
-        frequencies.iter().map(ratio).all(|ratio| ratio.round() <= f64::from(RATIO) && whole(ratio, 2.0 * f64::EPSILON))
-    };
-    (2..=RATIO).find(repeats).map(|parts| least / f64::from(parts))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::common_base;
-
-    #[test]
-    fn frequencies_in_ratios_of_whole_numbers_have_a_common_base() {
-        assert_eq!(common_base(&[2.0, 3.0]), Some(1.0));
-        assert_eq!(common_base(&[0.7, 1.1]).map(|base| (base * 10.0).round()), Some(1.0));
-        assert_eq!(common_base(&[6.0, 10.0, 15.0]), Some(1.0));
-        assert_eq!(common_base(&[999.0, 1000.0]), Some(1.0));
-    }
-
-    #[test]
-    fn multiples_of_the_lowest_frequency_keep_it() {
-        assert_eq!(common_base(&[3.0, 6.0, 9000.0]), Some(3.0));
-    }
-
-    #[test]
-    fn frequencies_without_a_ratio_of_small_numbers_have_no_base() {
-        assert_eq!(common_base(&[1.0, std::f64::consts::SQRT_2]), None);
-        assert_eq!(common_base(&[1.0, 1.5 + 1.0e-14]), None);
-        assert_eq!(common_base(&[1000.0, 1001.0]), None);
-        assert_eq!(common_base(&[]), None);
-    }
+    let all: Vec<f64> = loads.chain(errors).chain(scheduled).collect();
+    let least = all.iter().copied().reduce(f64::min)?;
+    let multiple = |omega: &f64| (omega / least - (omega / least).round()).abs() <= 1.0e-12 * omega / least;
+    all.iter().all(multiple).then_some(least)
 }

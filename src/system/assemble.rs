@@ -468,8 +468,8 @@ fn find_oscillators(spec: &Spec) -> (Clock, Vec<Oscillator>, HashMap<u64, usize>
     }
     let order = |w: f64, base: f64| {
         let h = (w / base).round();
-        // A multiple to two units in the last place counts as one: 3 · 0.3 is meant to be 0.9.
-        ((1.0..1e6).contains(&h) && (h * base - w).abs() <= 2.0 * f64::EPSILON * w).then_some(h as u32)
+        // A multiple to one unit in the last place counts as one: 3 · 0.3 is meant to be 0.9.
+        ((1.0..1e6).contains(&h) && (h * base - w).abs() <= f64::EPSILON * w).then_some(h as u32)
     };
     let lowest = omegas.iter().copied().fold(f64::INFINITY, f64::min);
     let base = spec.omega.or_else(|| {

@@ -56,7 +56,7 @@ fn c1_impacts_are_resolved_down_to_the_speed_asked_for() {
 /// rebounds near 2 m/s are far from e times the one before.
 #[test]
 fn c1_a_speed_below_which_impacts_may_be_summed_changes_no_end() {
-    const EXACT: f64 = 8.146_592_328_645_090_950_8;
+    const EXACT: f64 = 8.146_592_328_645_091;
     let floor = Walls::Below { position: 0.0 };
     let motion = vec![Harmonic { omega: 5.0, amplitude: 0.05, phase: 0.0 }];
     let s = walled(&Walled { load: -9.81, motion, ..Walled::new(1.0, floor, rigid(0.9), Stiffness::Constant(0.0)) });
