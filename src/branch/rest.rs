@@ -10,6 +10,8 @@ use super::{
 };
 use crate::gear::contact::Law;
 
+/// Factor of the change of the value by the last orbits: it has a part that repeats with the number of impacts, and is not extrapolated.
+const PERIODIC: f64 = 16.0;
 /// Largest part of a rest that its last impacts may be summed for where its end is looked for.
 const SUMMED: f64 = 1e-6;
 /// Bound of the power by which the parameter follows the load.
@@ -52,7 +54,7 @@ impl Solver<'_> {
     fn timed(&self, here: &Node, located: Located) -> Located {
         let way = (located.value - here.value).abs() / self.family.range();
         let share = here.course.weakest().map_or(0.0, |rest| rest.uncertainty / here.course.stay(rest));
-        Located { residual: located.residual + POWER * way * share, ..located }
+        Located { residual: located.residual + POWER * way * share, error: PERIODIC * located.error, ..located }
     }
 
     /// The least load at an instant at which a contact comes to rest, to the power by which the parameter follows it near zero; of an orbit

@@ -300,7 +300,7 @@ impl Locator {
     ) {
         let (i, guard) = (near.guard, step.guards()[near.guard]);
         self.dips.retain(|(id, _)| *id != guard);
-        for (number, dip) in near.dips.iter().enumerate().filter(|(_, dip)| dip.from < end || end == 0.0) {
+        for (number, dip) in near.dips.iter().enumerate().filter(|(_, dip)| dip.from <= end) {
             let begun = near.stage.filter(|_| number == 0);
             let Stage { is_known, length } = begun.unwrap_or(Stage { is_known: false, length: 0.0 });
             let goes_on = dip.is_open || dip.to >= end;
