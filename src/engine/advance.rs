@@ -112,7 +112,9 @@ impl<'s> Engine<'s> {
             if self.core.counters.events >= self.core.options.max_events {
                 return Ok(Outcome::EventBudgetSpent);
             }
-            if let Some(lane) = self.lane.as_deref_mut().filter(|_| !observer.wants_anything() && self.core.leaps()) {
+            if let Some(lane) =
+                self.lane.as_deref_mut().filter(|_| !observer.wants_anything() && self.core.summed.is_none())
+            {
                 match lane::go_on(lane, &mut self.core, &mut *self.integrator, &mut self.point, end) {
                     Some(End::Bound) => break,
                     Some(End::Rest(guards, accumulation)) => {
@@ -180,7 +182,7 @@ impl<'s> Engine<'s> {
             let Again { steps, extent, left_out } = again;
             Before { steps: *steps, extent, left_out: *left_out }
         });
-        if let Some(motion) = motion.as_deref().filter(|_| known.leaps && !core.is_again && core.leaps()) {
+        if let Some(motion) = motion.as_deref().filter(|_| known.leaps && !core.is_again && core.summed.is_none()) {
             if let Some(end) = leaps.arc(core, (motion, met.arcs), point, bound, arrival, observer)? {
                 return Ok(end);
             }

@@ -149,7 +149,7 @@ impl Alarm {
     }
 
     /// Largest rounding of a guard that was met, in its units.
-    pub fn largest_rounding(&self, guard: GuardId) -> f64 {
+    fn largest_rounding(&self, guard: GuardId) -> f64 {
         self.met[usize::from(guard.0)].rounding
     }
 
@@ -262,7 +262,7 @@ impl Alarm {
             let (id, row) = (*guard, step.guard(i));
             let (tail, _) = step.guard_error(i);
             let rounding = self.largest_rounding(id);
-            let limit = |tail: f64| MOVED * tail + GATHERED * rounding + self.waited + GATHERED * located.depth;
+            let limit = |tail: f64| MOVED * tail + GATHERED * rounding + self.waited;
             let fires = located.fired.contains(id);
             if (fires || located.near.contains(id)) && system.is_continuous(id) {
                 let known = step.guard_in_time(i, located.theta).map_or(tail, |(_, error)| error);

@@ -122,7 +122,7 @@ impl Core<'_> {
         located: &Located,
         observer: &mut dyn Observer,
     ) -> Result<(), EngineError> {
-        let Self { system, alarm, locator, iteration, tolerance, .. } = self;
+        let Self { system, alarm, iteration, tolerance, .. } = self;
         iteration.open(&point.state);
         let EventIteration { record, cascade, strikes, fastest, .. } = iteration;
         let Point { state: State { at, x, jump }, low, carried } = point;
@@ -138,7 +138,6 @@ impl Core<'_> {
         }
         cascade.push(jump.mode.clone());
         alarm.jumped();
-        locator.jumped();
         // A guard that is known to touch carries an impulse without an impact.
         let near = &located.near - &jump.pinned;
         jump.pinned |= &located.zero;
@@ -194,7 +193,6 @@ impl Core<'_> {
         low.fill(0.0);
         carried.clear();
         self.alarm.jumped();
-        self.locator.jumped();
         self.iteration.open(state);
         let (at, remaining) = (clock.advance(state.at, accumulation.remaining), accumulation.remaining);
         let settled = self.system.settle(&state.jump, &guards, state.at, &mut state.x);
@@ -243,8 +241,6 @@ impl Core<'_> {
             self.counters.add(record, self.tolerance);
         }
         self.iteration.stage = Stage::Past;
-        self.locator.jumped();
-        self.locator.leapt();
         self.alarm.go_past();
         self.next_switch = self.system.next_switch(&state.jump.mode, state.at);
     }

@@ -15,16 +15,13 @@ use super::{
 };
 use crate::{
     event::{Conditioning, Located},
-    hybrid::{FULL_PRECISION, GuardId, GuardSet, Instant, JetField, JetRequest, Known, Leap, Made, Passage, share_of},
+    hybrid::{FULL_PRECISION, GuardId, GuardSet, Instant, JetField, JetRequest, Leap, Made, Passage, share_of},
     integrate::{Arc, Before, Integrator, Taylor, advances, gathered, is_over},
     poly::{FirstRoot, first_root},
 };
 
 /// A step that ends this near to the leap, relative to its span, ends with it.
 const ENDED: f64 = 4.0 * f64::EPSILON;
-
-/// Roundings of its start within which a guard may be in a dip: those that some sixty steps gather.
-const NEAR: f64 = 8.0;
 
 /// What leaps need.
 #[derive(Default)]
@@ -96,11 +93,6 @@ impl Leaps {
             if is_over(&clock, at, span) || !motion.leap(&request, made, shown, &mut self.leap) {
                 return Ok(None);
             }
-            // Where a guard may be in a dip the steps decide. One that is exactly zero has just left it.
-            let is_near = |known: &Known| known.value != 0.0 && known.value <= NEAR * known.error;
-            if self.leap.starts.iter().any(is_near) {
-                return Ok(None);
-            }
             let falls_exactly = self.leap.passage.is_some_and(|passage| core.falls_exactly(passage.guard));
             if falls_exactly && self.leap.is_series && tolerance > FULL_PRECISION {
                 is_again = true;
@@ -122,7 +114,6 @@ impl Leaps {
             }
             core.counters.steps += 1;
             core.locator.splits += self.leap.splits;
-            core.locator.leapt();
             core.counters.arcs += u64::from(self.count == 0);
             let gathered = |id| self.last.map_or(0.0, |time| self.gathered(motion, id, 0, (self.count, time)));
             core.alarm.start_leap(core.system, at, &self.leap, self.count == 0, gathered)?;
@@ -282,5 +273,5 @@ fn located(passage: &Passage, leap: &Leap, gathered: f64) -> Located {
         time: f64::EPSILON * leap.time + width.min(most),
         estimated: false,
     };
-    Located { theta: 1.0, fired: guard.clone(), zero: guard, near: GuardSet::default(), depth: 0.0, conditioning }
+    Located { theta: 1.0, fired: guard.clone(), zero: guard, near: GuardSet::default(), conditioning }
 }

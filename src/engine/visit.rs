@@ -127,11 +127,10 @@ impl Core<'_> {
         self.alarm.start(self.system, step, first)?;
         let left = self.system.clock().between(step.start(), place.bound);
         let closes = place.arrival != Arrival::Switch && left <= step.time(1.0) * (1.0 + 4.0 * f64::EPSILON);
-        let carried = |id| self.alarm.largest_rounding(id);
-        let (mut located, touches) = self.locator.first(step, (first, closes), &carried);
+        let (mut located, touch) = self.locator.first(step, first, closes);
         if let Some(Summed { remaining, .. }) = self.summed {
             let event = located.as_ref().map_or(1.0, |located| located.theta);
-            let quiet = step.time(touches.first().map_or(event, |touch| touch.theta.min(event)));
+            let quiet = step.time(touch.as_ref().map_or(event, |touch| touch.theta.min(event)));
             if quiet < remaining {
                 self.leave(step, 0.0);
                 return Ok(Some(End::Resume(self.system.clock().advance(step.start(), quiet))));
@@ -149,10 +148,10 @@ impl Core<'_> {
             self.leave(step, 0.0);
             return Ok(Some(End::Again));
         }
-        for touch in touches {
-            if self.graze(step, touch, place, observer).is_break() {
-                return Ok(Some(End::Stop(Outcome::StoppedByObserver)));
-            }
+        if let Some(touch) = touch
+            && self.graze(step, touch, place, observer).is_break()
+        {
+            return Ok(Some(End::Stop(Outcome::StoppedByObserver)));
         }
         if let Some(located) = located.take_if(|l| place.waits(step, l, left)) {
             self.alarm.wait(step, &located);
@@ -167,11 +166,6 @@ impl Core<'_> {
         self.alarm.end(&place.state.jump.mode, step, closes);
         step.carry(1.0, &mut self.left.carried);
         Ok(None)
-    }
-
-    /// Tells if an arc may leap: neither a sum nor a dip waits for the decision of its first step.
-    pub fn leaps(&self) -> bool {
-        self.summed.is_none() && !self.locator.is_pending()
     }
 
     /// Whether nothing may be left out on the way to a fall of `id`: a force is exactly zero from then on, and the state has to agree to

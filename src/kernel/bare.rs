@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     hybrid::{ARRIVED, Jet, JetRequest, Known, Leap, Passage},
-    poly::{self, Deflated},
+    poly::{self, Deflated, FirstRoot},
     system::Watch,
     vectors::Path,
 };
@@ -27,11 +27,6 @@ const SHARP: [f64; 3] = [1e-11, 1e5, 1e-2];
 const APART: f64 = 8.0;
 /// The change of a slope over the width of a fall, relative to it: beyond, the fall is tangential.
 const TANGENTIAL: f64 = 1e-3;
-
-/// Rounding that an arc may have gathered, in roundings of a guard that is formed from the state: of some sixty steps.
-const GATHERED: f64 = 8.0;
-/// Times its error that a guard has to fall below zero: less may be a touch, and is left to the step.
-const DEEP: f64 = 8.0;
 
 /// A number for each contact, in fours.
 type Fours = SmallVec<[[f64; LANES]; 4]>;
@@ -143,15 +138,13 @@ impl Expansion<'_> {
                 let added = added[j];
                 let mut start = self.position(watched, &jet.work);
                 let (terms, rounding) = (start.abs() + added, ROUNDING * stretch_size);
-                let afresh = ROUNDING * (size + added);
-                let error = rest + rounding + SUMMED * terms + GATHERED * afresh;
-                let is_clear = start - added > error && !self.is_released(j, watch);
+                let is_clear = start - added > rest + rounding + SUMMED * terms && !self.is_released(j, watch);
                 if !is_clear {
                     let row = &mut jet.guard_series[row];
                     self.position_row(watched, powers, &jet.work, row);
                     start = row[0];
                 }
-                (rest, start, terms, [rounding, afresh], is_clear)
+                (rest, start, terms, [rounding, ROUNDING * (size + added)], is_clear)
             };
             if !is_clear {
                 doubtful.push(Doubtful { number, tail, rounding, afresh });
@@ -261,17 +254,19 @@ impl Motion<'_> {
             if is_twin(&first, series) {
                 continue;
             }
-            let error = series.error + if series.order == 0 { GATHERED * doubtful[place].afresh } else { 0.0 };
-            let theta = match poly::fall_or_clear_on(path, series.p, limit, [error, DEEP * error]) {
-                None => return false,
-                Some(None) => continue,
-                Some(Some(theta)) => theta,
-            };
-            let fall = Fall::new(place, series, theta, request.tolerance);
-            if theta <= 0.0 || fall.is_none() {
-                return false;
+            let found = poly::first_root_on(path, series.p, limit, series.error);
+            leap.splits += u64::from(found.splits);
+            match found.root {
+                _ if found.touch.is_some() => return false,
+                FirstRoot::None => {}
+                FirstRoot::At(theta) => {
+                    let fall = Fall::new(place, series, theta, request.tolerance);
+                    if theta <= 0.0 || fall.is_none() {
+                        return false;
+                    }
+                    (limit, first) = (theta, fall);
+                }
             }
-            (limit, first) = (theta, fall);
         }
         leap.is_bound = first.is_none() && jet.time_at(1.0) >= request.span * (1.0 - ARRIVED);
         // No other guard, and no end of the arc, is where the first one falls.

@@ -1,11 +1,8 @@
 //! The first point of `[0, reach]` at which a polynomial falls below zero.
 
-use smallvec::SmallVec;
-
 use super::{
-    MAX_DEGREE,
     bernstein::{self, Bernstein, Signs},
-    eval, eval_with_derivatives, eval_with_slope,
+    eval_with_derivatives, eval_with_slope,
 };
 use crate::vectors::{Baseline, Path};
 
@@ -50,148 +47,21 @@ const MAX_DEPTH: u32 = 52;
 /// If `p` is empty or has a degree above [`MAX_DEGREE`](super::MAX_DEGREE).
 #[must_use]
 pub fn first_root(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
+    first_root_on(Baseline, p, limit, uncertainty)
+}
+
+/// As [`first_root`], compiled for the set of `path`: the same bits by every set.
+#[inline(always)]
+pub(crate) fn first_root_on<P: Path>(path: P, p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
     if bernstein::certainly_positive(p, uncertainty) {
         return Isolation::CLEAR;
     }
-    let root = match bernstein::signs(Baseline, p, limit, uncertainty) {
+    let root = match bernstein::signs(path, p, limit, uncertainty) {
         Signs::Above => FirstRoot::None,
         Signs::Fall(guess) => FirstRoot::At(polish(p, 0.0, limit, guess * limit)),
         Signs::Mixed => return search(p, limit, uncertainty),
     };
     Isolation { root, is_clear: false, ..Isolation::CLEAR }
-}
-
-/// Tells if `p` is above `margin` on all of `[0, 1]`, by a quick test that may miss it.
-#[inline(always)]
-pub(crate) fn is_above(p: &[f64], margin: f64) -> bool {
-    bernstein::certainly_positive(p, margin)
-}
-
-/// The only zero of `p` in `[0, limit]`, if it ends below `-depth`, or `None` in place of it if `p` stays above `depth`; nothing where the signs
-/// of its coefficients prove neither.
-pub(crate) fn fall_or_clear(p: &[f64], limit: f64, depth: f64) -> Option<Option<f64>> {
-    decided(p, limit, bernstein::signs(Baseline, p, limit, depth))
-}
-
-/// As [`fall_or_clear`], compiled for the set of `path`; where signs prove neither, `p` is searched, and clear if it stays above `margin`.
-#[inline(always)]
-pub(crate) fn fall_or_clear_on<P: Path>(
-    path: P,
-    p: &[f64],
-    limit: f64,
-    [margin, depth]: [f64; 2],
-) -> Option<Option<f64>> {
-    if bernstein::certainly_positive(p, margin) {
-        return Some(None);
-    }
-    decided(p, limit, bernstein::signs(path, p, limit, depth)).or_else(|| {
-        let found = search(p, limit, margin);
-        (found.touch.is_none() && found.root == FirstRoot::None).then_some(None)
-    })
-}
-
-#[inline(always)]
-fn decided(p: &[f64], limit: f64, signs: Signs) -> Option<Option<f64>> {
-    match signs {
-        Signs::Above => Some(None),
-        Signs::Fall(guess) => Some(Some(polish(p, 0.0, limit, guess * limit))),
-        Signs::Mixed => None,
-    }
-}
-
-/// The first place after `from` at which `p` falls through `level`, or rises through it for a negative `sign`. `is_on` says that it is on
-/// the level at `from`: that zero is divided out.
-fn passage(p: &[f64], level: f64, from: f64, sign: f64, is_on: bool) -> Option<f64> {
-    let mut q = [0.0; MAX_DEGREE + 1];
-    let q = &mut q[..p.len()];
-    q.copy_from_slice(p);
-    super::shift(q, from, 1.0);
-    q[0] -= level;
-    q.iter_mut().for_each(|c| *c *= sign);
-    let rest = if is_on && q.len() > 1 { &q[1..] } else { &q[..] };
-    match first_root(rest, 1.0 - from, 0.0).root {
-        FirstRoot::At(x) => Some(from + x),
-        FirstRoot::None => None,
-    }
-}
-
-/// A part of `[0, 1]` in which a polynomial is not above a margin.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Dip {
-    pub from: f64,
-    pub to: f64,
-    /// It goes on at the end of `[0, 1]`.
-    pub is_open: bool,
-    /// The place at which it falls through zero, on its way below the depth that makes it a crossing.
-    pub root: Option<f64>,
-}
-
-/// Most dips of a polynomial: a guard has no more lowest points on a step.
-const DIPS: usize = 8;
-/// Share of a margin by which it must shrink to count as another one, and how often that is looked for.
-const CLOSER: f64 = 0.5;
-const TIMES: usize = 8;
-
-/// The dips of `p` in order, up to the first that is a crossing. `bounds` gives the margin and the depth of a crossing up to a place; they
-/// grow with it. `inside` says that the first dip begins at the start.
-pub(crate) fn dips(p: &[f64], bounds: impl Fn(f64) -> [f64; 2], inside: bool) -> SmallVec<[Dip; 2]> {
-    let mut found: SmallVec<[Dip; 2]> = SmallVec::new();
-    // Where the search goes on, and the margin that it has just risen through there.
-    let ([widest, _], mut at, mut on) = (bounds(1.0), 0.0, f64::NAN);
-    for _ in 0..2 * DIPS {
-        // Of the widest margin first: it is smaller nearer to the start.
-        let (mut margin, mut last, mut end, mut dip) = (widest, widest, 1.0, None);
-        for _ in 0..TIMES {
-            let begins = margin != on && (inside && at == 0.0 || eval(p, at) <= margin);
-            let from = if begins { Some(at) } else { passage(p, margin, at, 1.0, margin == on) };
-            let Some(from) = from.filter(|from| *from <= end) else {
-                dip = None;
-                break;
-            };
-            // A dip that begins at the start may be over there.
-            let is_over = begins && eval(p, at) >= margin;
-            let rise =
-                if is_over { Some(from) } else { passage(p, margin, from, -1.0, !begins).filter(|to| *to > from) };
-            let to = rise.unwrap_or(1.0);
-            dip = Some(Dip { from, to, is_open: rise.is_none(), root: None });
-            let closer = bounds(to)[0];
-            if closer > CLOSER * margin {
-                break;
-            }
-            (last, margin, end) = (margin, closer, to);
-        }
-        let Some(mut dip) = dip else {
-            if end >= 1.0 {
-                break;
-            }
-            (at, on) = (end, last);
-            continue;
-        };
-        let [_, depth] = bounds(dip.to);
-        let deep = passage(p, -depth, dip.from, 1.0, false).filter(|deep| *deep <= dip.to);
-        dip.root = deep.map(|deep| last_fall(p, dip.from, deep));
-        match found.last_mut().filter(|last| last.to >= dip.from) {
-            Some(last) => *last = Dip { from: last.from, ..dip },
-            None => found.push(dip),
-        }
-        (at, on) = (dip.to, margin);
-        if dip.root.is_some() || dip.is_open || at >= 1.0 {
-            break;
-        }
-    }
-    found
-}
-
-/// The last place in `[from, to]` at which `p`, negative at `to`, falls through zero; `from` where it is negative all the way.
-pub(crate) fn last_fall(p: &[f64], from: f64, to: f64) -> f64 {
-    let mut root = from;
-    let mut start = (eval(p, from) > 0.0).then_some(from);
-    while let Some(at) = start {
-        let Some(fall) = passage(p, 0.0, at, 1.0, at > from).filter(|fall| *fall <= to) else { break };
-        root = if eval(p, at) > 0.0 && eval(p, to) < 0.0 { polish(p, at, to, fall) } else { fall };
-        start = passage(p, 0.0, fall, -1.0, true).filter(|rise| *rise < to && *rise > fall);
-    }
-    root
 }
 
 /// The same where the signs of all coefficients together do not decide.
@@ -209,7 +79,7 @@ fn search(p: &[f64], limit: f64, uncertainty: f64) -> Isolation {
     let root = search.first(start, 0.0, limit, 0).or(search.shallow);
     if let (Some(t), Some(x)) = (search.touch, root)
         && t < x
-        && eval(p, 0.5 * (t + x)) <= search.uncertainty
+        && super::eval(p, 0.5 * (t + x)) <= search.uncertainty
     {
         // It stays within the uncertainty up to the crossing: one crossing of high order.
         search.touch = None;

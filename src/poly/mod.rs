@@ -17,7 +17,7 @@ pub(crate) use falling::{
     MOST_FOURS, Numbers, PARTS, Pattern, Place, Row, Signed, fall, fours, largest, numbers, pattern, restrict,
     stays_above,
 };
-pub(crate) use first_root::{Dip, dips, fall_or_clear, fall_or_clear_on, is_above, last_fall};
+pub(crate) use first_root::first_root_on;
 pub use first_root::{FirstRoot, Isolation, first_root};
 
 /// `p(x)` by Horner's rule.

@@ -1,18 +1,13 @@
 //! Finding the first crossing: lines 5 to 10.
 
 use flank::{
-    engine::{Options, State},
-    event::EventRecord,
-    gear::{
-        Harmonic, Stiffness,
-        contact::{Law, Linear, Release},
-    },
+    gear::Stiffness,
     hybrid::ContactMode::{Back, Drive, Separated},
     system::{Structure, contact_mode},
     train::{Walled, Walls},
 };
 
-use crate::support::{Course, Log, engine, ghost, modes, rigid, run, walled};
+use crate::support::{Course, ghost, modes, run, walled};
 
 /// `ẍ = −1` (with mass one) below a flank that is only watched, at `position`.
 fn thrown(position: f64) -> Structure {
@@ -68,78 +63,6 @@ fn l6_an_exact_tangency_is_a_graze_and_changes_nothing() {
         // A touch is known to the root of twice the guard's uncertainty, 32 ε of terms that sum to at most 2.
         assert!((run.time(0) - push).abs() <= (128.0 * f64::EPSILON).sqrt(), "{}", run.time(0));
         assert_eq!(contact_mode(&touch.to, 0), Separated);
-    }
-}
-
-/// `x = d − sin^m(t/2)` below a flank at 0, by its loads: it touches the flank at 2πk to order m, or passes it by d.
-fn touching(order: usize, beyond: f64, (law, stiffness): (Law, f64)) -> (Structure, State) {
-    // Of `sin^m(t/2)` the coefficients of cos t, cos 2t, cos 3t.
-    let waves: &[f64] = match order {
-        2 => &[-0.5],
-        4 => &[-0.5, 0.125],
-        _ => &[-15.0 / 32.0, 6.0 / 32.0, -1.0 / 32.0],
-    };
-    let load = |(k, c): (usize, &f64)| {
-        let omega = (k + 1) as f64;
-        Harmonic { omega, amplitude: c * omega * omega, phase: 0.0 }
-    };
-    let s = walled(&Walled {
-        load_harmonics: waves.iter().enumerate().map(load).collect(),
-        ..Walled::new(1.0, Walls::Above { position: 0.0 }, law, Stiffness::Constant(stiffness))
-    });
-    // From the farthest place on.
-    let at = s.clock().instant(std::f64::consts::PI);
-    let start = s.start(at, &[beyond - 1.0], &[0.0]).unwrap();
-    (s, State { at, x: start.x, jump: start.jump })
-}
-
-/// The records of a run in pieces.
-fn in_pieces(s: &Structure, start: State, ends: &[f64]) -> Vec<EventRecord> {
-    let (mut engine, mut log) = (engine(s, start, Options::default()), Log::default());
-    for end in ends {
-        engine.run(s.clock().instant(*end), &mut log).unwrap();
-    }
-    log.records.into_iter().filter(|record| !record.start && (record.graze || !record.fired.is_empty())).collect()
-}
-
-/// Ends of pieces of a run to 20.5π: none, at the touches, and beside them.
-fn cuts() -> Vec<Vec<f64>> {
-    let tau = std::f64::consts::TAU;
-    let beside = [0.0, 1e-12, -1e-12, 1e-8, -1e-8, 1e-4, -1e-4, 0.03, -0.03, 1.0];
-    let cut = |by: &f64| (1..=10).map(|k| tau * f64::from(k) + by).chain([10.25 * tau]).collect();
-    let few = (0..20).map(|i| vec![tau * (1.0 + 0.431 * f64::from(i)), 10.25 * tau]);
-    beside.iter().map(cut).chain(few).chain([vec![10.25 * tau]]).collect()
-}
-
-#[test]
-fn l6_a_touch_of_any_order_is_one_graze_however_a_run_is_cut() {
-    for order in [2, 4, 6] {
-        for law in [(rigid(0.8), 0.0), (Law::KelvinVoigt(Linear { damping: 0.1 }, Release::Force), 9.0)] {
-            for ends in cuts() {
-                let (s, start) = touching(order, 0.0, law);
-                let records = in_pieces(&s, start, &ends);
-                assert!(records.iter().all(|record| record.graze), "{order} {ends:?}");
-                assert_eq!(records.len(), 10, "{order} {ends:?}");
-                for (k, record) in (1..).zip(&records) {
-                    let off = s.clock().time(record.at).value() - f64::from(k) * std::f64::consts::TAU;
-                    // The touch is in the dip; of one that a cut divides a part lies beyond.
-                    assert!(off.abs() <= 2.0 * record.conditioning.time, "{order} {k} {ends:?}: {off:e}");
-                }
-            }
-        }
-    }
-}
-
-#[test]
-fn l6_a_dip_deeper_than_eight_times_its_bound_is_two_crossings_however_a_run_is_cut() {
-    // The bound after some hundred steps is `8ε √100 (4 S₀ + 2 S₁ + S₂)`, 1e-13, with sizes of the terms of some 1.
-    for order in [2, 4, 6] {
-        for ends in cuts() {
-            let (s, start) = touching(order, 1e-11, (ghost(), 0.0));
-            let records = in_pieces(&s, start, &ends);
-            assert!(records.iter().all(|record| !record.graze), "{order} {ends:?}");
-            assert_eq!(records.len(), 20, "{order} {ends:?}");
-        }
     }
 }
 
