@@ -100,7 +100,7 @@ impl Balance {
     }
 
     /// Largest residual that is no contradiction, J: the rounding of the throughput and of `energy`
-    /// ([`Structure::rounded_energy`](crate::system::Structure::rounded_energy)), and no more than [`IMBALANCE`] of the largest column. The
+    /// ([`Structure::rounded_energy`](crate::system::Structure::rounded_energy)), and no more than half a percent of the largest column. The
     /// latter counts where that is above the rounding of the throughput and of `held`
     /// ([`Structure::held_energy`](crate::system::Structure::held_energy)).
     #[must_use]
