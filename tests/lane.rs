@@ -8,7 +8,7 @@ use flank::{
     Simulation,
     engine::{Counters, Engine, Observer, Options, Outcome, State},
     event::EventRecord,
-    hybrid::{HybridSystem, LaneHost, LanePoint, LapEnd, Mode, Rebound},
+    hybrid::{Budget, HybridSystem, LaneHost, LanePoint, LapEnd, Mode, Rebound},
     scene::Scene,
 };
 use serde_json::json;
@@ -187,7 +187,7 @@ fn a_lane_passes_steady_motions_by_itself() {
             arcs: before.arcs,
             impact: None,
         };
-        let lap = lane.run(point, end, u64::MAX, &mut Free);
+        let lap = lane.run(point, end, Budget { events: u64::MAX, steps: u64::MAX }, &mut Free);
         assert_eq!((lap.end, lap.events), (LapEnd::Bound, engine.counters().events - before.events), "{name}");
     }
 }

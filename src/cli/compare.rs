@@ -10,11 +10,7 @@ use flank::{
     simulation::SimulationError,
 };
 
-use super::{
-    CliError, Done, open, print,
-    progress::{catch_interrupt, counted},
-    report_line, request,
-};
+use super::{CliError, Done, open, print, progress::counted, report_line, request};
 
 /// Arguments of `flank compare`.
 #[derive(Debug, clap::Args)]
@@ -61,7 +57,6 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let contenders = contenders(arguments, &problem)?;
     let (out, scene) = (arguments.out.as_deref(), arguments.scene.as_deref());
     let request = request(out, "compare", scene, arguments.force, WorkPrecision::files())?;
-    catch_interrupt();
 
     let mut found = WorkPrecision::new(&problem, &contenders, arguments.growth, arguments.most_steps)?;
     let start = Instant::now();

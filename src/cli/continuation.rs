@@ -143,7 +143,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         Progress::Unit => bar.set_message(format!("{} orbits", tried.fetch_add(1, Ordering::Relaxed) + 1)),
         Progress::Share(_) => show(&bar, progress, None),
     };
-    catch_interrupt();
+    let working = catch_interrupt();
     let task = cancellable(&progress);
     let method = Continuation { period: arguments.period, doublings: arguments.doublings };
     let (earlier, known) = earlier.map_or((None, Vec::new()), |work| (Some(work.followed), work.curves));
@@ -176,6 +176,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         let branches = &followed.branches;
         found = pool.install(|| curves(&family, kind, branches, known.clone(), &mut each, task))?;
     }
+    drop(working);
     bar.finish_and_clear();
     if let Some(error) = failed {
         return Err(error);

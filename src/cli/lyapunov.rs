@@ -78,7 +78,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         Lyapunov { cycles: arguments.cycles, without_saltation: arguments.without_saltation, finite: arguments.finite };
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);
-    catch_interrupt();
+    let working = catch_interrupt();
     let (mut last, mut written, mut failed) = (None, Instant::now(), None);
     let mut keep = |work: &Averaging| {
         if written.elapsed() >= PAUSE {
@@ -89,6 +89,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     };
     let pool = threads(arguments.threads)?;
     let exponents = pool.install(|| method.go_on(&simulation, earlier, &mut keep, cancellable(&progress)));
+    drop(working);
     bar.finish_and_clear();
     if let Some(error) = failed {
         return Err(error.into());

@@ -68,7 +68,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let search = Search { period: arguments.period, starts: arguments.starts };
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, None);
-    catch_interrupt();
+    let working = catch_interrupt();
     let (task, mut failed, mut is_kept) = (cancellable(&progress), None, earlier.is_some());
     let mut keep = |work: &Searched| {
         failed = failed.take().or(checkpoint.keep(work).err());
@@ -76,6 +76,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     };
     let pool = threads(arguments.threads)?;
     let found = pool.install(|| search.go_on(&simulation, earlier, &mut keep, task));
+    drop(working);
     bar.finish_and_clear();
     if let Some(error) = failed {
         return Err(error.into());

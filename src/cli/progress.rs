@@ -3,6 +3,8 @@
 use std::{
     io::IsTerminal,
     sync::atomic::{AtomicBool, Ordering},
+    thread,
+    time::Duration,
 };
 
 use flank::{Progress, Task};
@@ -13,24 +15,54 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// Positions of the bar.
 const LENGTH: f64 = 10_000.0;
 
-/// Makes Ctrl-C end the run; a second one ends the program at once.
-pub fn catch_interrupt() {
+/// Work is going on that has to end soon after Ctrl-C.
+static WORKING: AtomicBool = AtomicBool::new(false);
+/// Looks at whether that work has ended, and the time between two.
+const LOOKS: u32 = 50;
+const PAUSE: Duration = Duration::from_millis(20);
+/// The exit code of a program that Ctrl-C has ended.
+const EXIT: i32 = 130;
+
+/// Work that Ctrl-C ends, for as long as this lives.
+#[must_use = "Ctrl-C waits for work that ends at once"]
+pub struct Work;
+
+impl Drop for Work {
+    fn drop(&mut self) {
+        WORKING.store(false, Ordering::Relaxed);
+    }
+}
+
+/// Makes Ctrl-C end the work that begins. A second one ends the program at once, and so does the first where the work goes on for a
+/// second: within one long cycle nobody asks. Rows, events and checkpoints are in their files by then.
+pub fn catch_interrupt() -> Work {
+    WORKING.store(true, Ordering::Relaxed);
     // A handler that is there already (as in a host program) is left in place: the run then ends as it says.
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
+            std::process::exit(EXIT);
         }
+        for _ in 0..LOOKS {
+            thread::sleep(PAUSE);
+            if !WORKING.load(Ordering::Relaxed) {
+                return;
+            }
+        }
+        eprintln!("interrupted within a cycle or a point: what was finished before is kept");
+        std::process::exit(EXIT);
     });
+    Work
 }
 
 /// Does work that Ctrl-C cancels under a bar of `count` things, `kept` of which are done already.
 pub fn counted<R>(count: usize, kept: usize, things: &str, quiet: bool, work: impl FnOnce(Task<'_>) -> R) -> R {
-    catch_interrupt();
+    let working = catch_interrupt();
     let template = format!("{{bar:40}} {{pos}} of {{len}} {things}  {{per_sec}}  {{eta}} left");
     let bar = bar(count as u64, &template, quiet);
     bar.set_position(kept as u64);
     bar.reset_eta();
     let done = work(cancellable(&|_| bar.inc(1)));
+    drop(working);
     bar.finish_and_clear();
     done
 }

@@ -54,8 +54,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     job.verify |= arguments.verify;
     job.trajectory |= arguments.trajectory;
     job.replace = arguments.force;
-    catch_interrupt();
+    let working = catch_interrupt();
     let record = job.attempt(arguments.out.as_deref());
+    drop(working);
     bar.finish_and_clear();
     let record = record?;
     if !arguments.quiet {

@@ -10,7 +10,7 @@ use super::{
 };
 use crate::{
     event::Accumulation,
-    hybrid::{GuardSet, HybridSystem, Instant, Lane, LaneHost, LanePoint, Lap, LapEnd, Mode, Rebound},
+    hybrid::{Budget, GuardSet, HybridSystem, Instant, Lane, LaneHost, LanePoint, Lap, LapEnd, Mode, Rebound},
     integrate::Integrator,
 };
 
@@ -71,7 +71,8 @@ pub(super) fn go_on<'s>(
     let Point { state, carried, .. } = &mut *point;
     let from =
         LanePoint { at: &mut state.at, x: &mut state.x, jump: &mut state.jump, carried, arcs: counters.arcs, impact };
-    let lap = lane.run(from, bound, options.max_events - before, &mut host);
+    let budget = Budget { events: options.max_events - before, steps: options.max_steps - counters.steps };
+    let lap = lane.run(from, bound, budget, &mut host);
     let ended = host.ended;
     if lap == Lap::default() {
         return None;

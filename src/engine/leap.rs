@@ -112,7 +112,7 @@ impl Leaps {
             if is_late || !advances(&clock, at, self.leap.time, span) {
                 return Ok(None);
             }
-            core.counters.steps += 1;
+            core.count_step(at)?;
             core.locator.splits += self.leap.splits;
             core.counters.arcs += u64::from(self.count == 0);
             let gathered = |id| self.last.map_or(0.0, |time| self.gathered(motion, id, 0, (self.count, time)));

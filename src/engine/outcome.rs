@@ -57,6 +57,17 @@ pub enum EngineError {
         /// Arcs in a row.
         arcs: u32,
     },
+    /// The motion takes more steps than the run is allowed.
+    #[error(
+        "at t = {t} s the step budget of {steps} is spent; the events up to there stand; \
+         raise run.step_budget, run shorter, or check the units of stiffness, inertia and speed"
+    )]
+    Steps {
+        /// When, s.
+        t: f64,
+        /// The budget.
+        steps: u64,
+    },
     /// Jumps at one instant that lead to each other without end.
     #[error("at t = {t} s the jumps do not come to rest after {rounds} rounds; they go round through: {}", cycle.join("; "))]
     Cycle {

@@ -41,6 +41,8 @@ impl Point {
 pub struct Options {
     /// Records after which the run ends with [`EventBudgetSpent`](super::Outcome::EventBudgetSpent).
     pub max_events: u64,
+    /// Steps after which the run fails with [`EngineError::Steps`](super::EngineError::Steps).
+    pub max_steps: u64,
     /// A chatter is summed when the rebound speed has fallen to this fraction of the fastest in the sequence, `(0, 1)`.
     pub chatter_fraction: f64,
     /// Error of the time of an event that its arc may add, of the period, `[0, 0.001]`; 0 is full precision. It is aimed at: what is
@@ -55,7 +57,14 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { max_events: u64::MAX, chatter_fraction: 1e-10, event_tolerance: 0.0, period: None, chatter_speed: 0.0 }
+        Self {
+            max_events: u64::MAX,
+            max_steps: u64::MAX,
+            chatter_fraction: 1e-10,
+            event_tolerance: 0.0,
+            period: None,
+            chatter_speed: 0.0,
+        }
     }
 }
 

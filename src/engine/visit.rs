@@ -123,7 +123,7 @@ impl Core<'_> {
         first: bool,
         observer: &mut dyn Observer,
     ) -> Result<Option<End>, EngineError> {
-        self.counters.steps += 1;
+        self.count_step(step.start())?;
         self.alarm.start(self.system, step, first)?;
         let left = self.system.clock().between(step.start(), place.bound);
         let closes = place.arrival != Arrival::Switch && left <= step.time(1.0) * (1.0 + 4.0 * f64::EPSILON);
@@ -166,6 +166,16 @@ impl Core<'_> {
         self.alarm.end(&place.state.jump.mode, step, closes);
         step.carry(1.0, &mut self.left.carried);
         Ok(None)
+    }
+
+    /// Counts a step from `at`, if the run may make it.
+    pub fn count_step(&mut self, at: Instant) -> Result<(), EngineError> {
+        let steps = self.options.max_steps;
+        if self.counters.steps >= steps {
+            return Err(EngineError::Steps { t: self.system.clock().time(at).value(), steps });
+        }
+        self.counters.steps += 1;
+        Ok(())
     }
 
     /// Whether nothing may be left out on the way to a fall of `id`: a force is exactly zero from then on, and the state has to agree to

@@ -41,6 +41,15 @@ pub struct LanePoint<'a> {
     pub impact: Option<GuardId>,
 }
 
+/// What a [`Lane`] may do at most.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Budget {
+    /// Events.
+    pub events: u64,
+    /// Leaps.
+    pub steps: u64,
+}
+
 /// What a [`Lane`] has done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lap {
@@ -74,6 +83,6 @@ pub enum LapEnd {
 
 /// A motion from event to event of which nobody looks at more than where it leads. It has the bits that it has where it is looked at.
 pub trait Lane {
-    /// Goes on from `point` up to `bound`, with at most so many `events`, as far as it can decide what comes.
-    fn run(&mut self, point: LanePoint<'_>, bound: Instant, events: u64, host: &mut dyn LaneHost) -> Lap;
+    /// Goes on from `point` up to `bound`, within its `budget`, as far as it can decide what comes.
+    fn run(&mut self, point: LanePoint<'_>, bound: Instant, budget: Budget, host: &mut dyn LaneHost) -> Lap;
 }

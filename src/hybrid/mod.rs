@@ -20,7 +20,7 @@ pub use flow::{
 };
 pub use guard::{GuardId, GuardSet};
 pub use instant::{Clock, Instant, Wide};
-pub use lane::{Lane, LaneHost, LanePoint, Lap, LapEnd, Rebound};
+pub use lane::{Budget, Lane, LaneHost, LanePoint, Lap, LapEnd, Rebound};
 pub use mode::Mode;
 pub use power::{EnergyJump, PowerBalance, Powers, Transition};
 pub use system::{HybridSystem, Jump, ModelError, Rates};

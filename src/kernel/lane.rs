@@ -13,7 +13,9 @@ use super::{
 };
 use crate::{
     gear::contact::Law,
-    hybrid::{self, GuardSet, HybridSystem, Instant, Jump, LaneHost, LanePoint, Lap, LapEnd, Made, Mode, Rebound},
+    hybrid::{
+        self, Budget, GuardSet, HybridSystem, Instant, Jump, LaneHost, LanePoint, Lap, LapEnd, Made, Mode, Rebound,
+    },
     system::{Columns, ContactMode, Spring, Structure, Watch, contact_mode, dot, guard_id},
     vectors::{Path, Work},
 };
@@ -234,7 +236,7 @@ impl<'s> Lane<'s> {
         let ride = Ride {
             lane: self,
             bound,
-            events: MOST_EVENTS,
+            budget: Budget { events: MOST_EVENTS, steps: u64::MAX },
             noted,
             host: &mut NoHost,
             arcs: WORTH,
@@ -309,11 +311,11 @@ impl<'s> Lane<'s> {
 }
 
 impl hybrid::Lane for Lane<'_> {
-    fn run(&mut self, point: LanePoint<'_>, bound: Instant, events: u64, host: &mut dyn LaneHost) -> Lap {
+    fn run(&mut self, point: LanePoint<'_>, bound: Instant, budget: Budget, host: &mut dyn LaneHost) -> Lap {
         let LanePoint { at, x, jump, carried, arcs, impact } = point;
         self.enter(*at, [x[0], x[1]], jump, carried.first().copied().unwrap_or(f64::NAN), host);
         let noted = &mut Noted::default();
-        let ride = Ride { lane: self, bound, events, noted, host, arcs, impact, returns: true };
+        let ride = Ride { lane: self, bound, budget, noted, host, arcs, impact, returns: true };
         let lap = ride.lane.structure.instructions.run(ride);
         if lap != Lap::default() {
             (*at, *jump) = (self.stand.at, self.jump());
@@ -336,8 +338,7 @@ impl Structure {
 struct Ride<'a, 's> {
     lane: &'a mut Lane<'s>,
     bound: Instant,
-    /// At most.
-    events: u64,
+    budget: Budget,
     noted: &'a mut Noted,
     host: &'a mut dyn LaneHost,
     /// Arcs that the run has made.
@@ -353,7 +354,7 @@ impl Work for Ride<'_, '_> {
 
     #[inline(always)]
     fn on<P: Path>(self, path: P) -> Lap {
-        let Self { lane, bound, events, noted, host, arcs, mut impact, returns } = self;
+        let Self { lane, bound, budget, noted, host, arcs, mut impact, returns } = self;
         let (s, clock) = (lane.structure, lane.structure.clock);
         let mut lap = Lap::default();
         // The start of the last arc of which something was decided, and what was done up to there.
@@ -375,7 +376,11 @@ impl Work for Ride<'_, '_> {
                 if span <= 0.0 && switch.is_none() {
                     return Lap { end: LapEnd::Bound, ..lap };
                 }
-                if span <= 0.0 || leaps == MOST_LEAPS || leaps == 0 && lap.events == events {
+                if span <= 0.0
+                    || leaps == MOST_LEAPS
+                    || lap.steps >= budget.steps
+                    || leaps == 0 && lap.events == budget.events
+                {
                     break 'arcs;
                 }
                 let bound_by = Bound { span, is_switch: switch.is_some() };

@@ -48,6 +48,8 @@ pub struct Run {
     pub transient_cycles: u64,
     /// Most events before the run is stopped.
     pub event_budget: u64,
+    /// Most steps before the run fails.
+    pub step_budget: u64,
     /// Error of the time of an event that its arc may add, of the period; 0 is full precision.
     pub event_tolerance: f64,
     /// Integrator.
@@ -85,6 +87,7 @@ impl Run {
             start_cycle: 0,
             transient_cycles: 0,
             event_budget: 10_000_000,
+            step_budget: 10_000_000,
             event_tolerance: 0.0,
             method: Choice::Auto,
             tolerance: 1.0e-13,
@@ -174,6 +177,7 @@ pub(super) fn read(node: &Node, spec: &Spec) -> Run {
         start_cycle,
         transient_cycles,
         event_budget: node.at("event_budget").whole(),
+        step_budget: node.at("step_budget").whole(),
         event_tolerance: event_tolerance.written().map_or(0.0, |tolerance| tolerance.number()),
         method: method.map_or(Choice::Auto, |(_, method)| *method),
         tolerance: integrator.at("tolerance").number(),

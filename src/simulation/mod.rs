@@ -298,6 +298,7 @@ impl Simulation {
         let run = &self.settings;
         Options {
             max_events: run.event_budget,
+            max_steps: run.step_budget,
             event_tolerance: run.event_tolerance,
             period: run.period,
             chatter_speed: run.chatter_speed.unwrap_or(0.0),
