@@ -129,6 +129,27 @@ fn a_spent_event_budget_leaves_valid_files() {
     assert_eq!(summary(&folder.path().join("few"))["work"]["events"], 3);
 }
 
+/// A wall too stiff for the run by a factor of 10⁶: 5e9 rad of oscillation, at some 2.4 rad per step.
+#[test]
+fn a_spent_step_budget_is_told_before_and_after() {
+    let scene = r#"{ "flank": 1, "train": { "kind": "wall", "mass_kg": 1, "stiffness_n_per_m": 1e18,
+        "load_harmonics": [{ "amplitude_n": 1, "frequency_rad_per_s": 1.2 }], "wall": { "side": "above", "position_m": 1 },
+        "law": { "kind": "rigid", "restitution": 0.8 } }, "initial": { "q": [-0.2] },
+        "run": { "cycles": 1, "step_budget": 1000 } }"#;
+    let folder = with_scene(scene);
+    let checked = flank(&folder, &["check", "scene.json"]).code(0);
+    assert!(text(&checked.get_output().stdout).contains("run.step_budget allows 1000"));
+    let done = flank(&folder, &["run", "scene.json", "--out", "out"]).code(1);
+    let (summary, told) = (summary(&folder.path().join("out")), text(&done.get_output().stderr));
+    assert_eq!(summary["outcome"]["kind"], "failed");
+    assert_eq!(summary["work"]["steps"], 1000);
+    assert!(summary["outcome"]["reason"].as_str().unwrap().contains("the step budget of 1000 is spent"));
+    assert!(told.contains("warning: the run needs some") && told.contains("per cycle"));
+    // Runs that nobody looks at have the same budget: an exponent would take as long.
+    let done = flank(&folder, &["lyapunov", "scene.json", "--cycles", "1", "--out", "exponent"]).code(1);
+    assert!(text(&done.get_output().stderr).contains("step budget"));
+}
+
 #[test]
 fn a_failed_run_leaves_valid_files_and_says_why() {
     // A spring that pushes away: the motion grows beyond what a double holds.

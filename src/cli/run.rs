@@ -46,6 +46,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let simulation = open(arguments.scene.as_deref())?;
     let ([from, _, end], run) = (simulation.instants(), &simulation.settings);
     let cycles = run.period.map(|period| Clock::between(simulation.clock(), from, end) / period);
+    if let Some(warning) = simulation.budget_warning().filter(|_| !arguments.quiet) {
+        eprintln!("warning: {warning}");
+    }
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, cycles);
     let mut job = simulation.job();

@@ -24,12 +24,15 @@ pub use summary::{Ended, IntegratorUsed, Provenance, RunEnd, Summary, TrainUsed}
 use crate::{
     engine::{Engine, Observer, Options, State},
     gear::{MeshGeometry, contact::Law},
-    hybrid::{Clock, Instant, Watch, Wide},
+    hybrid::{Clock, HybridSystem, Instant, Watch, Wide},
     integrate::{Integrator, build},
     scene::{Built, Memory, Run, Scene, Warning, hash},
-    system::{Contact, ContactMode, Spec, Structure, bonded_modes, contact_mode, guard_id},
+    system::{Contact, ContactMode, Spec, Structure, bonded_modes, contact_mode, guard_id, set_contact},
     verify::Verifier,
 };
+
+/// Phase, rad, of the fastest oscillation that a step of a smooth motion passes: measured, 2.4 for 10³ to 10⁴ oscillations.
+const RADIANS_PER_STEP: f64 = 2.4;
 
 /// A train, its start and the settings of its run.
 #[derive(Clone, Debug)]
@@ -235,10 +238,33 @@ impl Simulation {
         Ok(State { at: start.at, x: resumed.x, jump: resumed.jump })
     }
 
+    /// Says that the run takes more steps than its budget, by the fastest oscillation with every contact open, or closed.
+    #[must_use]
+    pub fn budget_warning(&self) -> Option<String> {
+        let ([from, _, end], structure, run) = (self.instants(), &self.structure, &self.settings);
+        let start = self.start().ok()?.jump.mode;
+        let rate_with = |state| {
+            let mut mode = start.clone();
+            (0..structure.contacts().len()).for_each(|j| set_contact(&mut mode, j, state));
+            structure.rates(&mode).map_or(0.0, |rates| rates.oscillating)
+        };
+        let fastest = rate_with(ContactMode::Separated).max(rate_with(ContactMode::Drive));
+        let steps = |time: f64| fastest * time / RADIANS_PER_STEP;
+        let total = steps(self.clock().between(from, end));
+        let per_cycle = run.period.map_or(String::new(), |period| format!(", {:.1e} per cycle", steps(period)));
+        (total > run.step_budget as f64).then(|| {
+            format!(
+                "the run needs some {total:.1e} steps{per_cycle}, as its fastest oscillation has {fastest:.3e} rad/s; run.step_budget \
+                 allows {}: check stiffness, inertia and speed, run shorter, or raise the budget",
+                run.step_budget
+            )
+        })
+    }
+
     /// What is odd but allowed, of the train and of its start, in words.
     #[must_use]
     pub fn warnings_in_words(&self) -> Vec<String> {
-        let of_train = self.warnings.iter().map(ToString::to_string);
+        let of_train = self.warnings.iter().map(ToString::to_string).chain(self.budget_warning());
         let Ok(start) = self.start() else { return of_train.collect() };
         let hysteretic = self.structure.contacts().iter().enumerate().filter_map(|(j, c)| match c.spec.law {
             Law::Power(law) if c.latch().is_some() => Some((j, c, law.speed_floor)),
