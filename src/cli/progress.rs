@@ -17,7 +17,7 @@ const LENGTH: f64 = 10_000.0;
 
 /// Work is going on that has to end soon after Ctrl-C.
 static WORKING: AtomicBool = AtomicBool::new(false);
-/// Looks at whether that work has ended, and the time between two.
+/// Number of times that the handler looks for the end of that work, and the pause between two.
 const LOOKS: u32 = 50;
 const PAUSE: Duration = Duration::from_millis(20);
 /// The exit code of a program that Ctrl-C has ended.

@@ -41,7 +41,7 @@ pub struct LanePoint<'a> {
     pub impact: Option<GuardId>,
 }
 
-/// What a [`Lane`] may do at most.
+/// The most that a [`Lane`] may do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budget {
     /// Events.

@@ -31,7 +31,7 @@ use crate::{
     verify::Verifier,
 };
 
-/// Phase, rad, of the fastest oscillation that a step of a smooth motion passes: measured, 2.4 for 10³ to 10⁴ oscillations.
+/// Phase, rad, that a step passes of the fastest oscillation: measured at a linear wall, over 2e3 and 2e4 rad.
 const RADIANS_PER_STEP: f64 = 2.4;
 
 /// A train, its start and the settings of its run.
