@@ -1,6 +1,11 @@
 //! Scenes that are wrong: each names the right place and a remedy, and none makes the reader panic.
 
-use flank::scene::{Scene, SceneError};
+use flank::{
+    Simulation, Task,
+    orbit::SectionMap,
+    scene::{Scene, SceneError},
+    study::steady::{Rule, steady},
+};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
@@ -381,5 +386,71 @@ proptest! {
     #[test]
     fn no_text_makes_the_reader_panic(text in "\\PC{0,200}") {
         let _ = Scene::from_json(&text, "noise");
+    }
+}
+
+/// What keeps a scene from being read, from having an orbit, or from being swept.
+fn complaint(scene: &Value, asked: &str) -> Option<String> {
+    let scene = match Scene::from_value(scene.clone(), "asked") {
+        Ok(scene) => scene,
+        Err(error) => return Some(error.to_string()),
+    };
+    let simulation = Simulation::from_scene(&scene).unwrap().in_common_cycles().unwrap();
+    match asked {
+        "orbit" => SectionMap::new(&simulation).and_then(|map| map.repeats()).err().map(|error| error.to_string()),
+        "sweep" => steady(scene, None, &Rule::default(), Task::default()).err().map(|error| error.to_string()),
+        "run" => simulation.run().err().map(|error| error.to_string()),
+        _ => None,
+    }
+}
+
+#[test]
+fn a_key_named_as_a_remedy_is_one_that_the_same_scene_accepts() {
+    let switched = json!({ "kind": "switched", "levels": [1.0, 2.0], "times": [30.0] });
+    let with = |text: &str, changes: &[(&str, Value)]| {
+        changes.iter().fold(value(text), |scene, (pointer, new)| set(&scene.to_string(), pointer, new.clone()))
+    };
+    let no_period = json!({ "flank": 1, "train": { "kind": "wall", "mass_kg": 1, "load_n": -9.81,
+        "wall": { "side": "below", "position_m": 0 }, "law": { "kind": "rigid", "restitution": 0.8 } },
+        "initial": { "q": [1] }, "run": { "cycles": 5 } });
+    let released = json!({ "damping_in_gap": true, "release": "force" });
+    // Scene, what is asked of it, the key that the message names, and its remedy.
+    let cases: Vec<(Value, &str, &str, Vec<(&str, Value)>)> = vec![
+        (
+            with(PAIR, &[("/train/stiffness", switched)]),
+            "orbit",
+            "/run/start_cycle",
+            vec![("/run/start_cycle", json!(50))],
+        ),
+        (
+            with(BOUNCE, &[("/run/event_budget", json!(3))]),
+            "sweep",
+            "/run/event_budget",
+            vec![("/run/event_budget", json!(1e6))],
+        ),
+        (
+            with(BOUNCE, &[("/run/step_budget", json!(5))]),
+            "run",
+            "run.step_budget",
+            vec![("/run/step_budget", json!(1e7))],
+        ),
+        (no_period, "read", "period_s", vec![("/run/period_s", json!(1.0))]),
+        (
+            with(
+                PAIR,
+                &[
+                    ("/train/damping_in_gap", released["damping_in_gap"].clone()),
+                    ("/train/release", released["release"].clone()),
+                ],
+            ),
+            "read",
+            "damping_in_gap",
+            vec![("/train/damping_in_gap", json!(false))],
+        ),
+    ];
+    for (scene, asked, key, remedy) in cases {
+        let told = complaint(&scene, asked).unwrap_or_else(|| panic!("{key}: no complaint"));
+        assert!(told.contains(key), "{key}: {told}");
+        assert_eq!(complaint(&with(&scene.to_string(), &remedy), asked), None, "{key}");
     }
 }

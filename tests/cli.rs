@@ -151,6 +151,34 @@ fn a_spent_step_budget_is_told_before_and_after() {
 }
 
 #[test]
+fn a_start_is_refused_only_where_it_is_used() {
+    // A bead in a shaken box (de Souza, Caldas and Viana 2009): above amplitude 1 it would start inside the wall.
+    let folder = with_scene(
+        r#"{ "flank": 1, "train": { "kind": "wall", "mass_kg": 1, "wall": { "side": "both", "half_gap_m": 1 },
+        "wall_motion": [{ "amplitude_m": 0.5, "frequency_rad_per_s": 1 }], "law": { "kind": "rigid", "restitution": 0.8 } },
+        "initial": { "q": [0], "v": [0.6] }, "run": { "cycles": 400, "transient_cycles": 300 } }"#,
+    );
+    let axis = "/train/wall_motion/0/amplitude_m=0.5,2";
+    flank(&folder, &["sweep", "scene.json", "--vary", axis, "--out", "fresh"]).code(0);
+    let table = fs::read_to_string(folder.path().join("fresh/sweep.csv")).unwrap();
+    let lines: Vec<&str> = table.lines().collect();
+    assert!(lines[1].contains("periodic") && !lines[1].contains("inside"), "{table}");
+    assert!(lines[2].contains("amplitude_m = 2") && lines[2].contains("inside the rigid flank"), "{table}");
+    flank(&folder, &["diagram", "scene.json", "--vary", axis, "--transient", "20", "--points", "5", "--out", "points"])
+        .code(0);
+    let range = "/train/wall_motion/0/amplitude_m=0.05:2";
+    flank(&folder, &["continue", "scene.json", "--period", "1", "--vary", range, "--out", "branch"]).code(0);
+    let points = fs::read_to_string(folder.path().join("branch/special.csv")).unwrap();
+    // The fold of the orbit of two impacts, at q / √(1 + q²) with q = 2 (1 − r) / (π (1 + r)).
+    let q = 2.0 * 0.2 / (std::f64::consts::PI * 1.8);
+    let fold = format!("{:.9}", q / f64::sqrt(1.0 + q * q));
+    assert!(points.lines().any(|line| line.contains("fold") && line.contains(&fold)), "{fold}: {points}");
+    // A value out of its own range still refuses the axis.
+    let done = flank(&folder, &["sweep", "scene.json", "--vary", "/train/mass_kg=-1,1", "--out", "mass"]).code(2);
+    assert!(text(&done.get_output().stderr).contains("/train/mass_kg"));
+}
+
+#[test]
 fn a_failed_run_leaves_valid_files_and_says_why() {
     // A spring that pushes away: the motion grows beyond what a double holds.
     let scene = r#"{ "flank": 1, "train": { "kind": "matrices", "mass_kg": [1], "stiffness_n_per_m": [-1e4] },

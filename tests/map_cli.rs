@@ -324,26 +324,31 @@ fn rest_in_a_gap_is_one_attractor() {
     assert_eq!(found["measures"]["basin_entropy"]["value"], 0.0);
 }
 
-/// Two frequencies of which neither is a multiple of the other one have no cycle together, unless the train is given it.
+/// Two frequencies in a ratio of small whole numbers have a cycle together, others do not.
 #[test]
 fn a_forcing_that_does_not_repeat_with_its_cycle_is_refused() {
     let place = tempfile::tempdir().unwrap();
     let mut scene: Value = serde_json::from_str(&fs::read_to_string(PAIR).unwrap()).unwrap();
     scene["train"]["transmission_error"] =
         serde_json::json!([{ "amplitude": 0.1, "frequency": 0.6 }, { "amplitude": 0.1, "frequency": 0.9 }]);
-    // The run counts common periods; the forcing keeps its own cycle.
     scene["run"]["period"] = (std::f64::consts::TAU / 0.3).into();
     let path = place.path().join("scene.json");
-    fs::write(&path, scene.to_string()).unwrap();
     let out = place.path().join("out");
+    let mut irrational = scene.clone();
+    irrational["train"]["transmission_error"][1]["frequency"] = (0.6 * 2f64.sqrt()).into();
     for (command, axes) in [
         ("map", ["/train/damping_ratio=0.04:0.06:2", "/train/mean_load=0.1:0.2:2"]),
         ("basins", ["/initial/q/0=-1:1:2", "/initial/v/0=-1:1:2"]),
     ] {
         let words =
             [command, path.to_str().unwrap(), "--vary", axes[0], "--vary", axes[1], "--out", out.to_str().unwrap()];
+        fs::write(&path, irrational.to_string()).unwrap();
         let (code, _, error) = run(&words);
-        assert!(code == 2 && error.contains("base_frequency"), "{error}");
+        assert!(code == 2 && error.contains("0.848528137423857"), "{error}");
         assert!(!out.exists());
+        fs::write(&path, scene.to_string()).unwrap();
+        let (code, _, error) = run(&words);
+        assert_eq!(code, 0, "{error}");
+        fs::remove_dir_all(&out).unwrap();
     }
 }

@@ -98,7 +98,7 @@ impl Family {
     /// # Errors
     /// [`SimulationError`] if it cannot be assembled.
     pub fn own(&self) -> Result<Simulation, SimulationError> {
-        Simulation::from_scene(&self.scene)
+        Simulation::from_scene(&self.scene)?.in_common_cycles()
     }
 
     /// The train at `value`, the second number as the scene has it.
@@ -118,7 +118,7 @@ impl Family {
             Some((other, _)) => self.parameter.beside(other, second).build(&self.scene, value)?,
             None => self.parameter.build(&self.scene, value)?,
         };
-        Simulation::from_built(self.scene.name(), built)
+        Simulation::from_built(self.scene.name(), built)?.in_common_cycles()
     }
 
     /// How the train `of` at some values changes with the first `numbers` of them.

@@ -50,7 +50,7 @@ pub struct Arguments {
 
 /// Solves for orbits.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let simulation = open(arguments.scene.as_deref())?;
+    let simulation = open(arguments.scene.as_deref())?.in_common_cycles()?;
     SectionMap::new(&simulation)?.repeats()?;
     let mut files = picture_files(pictures::ORBIT, ORBIT);
     files.push(STATE.to_owned());

@@ -182,7 +182,7 @@ impl Basins {
     pub fn new(scene: Scene, axes: &[impl AsRef<str>], rule: Rule) -> Result<Self, PlaneError> {
         let grid = two_axes(axes)?;
         let (hash, is_written) = (scene.hash(), scene.resolved()["initial"].is_object());
-        let simulation = Simulation::from_scene(scene)?;
+        let simulation = Simulation::from_scene(scene)?.in_common_cycles()?;
         let mut faults = Vec::new();
         let freedoms = &simulation.structure.spec().freedoms;
         let found: Vec<Varied> = grid
@@ -246,9 +246,10 @@ impl Basins {
     ) -> Result<Option<Ended>, SimulationError> {
         let map = SectionMap::new(&self.simulation)?;
         let drift = map.drift();
+        let transient = self.rule.counted(&self.simulation).transient_cycles;
         // Starts of a family hardly ever end on the same orbit.
         if known.iter().any(|attractor| !attractor.is_family)
-            && let Some(reached) = self.reach(walk, start, known, self.rule.transient_cycles, (&map, &drift))?
+            && let Some(reached) = self.reach(walk, start, known, transient, (&map, &drift))?
         {
             return Ok(Some(Ended::Known(reached.0, reached.1)));
         }

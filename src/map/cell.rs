@@ -30,6 +30,9 @@ impl Default for Rule {
     }
 }
 
+/// Cycles of a transient, and further ones, at least, where a cycle is several periods of the scene's clock.
+pub(super) const LEAST_CYCLES: u64 = 8;
+const LEAST_FURTHER_CYCLES: u64 = 64;
 /// Longest period that is looked for, cycles.
 pub(super) const LONGEST: u32 = 16;
 
@@ -154,6 +157,15 @@ impl Observer for Flanks {
 }
 
 impl Rule {
+    /// The same in cycles of `simulation`: limits are stated in periods of the scene's clock.
+    pub(super) fn counted(&self, simulation: &Simulation) -> Self {
+        Self {
+            transient_cycles: simulation.cycles_in(self.transient_cycles, LEAST_CYCLES),
+            further_cycles: simulation.cycles_in(self.further_cycles, LEAST_FURTHER_CYCLES),
+            ..*self
+        }
+    }
+
     /// As [`decide_generally`](Self::decide_generally), by a lane where there is one.
     ///
     /// # Errors
@@ -165,9 +177,10 @@ impl Rule {
         task: Task<'_>,
     ) -> Result<Option<Cell>, SimulationError> {
         SectionMap::new(simulation)?.repeats()?;
-        match self.decide_in_lane(simulation, &start, task)? {
+        let rule = self.counted(simulation);
+        match rule.decide_in_lane(simulation, &start, task)? {
             Some(cell) => Ok(Some(cell)),
-            None => self.decide_generally(simulation, start, task),
+            None => rule.decide_generally(simulation, start, task),
         }
     }
 

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::{
+    cell::LEAST_CYCLES,
     kinds::names,
     plane::PlaneError,
     walk::{Record, Strike, Walk},
@@ -195,7 +196,7 @@ impl Diagram {
         };
         let ends = axis.all().into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
         let parameter = parameter.checked(&scene, ends)?;
-        let own = Simulation::from_scene(scene.clone())?;
+        let own = Simulation::from_scene(scene.clone())?.in_common_cycles()?;
         for end in ends {
             Simulation::from_built(scene.name(), parameter.build(&scene, end)?)?.period()?;
         }
@@ -227,7 +228,7 @@ impl Diagram {
     }
 
     fn simulation(&self, value: f64) -> Result<Simulation, SimulationError> {
-        Simulation::from_built(self.scene.name(), self.parameter.build(&self.scene, value)?)
+        Simulation::from_built(self.scene.name(), self.parameter.build(&self.scene, value)?)?.in_common_cycles()
     }
 
     /// Start number `start` of `simulation`: that of the scene, then others that fill a box of two backlashes around it evenly.
@@ -269,7 +270,7 @@ impl Diagram {
         if !walk.begin(start)? {
             return Err(stopped());
         }
-        for _ in 0..self.sampling.transient_cycles {
+        for _ in 0..simulation.cycles_in(self.sampling.transient_cycles, LEAST_CYCLES) {
             if !walk.cycle()? {
                 return Err(stopped());
             }
@@ -303,7 +304,10 @@ impl Diagram {
     /// # Errors
     /// [`SweepError`] if a row cannot be kept.
     pub fn run(&self, rows: &mut Rows, task: Task<'_>) -> Result<Ending, SweepError> {
-        run(&self.plan, rows, |cell, seed| self.point(cell, seed), task)
+        let point = |cell: &Cell, seed: Option<&Seed>| {
+            self.point(cell, seed).map_err(|error| format!("{} = {}: {error}", self.pointer(), number(cell.values[1])))
+        };
+        run(&self.plan, rows, point, task)
     }
 
     /// The column that names the number, and the first ones of all tables.

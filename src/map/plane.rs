@@ -142,7 +142,7 @@ impl Plane {
             [Ok(_), Ok(_)] => first.clone().checked(&scene, from)?,
             _ => first.clone(),
         };
-        let own = Simulation::from_scene(scene.clone())?;
+        let own = Simulation::from_scene(scene.clone())?.in_common_cycles()?;
         let plane = Self { scene, grid, first, second: second.clone(), values, own };
         let line = plane.values[1].len();
         let mut refused = Vec::new();
@@ -159,7 +159,6 @@ impl Plane {
     fn runs(&self, cell: usize) -> Result<(), SimulationError> {
         let simulation = self.simulation(cell)?;
         SectionMap::new(&simulation)?.repeats()?;
-        simulation.start()?;
         Ok(())
     }
 
@@ -201,7 +200,7 @@ impl Plane {
     pub fn simulation(&self, cell: usize) -> Result<Simulation, SimulationError> {
         let [first, second] = self.values(cell);
         let built = self.first.beside(&self.second, second).build(&self.scene, first)?;
-        Simulation::from_built(self.scene.name(), built)
+        Simulation::from_built(self.scene.name(), built)?.in_common_cycles()
     }
 
     /// What rows over the plane depend on.

@@ -30,6 +30,8 @@ const KEPT: usize = 2000;
 const BLOCK: usize = 64;
 /// Times its condition times its residual that an orbit may be off.
 const UNSURE: f64 = 10.0;
+/// Cycles run at least: a run may be shorter than a few cycles in common of its forcing.
+const LEAST_CYCLES: i64 = 8;
 /// Close returns that are tried.
 const RETURNS: usize = 24;
 
@@ -175,8 +177,9 @@ impl Search {
         let (start, period) = guess.start();
         let options = Options { patience, task, ..Options::default() };
         let solved = map.solve_from(start, period, &found.drift, options).or_else(|missed| {
-            let sections = if period > 1 { guess.sections(map) } else { None };
-            let shot = sections.map(|sections| map.shoot_from(&sections, &found.drift, options));
+            let parts = map.divided();
+            let sections = if period > 1 || parts.steps() > 1 { guess.sections(&parts) } else { None };
+            let shot = sections.map(|sections| parts.shoot_from(&sections, &found.drift, options));
             shot.and_then(Result::ok).ok_or(missed)
         });
         let is_near = |orbit: &Orbit| {
@@ -199,7 +202,7 @@ impl Search {
     ) -> Result<(Vec<Section>, Option<String>), SimulationError> {
         let simulation = map.simulation();
         let [from, _, end] = simulation.instants();
-        let cycles = (end.cycle - from.cycle).max(1);
+        let cycles = (end.cycle - from.cycle).max(LEAST_CYCLES);
         let mut engine = simulation.engine(map.state(start)?)?;
         let first = engine.state().at.cycle;
         let (mut sections, mut ended) = (std::collections::VecDeque::new(), None);
@@ -297,9 +300,13 @@ impl Search {
                 map.solve_from(&start(i), k, drift, options).or_else(|missed| {
                     // From states that the motion takes one after the other.
                     let first = i * 7919 % passed.len();
-                    let trail = passed.get(first..first + k as usize).filter(|_| i.is_multiple_of(2) && k > 1);
+                    let parts = map.divided();
+                    let is_long = k > 1 || parts.steps() > 1;
+                    let trail = passed.get(first..first + k as usize).filter(|_| i.is_multiple_of(2) && is_long);
+                    let trail = trail.and_then(|trail| FirstGuess::Cycles(trail).sections(&parts));
                     trail.ok_or(missed).and_then(|trail| {
-                        map.shoot_from(trail, drift, Options { patience: Some(PATIENCE), task, ..Options::default() })
+                        let options = Options { patience: Some(PATIENCE), task, ..Options::default() };
+                        parts.shoot_from(&trail, drift, options)
                     })
                 })
             };
@@ -334,16 +341,21 @@ impl FirstGuess<'_> {
         }
     }
 
-    /// A section for each cycle; `None` if the run from the start fails.
+    /// A section for each step of the period; `None` if the run from the start fails.
     fn sections(&self, map: &SectionMap<'_>) -> Option<Vec<Section>> {
-        match self {
-            Self::Start(start, period) => {
-                let next = |section: &Section| map.follow(section, 1).ok();
-                let all: Vec<Section> =
-                    std::iter::successors(Some((*start).clone()), next).take(*period as usize).collect();
-                (all.len() as u64 == *period).then_some(all)
+        let follow = |start: &Section, steps: usize| {
+            let mut all = vec![start.clone()];
+            for step in 1..steps {
+                all.push(map.from_step(step - 1).follow(&all[step - 1], 1).ok()?);
             }
-            Self::Cycles(sections) => Some(sections.to_vec()),
+            Some(all)
+        };
+        match self {
+            Self::Start(start, period) => follow(start, *period as usize * map.steps()),
+            Self::Cycles(sections) => {
+                let all = sections.iter().map(|section| follow(section, map.steps())).collect::<Option<Vec<_>>>();
+                all.map(|all| all.concat())
+            }
         }
     }
 }

@@ -5,7 +5,7 @@ use crate::{
     gear::Stiffness,
     hybrid::{Instant, Mode, Watch},
     simulation::{Simulation, SimulationError},
-    system::{ContactMode, ContactSpec, Variation, contact_mode, guard_id, set_contact},
+    system::{ContactMode, Variation, contact_mode, guard_id, set_contact},
     tangent::zeros,
 };
 use nalgebra::DMatrix;
@@ -22,8 +22,6 @@ pub struct Section {
     pub contacts: Vec<ContactMode>,
 }
 
-/// Share of a whole number by which a cycle may differ from so many periods of a stiffness: both are written with rounding.
-const WHOLE: f64 = 1e-12;
 /// Share of a period within which an event lies on phase 0: what rounds there may be met twice, or not at all.
 const EDGE: f64 = 1e-11;
 
@@ -74,6 +72,8 @@ pub struct SectionMap<'a> {
     cycle: i64,
     /// Part of a period at which sections stand, in [0, 1).
     phase: f64,
+    /// Steps in a cycle, and the number of the first: more than one step for multiple shooting only.
+    steps: [u64; 2],
 }
 
 impl<'a> SectionMap<'a> {
@@ -91,29 +91,17 @@ impl<'a> SectionMap<'a> {
         let [start, ..] = simulation.instants();
         // From a start within a cycle the next phase 0 is the first section.
         let cycle = start.cycle + i64::from(start.phase.value() > 0.0);
-        Ok(Self { simulation, cycle, phase: 0.0 })
+        Ok(Self { simulation, cycle, phase: 0.0, steps: [1, 0] })
     }
 
     /// Whether each cycle has the forcing of the one before.
     ///
     /// # Errors
-    /// [`SimulationError::Missing`], with the frequency that is no multiple of the cycle's.
+    /// [`SimulationError::Missing`], with what does not.
     pub fn repeats(&self) -> Result<(), SimulationError> {
         let (clock, structure) = (self.simulation.clock(), &self.simulation.structure);
-        let cycle = clock.period().map_or(f64::NAN, |period| period.value());
         let begins = clock.time(self.at(0)).value();
-        let strays = |what: String| {
-            format!(
-                "{what} does not repeat with its cycle of {cycle} s; give the train a base frequency of which all of its frequencies are \
-                 multiples (base_frequency_rad_per_s, without units base_frequency)"
-            )
-        };
-        let of_contact = |c: &ContactSpec| match &c.stiffness {
-            Stiffness::Periodic { period, .. } => {
-                let periods = cycle / period;
-                let is_whole = (periods - periods.round()).abs() <= WHOLE * periods && periods.round() >= 1.0;
-                (!is_whole).then(|| strays(format!("the stiffness of {}, of period {period} s,", c.name)))
-            }
+        let switched = structure.spec().contacts.iter().find_map(|c| match &c.stiffness {
             Stiffness::Switched { times, .. } => {
                 let last = times.last().map(|time| time[0]).filter(|time| *time > begins)?;
                 Some(format!(
@@ -121,11 +109,15 @@ impl<'a> SectionMap<'a> {
                     c.name
                 ))
             }
-            Stiffness::Constant(_) | Stiffness::Harmonic { .. } => None,
+            _ => None,
+        });
+        let fault = match structure.common_cycle() {
+            Err(fault) => Some(fault),
+            Ok(1) if structure.has_whole_orders() => switched,
+            Ok(periods) => Some(format!(
+                "its forcing repeats after {periods} periods of its clock only; make that its cycle (Simulation::in_common_cycles)"
+            )),
         };
-        let of_wave = structure.oscillators.iter().find(|o| o.order.is_none());
-        let fault = of_wave.map(|o| strays(format!("its forcing at {} rad/s", o.omega)));
-        let fault = fault.or_else(|| structure.spec().contacts.iter().find_map(of_contact));
         fault.map_or(Ok(()), |fault| Err(self.simulation.missing(fault)))
     }
 
@@ -139,6 +131,22 @@ impl<'a> SectionMap<'a> {
     #[must_use]
     pub(crate) fn later(self, cycles: u64) -> Self {
         Self { cycle: self.cycle + cycles as i64, ..self }
+    }
+
+    /// The same map in steps of one period of the scene's clock, where these are several in a cycle: `cycles` then means steps.
+    pub(super) fn divided(self) -> Self {
+        Self { steps: [self.simulation.periods_per_cycle(), 0], ..self }
+    }
+
+    /// The same map from step number `step` of its cycle on.
+    pub(super) fn from_step(self, step: usize) -> Self {
+        let [steps, _] = self.steps;
+        Self { steps: [steps, step as u64 % steps], ..self }
+    }
+
+    /// Steps in a cycle.
+    pub(super) fn steps(&self) -> usize {
+        self.steps[0] as usize
     }
 
     /// Where sections stand, as a part of the period.
@@ -157,7 +165,7 @@ impl<'a> SectionMap<'a> {
     fn is_section(&self, at: Instant) -> bool {
         let clock = self.simulation.clock();
         let off = clock.between(self.at(0), Instant { cycle: self.at(0).cycle, ..at });
-        let part = clock.period().map_or(f64::NAN, |period| off / period.value());
+        let part = clock.period().map_or(f64::NAN, |period| off / period.value() * self.steps[0] as f64);
         (part - part.round()).abs() <= EDGE
     }
 
@@ -165,7 +173,9 @@ impl<'a> SectionMap<'a> {
     pub(crate) fn at(&self, cycles: u64) -> Instant {
         let clock = self.simulation.clock();
         let period = clock.period().map_or(0.0, |period| period.value());
-        clock.at(self.cycle + cycles as i64, self.phase * period)
+        let [steps, first] = self.steps;
+        let (whole, rest) = ((first + cycles) / steps, (first + cycles) % steps);
+        clock.at(self.cycle + whole as i64, (self.phase + rest as f64 / steps as f64) * period)
     }
 
     /// The section that the scene starts at.

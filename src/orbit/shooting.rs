@@ -30,8 +30,8 @@ pub(super) struct Shots {
     residual: f64,
 }
 
-/// The images of successive cycles as one; the word and the sizes of the last one are those of all.
-fn joined(images: &[Image]) -> Option<Image> {
+/// The images of successive steps as one, `steps` in a cycle; the word and the sizes of the last one are those of all.
+fn joined(images: &[Image], steps: usize) -> Option<Image> {
     let (mut whole, last) = (images.first()?.clone(), images.last()?);
     (whole.word, whole.sizes) = (last.word.clone(), last.sizes.clone());
     for image in &images[1..] {
@@ -46,6 +46,7 @@ fn joined(images: &[Image]) -> Option<Image> {
         whole.has_event_at_section |= image.has_event_at_section;
         whole.pieces += image.pieces;
     }
+    whole.between = whole.between.into_iter().skip(steps - 1).step_by(steps).collect();
     whole.zeros = zeros(&whole.dead, &whole.latched);
     Some(whole)
 }
@@ -73,9 +74,10 @@ impl Shots {
         let moving = 2 * structure.freedoms();
         let (images, whole) = loop {
             let mut speller = Speller::new(structure, &sections[0].x);
-            let image = |section| map.image_spelled((section, 1), variations, &mut speller);
-            let images = sections.iter().map(image).collect::<Result<Vec<_>, _>>()?;
-            let whole = joined(&images).ok_or_else(|| map.simulation().missing("an orbit has at least one cycle"))?;
+            let image = |(i, section)| map.from_step(i).image_spelled((section, 1), variations, &mut speller);
+            let images = sections.iter().enumerate().map(image).collect::<Result<Vec<_>, _>>()?;
+            let whole = joined(&images, map.steps())
+                .ok_or_else(|| map.simulation().missing("an orbit has at least one cycle"))?;
             // A latched speed that no cycle writes is no unknown, and stays what it is all the way round.
             let unwritten = (0..whole.latched.len()).filter(|i| !whole.latched[*i]).map(|i| moving + i);
             let kept: Vec<(usize, f64)> = unwritten.map(|i| (i, sections[0].x[i])).collect();
@@ -120,7 +122,7 @@ impl Shots {
 }
 
 impl SectionMap<'_> {
-    /// The orbit near `trail`, which has a section for each cycle of the period.
+    /// The orbit near `trail`, which has a section for each step of the period: for each cycle, unless the map is a divided one.
     ///
     /// # Errors
     /// [`Missed`], if Newton's method does not converge, or if the period has more than 600 unknowns.
@@ -188,7 +190,10 @@ impl SectionMap<'_> {
             return Err(Missed { residual: shots.residual, reason: UNLIKE.to_owned() });
         }
         let apart = |i: usize| shots.unknowns.between(&shots.sections[0].x, &shots.sections[i].x).norm();
-        if let Some(shorter) = (1..cycles).find(|shorter| cycles.is_multiple_of(*shorter) && apart(*shorter) <= SAME) {
+        if let Some(shorter) = (self.steps()..cycles)
+            .step_by(self.steps())
+            .find(|shorter| cycles.is_multiple_of(*shorter) && apart(*shorter) <= SAME)
+        {
             return self.shoot(&shots.sections[..shorter], drift);
         }
         let factors = shots.factors();

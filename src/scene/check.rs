@@ -32,6 +32,13 @@ pub(super) fn check(value: &Value, shape: &Shape, pointer: &str, faults: &mut Ve
             let remedy = "write digits, with a point or an exponent if need be, below 1.8e308";
             faults.push(Fault::new(pointer, show(value), shape.describe()).remedy(remedy));
         }
+        (Shape::Ratio, Value::String(text)) => {
+            if let Some(ratio) = ratio(text) {
+                return Value::from(ratio);
+            }
+            let remedy = "write two whole numbers, such as \"1/50\", or a number without quotation marks";
+            faults.push(Fault::new(pointer, show(value), shape.describe()).remedy(remedy));
+        }
         (Shape::Choice(words), Value::String(word)) => {
             if words.contains(word) {
                 return value.clone();
@@ -69,6 +76,13 @@ fn whole(number: &serde_json::Number) -> Option<u64> {
     number
         .as_u64()
         .or_else(|| number.as_f64().filter(|x| (0.0..9.0e15).contains(x) && x.fract() == 0.0).map(|x| x as u64))
+}
+
+/// `p/q` of whole numbers from 1 to 10⁴: from the double nearest to it both are known again.
+fn ratio(text: &str) -> Option<f64> {
+    let (p, q) = text.split_once('/')?;
+    let [p, q] = [p, q].map(|part| part.trim().parse::<u16>().ok().filter(|part| (1..=10_000).contains(part)));
+    Some(f64::from(p?) / f64::from(q?))
 }
 
 fn wrong_type(pointer: &str, value: &Value, shape: &Shape) -> Fault {

@@ -100,7 +100,7 @@ fn at_equilibrium(node: &Node, spec: &Spec) -> Vec<f64> {
             found.position
         }
         Err(error) => {
-            node.fault(
+            node.start_fault(
                 error.to_string(),
                 "a train whose constant load its supports and meshes can carry",
                 "start from \"rest\" or from coordinates q, or add a support",
@@ -119,7 +119,7 @@ fn outside_walls(node: &Node, spec: &Spec, q: &[f64]) {
         let (b, slack) = (contact.half_backlash, 1.0e-9 * (contact.half_backlash.abs() + deflection.abs()));
         let [drive, back] = [deflection - b, if contact.flanks == Flanks::Both { -b - deflection } else { -slack }];
         if drive.max(back) > slack {
-            node.fault(
+            node.start_fault(
                 format!("a start inside the rigid flank of {}, by {:e}", contact.name, drive.max(back)),
                 "a start with every gap open or closed",
                 "start with the gap open, or choose a compliant law",

@@ -101,6 +101,8 @@ pub struct Built {
     pub meshes: Vec<(&'static str, MeshGeometry)>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
+    /// Why the start does not fit the train: a run from it is refused, a run from elsewhere is not.
+    pub start_faults: Vec<Fault>,
 }
 
 impl Scene {
@@ -126,6 +128,15 @@ impl Scene {
     /// # Errors
     /// [`SceneError`] with every fault found.
     pub fn from_value(given: Value, name: &str) -> Result<Self, SceneError> {
+        let mut scene = Self::with_any_start(given, name)?;
+        match std::mem::take(&mut scene.built.start_faults) {
+            faults if faults.is_empty() => Ok(scene),
+            faults => Err(SceneError::new(name, faults)),
+        }
+    }
+
+    /// Reads a scene whose start need not fit its train.
+    fn with_any_start(given: Value, name: &str) -> Result<Self, SceneError> {
         let (mut faults, expanded) = (Vec::new(), preset::expand(&given));
         let resolved = check::check(&expanded, shape::scene(build::units_of(&expanded)), "", &mut faults);
         if faults.is_empty() {
@@ -166,12 +177,13 @@ impl Scene {
     /// The same scene with another value at a JSON pointer, such as `/train/speed_rpm`.
     ///
     /// # Errors
-    /// [`SceneError`] if the pointer leads nowhere or the scene no longer holds.
+    /// As [`with_all`](Self::with_all).
     pub fn with(&self, pointer: &str, value: Value) -> Result<Self, SceneError> {
         self.with_all([(pointer, value)])
     }
 
-    /// The same scene with other values at several JSON pointers. Only the whole need hold.
+    /// The same scene with other values at several JSON pointers. Only the whole need hold. A start that no longer fits is refused
+    /// where it is used: [`Built::start_faults`].
     ///
     /// # Errors
     /// [`SceneError`] if a pointer leads nowhere or the scene no longer holds.
@@ -194,7 +206,7 @@ impl Scene {
                 }
             }
         }
-        if lost.is_empty() { Self::from_value(given, &self.name) } else { Err(SceneError::new(&self.name, lost)) }
+        if lost.is_empty() { Self::with_any_start(given, &self.name) } else { Err(SceneError::new(&self.name, lost)) }
     }
 
     /// Name of the scene: its file, or what [`from_json`](Self::from_json) was told.

@@ -15,6 +15,8 @@ use crate::{gear::MeshGeometry, hybrid::Wide};
 #[derive(Debug, Default)]
 pub(super) struct Findings {
     faults: RefCell<Vec<Fault>>,
+    /// Faults of the start with this train: of interest only where the start is used.
+    pub start_faults: RefCell<Vec<Fault>>,
     warnings: RefCell<Vec<Warning>>,
     /// Geometry of the meshes whose teeth are given, by name.
     pub meshes: RefCell<Vec<(&'static str, MeshGeometry)>>,
@@ -156,6 +158,11 @@ impl<'a> Node<'a> {
     /// Notes a fault found here, in words.
     pub fn fault(&self, found: impl Into<String>, allowed: impl Into<String>, remedy: impl Into<String>) {
         self.findings.faults.borrow_mut().push(Fault::new(&self.pointer, found, allowed).remedy(remedy));
+    }
+
+    /// Notes a fault of the start with this train.
+    pub fn start_fault(&self, found: impl Into<String>, allowed: impl Into<String>, remedy: impl Into<String>) {
+        self.findings.start_faults.borrow_mut().push(Fault::new(&self.pointer, found, allowed).remedy(remedy));
     }
 
     pub fn engaged(&self, name: &'static str, geometry: MeshGeometry) {

@@ -25,6 +25,7 @@ pub(super) fn schema_of(shape: &Shape, partial: bool) -> Value {
         Shape::Decimal => {
             json!({ "type": "string", "pattern": r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$" })
         }
+        Shape::Ratio => json!({ "type": "string", "pattern": r"^\s*\d{1,5}\s*/\s*\d{1,5}\s*$" }),
         Shape::Choice(words) => json!({ "enum": words }),
         Shape::List { item, min, max } => {
             json!({ "type": "array", "items": schema_of(item, partial), "minItems": min, "maxItems": max })

@@ -71,6 +71,8 @@ pub(super) enum Shape {
     Text,
     /// A decimal number as text, of any length.
     Decimal,
+    /// A ratio of whole numbers as text, `"1/50"`; resolved to its number.
+    Ratio,
     Choice(Vec<String>),
     List {
         item: Box<Shape>,
@@ -139,7 +141,7 @@ pub(super) fn scene(units: Units) -> &'static Shape {
 
 /// Reads `shapes.json`, shapes by name. A shape is
 ///
-/// - a text: `number`, `number > 0`, `number 0 to 1 excluded`, `whole 1 to 10`, `flag`, `text`, `decimal`, or `@name`;
+/// - a text: `number`, `number > 0`, `number 0 to 1 excluded`, `whole 1 to 10`, `flag`, `text`, `decimal`, `ratio`, or `@name`;
 /// - a list of shapes, of which one fits;
 /// - `{ "choice": words }`, `{ "list": shape, "min", "max" }`, `{ "map": shape }`, `{ "variant": tag, "cases": … }`;
 /// - `{ "object": about, "keys": … }`, each key `[name, "needed" | "free" | { "default": value }, shape, about]`, or
@@ -198,6 +200,7 @@ impl Reader<'_> {
             ["flag"] => Shape::Flag,
             ["text"] => Shape::Text,
             ["decimal"] => Shape::Decimal,
+            ["ratio"] => Shape::Ratio,
             ["number"] => number(None, None),
             ["number", ">", low] => number(Some((low, false)), None),
             ["number", ">=", low] => number(Some((low, true)), None),
@@ -263,6 +266,7 @@ impl Shape {
             Self::Flag => "true or false".to_owned(),
             Self::Text => "a text".to_owned(),
             Self::Decimal => "a decimal number in quotation marks".to_owned(),
+            Self::Ratio => "a ratio \"p/q\" of whole numbers from 1 to 10000".to_owned(),
             Self::Choice(words) => quoted(words.iter().map(String::as_str)),
             Self::List { item, min, max } => {
                 let length = match (*min, *max) {
@@ -289,7 +293,7 @@ impl Shape {
         match self {
             Self::Number(_) | Self::Whole { .. } => value.is_number(),
             Self::Flag => value.is_boolean(),
-            Self::Text | Self::Decimal | Self::Choice(_) => value.is_string(),
+            Self::Text | Self::Decimal | Self::Ratio | Self::Choice(_) => value.is_string(),
             // A list of lists is told from a list of numbers by its first item.
             Self::List { item, .. } => {
                 value.as_array().is_some_and(|items| items.first().is_none_or(|first| item.is_about(first)))

@@ -162,6 +162,7 @@ impl<'a> Job<'a> {
                 dimensionless: simulation.dimensionless,
                 cycle: run.period,
             },
+            common_cycle: simulation.clock().period().and_then(|_| structure.common_cycle().ok()),
             integrator: IntegratorUsed {
                 asked: run.method.name(),
                 tolerance: run.tolerance,

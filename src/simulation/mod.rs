@@ -26,7 +26,7 @@ use crate::{
     gear::{MeshGeometry, contact::Law},
     hybrid::{Clock, HybridSystem, Instant, Watch, Wide},
     integrate::{Integrator, build},
-    scene::{Built, Memory, Run, Scene, Warning, hash},
+    scene::{Built, Duration, Fault, Memory, Run, Scene, SceneError, Warning, hash},
     system::{Contact, ContactMode, Spec, Structure, bonded_modes, contact_mode, guard_id, set_contact},
     verify::Verifier,
 };
@@ -59,6 +59,10 @@ pub struct Simulation {
     pub meshes: Vec<(&'static str, MeshGeometry)>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
+    /// Why the start does not fit the train.
+    start_faults: Vec<Fault>,
+    /// Of a simulation in common cycles: periods of the scene's clock in a cycle, and the number of that which cycle 0 begins with.
+    common: Option<[u64; 2]>,
     /// The scene with every default; null for a train built in Rust.
     scene: Value,
     /// The file of the scene: no output replaces it.
@@ -110,6 +114,8 @@ impl Simulation {
             carrier_speed: built.carrier_speed,
             meshes: built.meshes,
             warnings: built.warnings,
+            start_faults: built.start_faults,
+            common: None,
             scene: Value::Null,
             file: None,
         })
@@ -131,7 +137,7 @@ impl Simulation {
                 "its run has no end after its start and transient; give it a time or a period, and more cycles";
             return Err(SimulationError::missing(name, missing));
         }
-        let (meshes, warnings) = (Vec::new(), Vec::new());
+        let (meshes, warnings, start_faults) = (Vec::new(), Vec::new(), Vec::new());
         Self::from_built(
             name,
             Built {
@@ -144,6 +150,7 @@ impl Simulation {
                 carrier_speed: None,
                 meshes,
                 warnings,
+                start_faults,
             },
         )
     }
@@ -154,7 +161,7 @@ impl Simulation {
         if !self.scene.is_null() {
             self.scene["initial"] = json!({ "q": q0, "v": v0 });
         }
-        Self { q0, v0, memory: Memory::default(), is_static: false, ..self }
+        Self { q0, v0, memory: Memory::default(), is_static: false, start_faults: Vec::new(), ..self }
     }
 
     /// Runs to the end and keeps a row of every event, about a kilobyte each.
@@ -207,6 +214,53 @@ impl Simulation {
         })
     }
 
+    /// Periods of the scene's clock, such as mesh periods, in a cycle: 1 but for what [`in_common_cycles`](Self::in_common_cycles) returns.
+    #[must_use]
+    pub fn periods_per_cycle(&self) -> u64 {
+        self.common.map_or(1, |[periods, _]| periods)
+    }
+
+    /// The same simulation with a clock whose cycle is the shortest after which all forcing repeats, counted from its start: `q` mesh periods
+    /// for a run-out of order `1/q`. Orbits, maps and branches count these. What a run counts, its cycles and those of its events, it counts
+    /// in periods of the scene's clock. A train without a common cycle stays as it is: what needs one refuses it.
+    ///
+    /// # Errors
+    /// [`SimulationError::Assemble`].
+    pub fn in_common_cycles(self) -> Result<Self, SimulationError> {
+        let Ok(periods) = self.structure.common_cycle() else { return Ok(self) };
+        if self.structure.has_whole_orders() && periods == 1 {
+            return Ok(self);
+        }
+        let (omega, [start, transient, end]) = (self.clock().omega(), self.instants());
+        let mut settings = self.settings.clone();
+        let mut first = 0;
+        if start.phase.value() == 0.0 && start.cycle >= 0 {
+            // OK to convert: cycles are not negative.
+            (settings.start_cycle, first) = (start.cycle as u64 / periods, start.cycle as u64 % periods);
+            let cycles = |to: Instant| ((to.cycle - start.cycle).max(0) as u64).div_ceil(periods);
+            settings.transient_cycles = cycles(transient);
+            settings.duration = Duration::Cycles(cycles(end).max(settings.transient_cycles + 1));
+            settings.period = self.clock().period().map(|period| (period * periods as f64).value());
+        }
+        let spec = self.structure.spec().clone().over_cycles(omega, periods, first);
+        let structure = Structure::new(spec)?.by(self.settings.instructions);
+        Ok(Self { structure, settings, common: Some([periods, first]), ..self })
+    }
+
+    /// `spec`, built as this simulation's train was, in its clock.
+    pub(crate) fn clocked(&self, spec: Spec) -> Result<Structure, SimulationError> {
+        let structure = Structure::new(spec)?.by(self.settings.instructions);
+        let Some([periods, first]) = self.common else { return Ok(structure) };
+        let omega = structure.clock().omega();
+        Ok(Structure::new(structure.spec().clone().over_cycles(omega, periods, first))?.by(self.settings.instructions))
+    }
+
+    /// Cycles of this simulation in so many periods of the scene's clock, but not fewer than `least`.
+    pub(crate) fn cycles_in(&self, periods: u64, least: u64) -> u64 {
+        let own = self.periods_per_cycle();
+        if own == 1 { periods } else { periods.div_ceil(own).max(least) }
+    }
+
     /// The error of a measure that needs more than the simulation has.
     #[must_use]
     pub fn missing(&self, missing: impl Into<String>) -> SimulationError {
@@ -216,8 +270,11 @@ impl Simulation {
     /// The state at the start.
     ///
     /// # Errors
-    /// [`SimulationError::Start`].
+    /// [`SimulationError::Start`]; [`SimulationError::Scene`] if the start of a scene does not fit its train.
     pub fn start(&self) -> Result<State, SimulationError> {
+        if !self.start_faults.is_empty() {
+            return Err(SceneError { name: self.name.clone(), faults: self.start_faults.clone() }.into());
+        }
         let start = self.start_at(&self.q0, &self.v0)?;
         if self.memory == Memory::default() {
             return Ok(start);

@@ -18,6 +18,8 @@ pub struct Summary {
     pub scene: Provenance,
     /// The train.
     pub train: TrainUsed,
+    /// Periods of the forcing clock, such as mesh periods, after which all forcing repeats; null where there is no such number.
+    pub common_cycle: Option<u64>,
     /// What integrated the smooth motion.
     pub integrator: IntegratorUsed,
     /// How the run ended.

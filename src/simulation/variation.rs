@@ -120,7 +120,7 @@ impl Simulation {
         let at = |value: f64| -> Result<Neighbour, SimulationError> {
             let built = parameter.build(scene, value)?;
             let period = built.run.period;
-            let structure = Structure::new(built.spec)?.by(built.run.instructions);
+            let structure = self.clocked(built.spec)?;
             let omega = structure.clock().omega();
             let spec = structure.spec();
             let mut ratios: Vec<(f64, f64)> = frequencies(spec).into_iter().map(|w| (w, w / omega)).collect();

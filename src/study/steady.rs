@@ -103,6 +103,9 @@ impl Steady {
 
 /// Samples of the force a cycle.
 const PER_CYCLE: u32 = 256;
+/// Cycles that are run at least where a cycle is several periods of the scene's clock: until an orbit is found, and for a first average.
+const COMMON_CYCLES: u64 = 8;
+const WATCHED_COMMON_CYCLES: u64 = 200;
 /// Harmonics kept.
 const HARMONICS: usize = 8;
 
@@ -114,19 +117,28 @@ const HARMONICS: usize = 8;
 /// # Errors
 /// [`StudyError`]; [`StudyError::Interrupted`] once `task` is cancelled.
 pub fn steady(scene: impl Into<Scene>, seed: Option<&Seed>, rule: &Rule, task: Task<'_>) -> Result<Steady, StudyError> {
-    let simulation = Simulation::from_scene(scene)?;
-    let (start, seeded) = start(&simulation, seed)?;
-    let verifier = |state: &State| simulation.settings.verify.then(|| simulation.verifier(state));
+    let scene = Simulation::from_scene(scene)?;
+    let common = scene.clone().in_common_cycles()?;
+    let (start, seeded) = start(&common, seed)?;
+    let verifier = |state: &State| common.settings.verify.then(|| common.verifier(state));
     let mut check = verifier(&start);
-    let steady = transient(&simulation, start, rule, &mut check, task).and_then(|(mut engine, motion)| {
+    let steady = transient(&common, start, rule, &mut check, task).and_then(|(mut engine, motion)| {
         if motion.period.is_some() {
             // It goes on from the orbit, where the run has not been.
             check.as_mut().map_or(Ok(()), |check| check.finish(engine.state().at))?;
             check = verifier(engine.state());
         }
-        let steady = measure(&simulation, &mut engine, motion, (seeded, rule), &mut check, task)?;
-        check.as_mut().map_or(Ok(()), |check| check.finish(engine.state().at))?;
-        Ok(steady)
+        if common.periods_per_cycle() == 1 {
+            let steady = measure(&common, &mut engine, motion, (seeded, rule), &mut check, task)?;
+            check.as_mut().map_or(Ok(()), |check| check.finish(engine.state().at))?;
+            return Ok(steady);
+        }
+        // Measures are by periods of the scene's clock. The forcing is that of its first cycle.
+        let section = SectionMap::new(&common)?.section(engine.state());
+        let start = SectionMap::new(&scene)?.state(&section)?;
+        let mut check = scene.settings.verify.then(|| scene.verifier(&start));
+        let measured = measure(&scene, &mut scene.engine(start)?, motion, (seeded, rule), &mut check, task);
+        check.and_then(|check| check.difference()).map_or(measured, |difference| Err(difference.into()))
     });
     // A difference breaks the run off: it is the reason for what else went wrong.
     check.and_then(|check| check.difference()).map_or(steady, |difference| Err(difference.into()))
@@ -179,14 +191,19 @@ fn transient<'c>(
 ) -> Result<(Engine<'c>, Motion), StudyError> {
     let map = SectionMap::new(simulation)?;
     let mut engine = simulation.engine(start)?;
-    let approached = rule.approach.run(&map, &mut engine, observer, task)?;
+    // Limits count periods of the scene's clock.
+    let most_cycles = simulation.cycles_in(rule.approach.most_cycles, COMMON_CYCLES);
+    let watched = Watching::default();
+    let watching = Watching { cycles: simulation.cycles_in(watched.cycles, WATCHED_COMMON_CYCLES), ..watched };
+    let approached = Approach { most_cycles, ..rule.approach }.run(&map, &mut engine, observer, task)?;
     let approached = approached.ok_or_else(|| broken(&engine, task))?;
-    let (motion, decided) = if rule.decides {
-        let decided = decide(&map, &mut engine, &approached, Watching::default(), observer, task)?;
+    let (mut motion, decided) = if rule.decides {
+        let decided = decide(&map, &mut engine, &approached, watching, observer, task)?;
         decided.ok_or_else(|| broken(&engine, task))?
     } else {
         (Motion::of(&approached), None)
     };
+    motion.cycles *= simulation.periods_per_cycle();
     if let Some(orbit) = approached.orbit.or(decided) {
         engine = simulation.engine(map.state(&orbit.section)?)?;
     }
@@ -239,9 +256,11 @@ fn measure(
 ) -> Result<Steady, StudyError> {
     let structure = &simulation.structure;
     let count = structure.contact_count();
+    // The motion counts cycles after which all forcing repeats.
+    let whole = structure.common_cycle().unwrap_or(1);
     let cycles = match motion.period {
-        Some(period) => rule.measured_cycles.max(1).next_multiple_of(period),
-        None => rule.irregular_cycles.max(1),
+        Some(period) => rule.measured_cycles.max(1).next_multiple_of(period * whole),
+        None => rule.irregular_cycles.max(1).next_multiple_of(whole),
     };
     let from = engine.state().at;
     let before = engine.counters();

@@ -5,7 +5,7 @@ use super::{
     steady::{ContactSteady, Rule, Seed, Steady, steady},
 };
 use crate::{
-    output::number,
+    output::{in_a_line, number},
     scene::{Scene, SceneError},
     simulation::Simulation,
     sweep::{Cell, Ending, Entry, Journal, Outcome, Plan, SweepError, Tally, run},
@@ -36,7 +36,7 @@ pub struct SteadySweep {
 }
 
 impl SteadySweep {
-    /// Checks that the scene holds, starts and has a forcing period at both ends of every axis, with each other.
+    /// Checks that the scene holds and has a forcing period at both ends of every axis, with each other.
     ///
     /// # Errors
     /// [`StudyError::Simulation`]: faults of the scenes at all corners, or what the first corner that cannot run lacks.
@@ -65,7 +65,6 @@ impl SteadySweep {
         for scene in scenes {
             let simulation = Simulation::from_scene(scene)?;
             simulation.period()?;
-            simulation.start()?;
             sweep.dimensionless = simulation.dimensionless;
             sweep.instructions = simulation.settings.instructions.name();
         }
@@ -105,10 +104,13 @@ impl SteadySweep {
     /// # Errors
     /// As [`run`].
     pub fn run(&self, journal: &mut Journal<Steady, Seed>, task: Task<'_>) -> Result<Ending, SweepError> {
-        let point = |cell: &Cell, seed: Option<&Seed>| -> Result<(Steady, Seed), StudyError> {
-            let steady = steady(self.at(&cell.values)?, seed, &self.rule, task)?;
+        let point = |cell: &Cell, seed: Option<&Seed>| {
+            let scene = self.at(&cell.values).map_err(StudyError::from);
+            let measured = scene.and_then(|scene| steady(scene, seed, &self.rule, task));
+            let steady =
+                measured.map_err(|error| in_a_line(&format!("{}: {error}", self.plan.grid().place(&cell.values))))?;
             let end = steady.end.clone();
-            Ok((steady, end))
+            Ok::<_, String>((steady, end))
         };
         run(&self.plan, journal, point, task)
     }

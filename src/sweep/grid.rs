@@ -244,6 +244,13 @@ impl Grid {
         self.axes.iter().map(Axis::count).product()
     }
 
+    /// The place of `values` in words: a pointer and a value for each axis.
+    #[must_use]
+    pub fn place(&self, values: &[f64]) -> String {
+        let at = self.axes.iter().zip(values).map(|(axis, value)| format!("{} = {value}", axis.pointer));
+        at.collect::<Vec<_>>().join(", ")
+    }
+
     /// Points along the last axis.
     pub(super) fn line(&self) -> usize {
         self.axes.last().map_or(1, Axis::count)

@@ -7,6 +7,7 @@ mod acting;
 mod assemble;
 mod automaton;
 mod check;
+mod common;
 mod contact_mode;
 mod energy;
 mod forces;

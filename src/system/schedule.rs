@@ -34,8 +34,8 @@ fn ratio(clock: f64, period: f64) -> Option<(i64, i64)> {
     }
 }
 
-/// The largest such number looked for.
-const MOST: f64 = 64.0;
+/// The largest such number looked for: periods of a clock in a common cycle.
+const MOST: f64 = super::common::MOST as f64;
 
 impl Schedule {
     pub fn new(stiffness: &Stiffness, clock: &Clock) -> Self {
@@ -112,7 +112,13 @@ impl Schedule {
         };
         let is_past = |k: i64, i: usize| self.start(clock, k, i) <= late;
         let k = (most - 1..=most).rev().find(|k| is_past(*k, 0)).unwrap_or(most - 2);
-        (k, (1..self.starts()).rev().find(|i| is_past(k, *i)).unwrap_or(0))
+        // The number of starts after the first one that are not after `late`: few in a repetition, or thousands.
+        let [mut past, mut after] = [0, self.starts()];
+        while after - past > 1 {
+            let middle = past.midpoint(after);
+            *if is_past(k, middle) { &mut past } else { &mut after } = middle;
+        }
+        (k, past)
     }
 
     /// The last start of piece `number` that is not after `late`, as [`last`](Self::last) gives it.
@@ -164,12 +170,12 @@ impl Schedule {
 
     /// The start of piece `number` that is nearest to `at`.
     pub fn start_near(&self, clock: &Clock, at: Instant, number: u32) -> Option<Instant> {
-        let (k, number) = (self.repetition(clock, at), number as usize);
         let starts: Vec<Instant> = match self {
-            Self::Listed { times, .. } => times.iter().skip((number + 1) & 1).step_by(2).copied().collect(),
+            Self::Listed { times, .. } => times.iter().skip((number as usize + 1) & 1).step_by(2).copied().collect(),
             Self::Locked { values, .. } | Self::Own { values, .. } => {
-                let of = |r| (number..self.starts()).step_by(values.len()).map(move |i| self.start(clock, r, i));
-                (k - 1..=k + 1).flat_map(of).collect()
+                let (k, i) = self.last_of(clock, at, number);
+                let (next, all) = (i + values.len(), self.starts());
+                vec![self.start(clock, k, i), self.start(clock, k + (next / all) as i64, next % all)]
             }
         };
         let far = |start: Instant| (clock.between(start, at).abs(), start);

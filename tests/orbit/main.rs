@@ -1,6 +1,7 @@
 //! The derivative of the motion, orbits and exponents.
 #![allow(clippy::unwrap_used)] // helpers of tests are not recognised as tests
 
+mod common;
 mod crossings;
 mod differences;
 mod exponents;

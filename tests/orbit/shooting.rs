@@ -273,7 +273,7 @@ fn a_forcing_that_does_not_repeat_with_the_cycle_has_no_orbit() {
         "run": { "cycles": 100, "period_s": std::f64::consts::TAU },
     });
     let error = Search::default().run(&open(scene), Task::default()).unwrap_err().to_string();
-    assert!(error.contains("2.236") && error.contains("base_frequency_rad_per_s"), "{error}");
+    assert!(error.contains("2.236") && error.contains("ratio of whole numbers"), "{error}");
 }
 
 /// So have switched stiffnesses of another period, or that are switched once after the start.
