@@ -114,20 +114,4 @@ impl Spectrum {
         found.sort_by(|l, r| r.1.total_cmp(&l.1));
         found
     }
-
-    /// Share of the energy (squares of amplitudes, the mean apart) that is not on multiples of `frequency`, `[0, 1]`; a
-    /// line's skirt belongs to it.
-    #[must_use]
-    pub fn off_multiples(&self, frequency: f64) -> f64 {
-        let (mut on, mut all) = (0.0, 0.0);
-        let reach = (self.window.skirt() as f64 + 0.5) * self.resolution;
-        for (k, a) in self.amplitude.iter().enumerate().skip(1) {
-            let order = k as f64 * self.resolution / frequency;
-            all += a * a;
-            if order > 0.5 && (order - order.round()).abs() * frequency < reach {
-                on += a * a;
-            }
-        }
-        if all > 0.0 { 1.0 - on / all } else { 0.0 }
-    }
 }

@@ -126,22 +126,24 @@ fn contacts(out: &mut String, simulation: &Simulation, summary: &Summary) -> std
     let head = [
         "contact".to_owned(),
         "apart %".to_owned(),
+        "no force %".to_owned(),
         format!("separations{per}"),
-        unit("shortest", s),
+        unit("no force: min", s),
         unit("mean", s),
-        unit("longest", s),
+        unit("max", s),
         format!("contacts{per}"),
-        unit("mean force", n),
-        unit("max force", n),
+        unit("force mean", n),
+        unit("abs max", n),
     ];
     // Cycles of the run; of the train's own forcing where the scene names none.
     let cycles = simulation.settings.period.map_or(1.0, |period| summary.measured_time / period);
     let each = |count: u64| number((cycles > 0.0).then(|| count as f64 / cycles));
     let row = |c: &ContactReport| {
         let [least, mean, most] = [c.durations.min, c.durations.mean, c.durations.max].map(number);
-        let (share, closed) = (number(100.0 * c.no_force_fraction), each(c.drive_contacts + c.back_contacts));
+        let [apart, share] = [c.apart_fraction, c.no_force_fraction].map(|fraction| number(100.0 * fraction));
+        let closed = each(c.drive_contacts + c.back_contacts);
         let [force, largest] = [c.force_mean, c.force_abs_max].map(number);
-        vec![c.name.clone(), share, each(c.separations), least, mean, most, closed, force, largest]
+        vec![c.name.clone(), apart, share, each(c.separations), least, mean, most, closed, force, largest]
     };
     write!(out, "{}", Table::new(head).with(summary.contacts.iter().map(row)))
 }

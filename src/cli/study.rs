@@ -216,9 +216,10 @@ fn line<'f>(fields: impl IntoIterator<Item = &'f String>) -> String {
 }
 
 fn csv(contents: &Contents) -> String {
-    let mut text = line(&["figure", "quantity", "published", "flank", "verdict", "note"].map(String::from));
+    let mut text = line(&["figure", "quantity", "published", "flank", "verdict", "note", "fitted"].map(String::from));
     for row in rows(contents) {
-        text += &line([&row.place, &row.quantity, &row.published, &row.found, &label(row.verdict), &row.note]);
+        let (verdict, fitted) = (label(row.verdict), row.fitted.to_string());
+        text += &line([&row.place, &row.quantity, &row.published, &row.found, &verdict, &row.note, &fitted]);
     }
     text
 }
@@ -231,9 +232,11 @@ fn text(contents: &Contents, out: &Path) -> String {
     let mut text = format!("{}\n\n", contents.title);
     for row in contents.comparisons() {
         let (word, place, quantity) = (label(row.verdict), &row.place, &row.quantity);
-        text += &format!("{word:<13}  {place:>6}  {quantity}: published {}, Flank {}\n", row.published, row.found);
+        let fitted = if row.fitted { " (fitted to)" } else { "" };
+        text +=
+            &format!("{word:<13}  {place:>6}  {quantity}: published {}, Flank {}{fitted}\n", row.published, row.found);
     }
-    text += "\n";
+    text += &contents.score().map_or_else(|| "\n".to_owned(), |score| format!("\n{score}\n\n"));
     for (kind, why) in &contents.missing {
         text += &format!("not made: {} ({why})\n", kind.id());
     }

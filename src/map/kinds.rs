@@ -101,7 +101,7 @@ impl KindMap {
             _ => "largest of all contacts",
         };
         let measure = match self.columns[0].as_str() {
-            APART => "time separated / period".to_owned(),
+            APART => "time apart / period".to_owned(),
             other => contact_measure(other, dimensionless),
         };
         format!("{contact}: {measure}")

@@ -185,7 +185,7 @@ impl Branches {
                     unit("m"),
                     &amplitudes as &dyn Fn(&Point, &Option<Steady>) -> Option<f64>,
                 ),
-                ("time separated / period", "", &apart),
+                ("time apart / period", "", &apart),
             ] {
                 panels.push(Panel {
                     bands: self.double_sided(j),

@@ -9,7 +9,7 @@ use super::{
     StudyError,
     figures::{Context, number},
     published::table,
-    threshold::{Search, locate},
+    threshold::{By, Search, locate},
 };
 use crate::{output::Table, scene::Scene};
 
@@ -68,7 +68,7 @@ pub fn changes() -> Result<Vec<Change>, StudyError> {
     table(include_str!("published/changes.json"))
 }
 
-/// Time apart, threshold and largest force of the meshes `stem` under each change, all from cold starts.
+/// Time without force, threshold (by deflection) and largest force of the meshes `stem` under each change, all from cold starts.
 pub fn effects(
     context: &Context<'_>,
     scene: &Scene,
@@ -89,7 +89,7 @@ pub fn effects(
             }
         }
         let at = changed.with("/train/speed_rpm", json!(SPEEDS[1]))?;
-        let threshold = locate(context, &at, "/train/load/output_torque_nm", stem, search)?;
+        let threshold = locate(context, &at, "/train/load/output_torque_nm", (stem, By::Deflection), search)?;
         Ok(Effect { words: change.words.clone(), apart, threshold: threshold.middle().unwrap_or(0.0), largest })
     })
 }
@@ -101,10 +101,10 @@ pub fn listing(effects: &[Effect]) -> Table {
         let rest = [format!("{:.2}", effect.threshold), format!("{:.1}", effect.largest)];
         std::iter::once(effect.words.clone()).chain(apart).chain(rest).collect()
     };
-    let speeds = SPEEDS.map(|rpm| format!("Apart at {rpm} rev/min, T"));
+    let speeds = SPEEDS.map(|rpm| format!("Without force at {rpm} rev/min, T"));
     let head = std::iter::once("Change".to_owned()).chain(speeds);
-    let note = "Ring meshes without load, one change at a time, every motion from a cold start; threshold and force at 500 \
-                rev/min. At 2000 rev/min small changes also change the last impact of the sun meshes, and with it the \
+    let note = "Ring meshes without load, one change at a time, every motion from a cold start; threshold (by deflection) and force at \
+                500 rev/min. At 2000 rev/min small changes also change the last impact of the sun meshes, and with it the \
                 damping: read that column with care.";
     let head = head.chain(["Threshold, N m", "Largest force, N"].map(String::from));
     Table::new(head).with(effects.iter().map(cells)).titled("What controls what", note)

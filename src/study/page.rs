@@ -34,7 +34,8 @@ const SECTIONS: [(&str, &str, &[Kind]); 4] = [
     ),
     (
         "Light load",
-        "Separation and impact: how long the teeth are apart, and what ends it.",
+        "Loss of contact and impact. A mesh is apart between its flanks (by deflection); without force it may also lie inside the \
+         zone of a flank where the law would pull (by force).",
         &[Kind::Cycles, Kind::ApartVsLoad, Kind::ApartVsSpeed, Kind::ThresholdVsSpeed, Kind::Changes],
     ),
     ("Floating bodies", "Paths of the centres and their spectra.", &[Kind::Trajectories, Kind::History]),
@@ -58,18 +59,13 @@ impl Contents {
         let mut sections = Vec::new();
         for (title, text, kinds) in SECTIONS {
             let mut items = Vec::new();
-            for (kind, entry) in self.entries.iter().filter(|(kind, _)| kinds.contains(kind)) {
+            for (_, entry) in self.entries.iter().filter(|(kind, _)| kinds.contains(kind)) {
                 if let Some(figure) = &entry.figure {
                     let mut figure = figure.clone();
                     figure.caption = format!("{} Scene: {}.", figure.caption, entry.scene[0]);
                     items.push(Item::Figure(figure));
                 }
                 items.extend(entry.listing.clone().map(Item::from));
-                if *kind == Kind::Identification {
-                    let rows: Vec<&Comparison> = entry.comparisons.iter().collect();
-                    let note = "Beside the values of the presets, identified once from all printed values together.";
-                    items.push(Item::Table(table("Identified numbers, found again from printed values", note, &rows)));
-                }
             }
             if !items.is_empty() {
                 sections.push(Section::new(title, text, items));
@@ -101,14 +97,14 @@ impl Contents {
         }
     }
 
-    fn summary(&self) -> Vec<String> {
-        // What is compared with a preset is no published number.
-        let rows: Vec<&Comparison> = self.comparisons().into_iter().filter(|row| row.place != "preset").collect();
+    /// How many published numbers and statements agree; none where nothing is compared.
+    #[must_use]
+    pub fn score(&self) -> Option<String> {
+        let rows = self.comparisons();
         let count = |verdict: Verdict| rows.iter().filter(|row| row.verdict == verdict).count();
         let fitted = rows.iter().filter(|row| row.fitted && row.verdict == Verdict::Agrees).count();
-        let mut lines = Vec::new();
-        if !rows.is_empty() {
-            lines.push(format!(
+        (!rows.is_empty()).then(|| {
+            format!(
                 "{} published numbers and statements: {} agree ({fitted} of them were fitted to), {} in part, {} deviate, {} \
                  contradict the source's own data.",
                 rows.len(),
@@ -116,8 +112,12 @@ impl Contents {
                 count(Verdict::Partly),
                 count(Verdict::Deviates),
                 count(Verdict::Contradiction)
-            ));
-        }
+            )
+        })
+    }
+
+    fn summary(&self) -> Vec<String> {
+        let mut lines: Vec<String> = self.score().into_iter().collect();
         lines.extend(self.missing.iter().map(|(kind, why)| format!("Not made: {} ({why}).", kind.id())));
         lines.push(
             "Drag over a figure to zoom, double-click to return, point at a curve for its numbers; a word in the legend \

@@ -8,7 +8,8 @@ use super::{
     claims::{Claims, Comparison, Points},
     figures::{self, Context, ModeRow, fraction_title, load_pointer, speed_pointer},
     published,
-    threshold::{Search, Threshold, locate},
+    steady::ContactSteady,
+    threshold::{By, Search, Threshold, locate},
     values::values,
 };
 use crate::{
@@ -200,8 +201,8 @@ impl Plan {
             }
             Kind::Identification => {
                 self.only_reference("printed values to identify it from; see flank identify")?;
-                let comparisons = published::identified(context.task)?;
-                Entry { comparisons, ..entry(None, &self.full()?, "all freedoms", Value::Null)? }
+                let listing = Some(published::identified(context.task)?);
+                Entry { listing, ..entry(None, &self.full()?, "all freedoms", Value::Null)? }
             }
             Kind::Forces => {
                 let (figure, facts) = figures::forces(context, &self.heavy, self.highest[0])?;
@@ -278,19 +279,28 @@ impl Plan {
         let id = Kind::ApartVsLoad.id();
         let (mut figure, curves) = figures::apart(context, &self.light, id, x, (pointer, &self.loads))?;
         let stem = self.last_family()?;
-        // The grid has found where to look: between its last load with separations and the next one.
-        let last = figures::along(&curves[0], &stem, |c| c.report.apart_time).iter().rposition(|time| *time > 0.0);
-        let bracket = last.and_then(|i| Some([self.loads[i], *self.loads.get(i + 1)?]));
-        let threshold = match bracket {
-            Some(range) => locate(context, &self.light, pointer, &stem, &Search { range, scan: 2, ..self.search() })?,
-            None => last.map_or(Threshold::None, |i| Threshold::Beyond { value: self.loads[i] }),
+        // The grid has found where to look: between its last load at which contact is lost and the next one.
+        let find = |by: By, time: fn(&ContactSteady) -> f64| {
+            let last = figures::along(&curves[0], &stem, time).iter().rposition(|time| *time > 0.0);
+            let bracket = last.and_then(|i| Some([self.loads[i], *self.loads.get(i + 1)?]));
+            match bracket {
+                Some(range) => {
+                    locate(context, &self.light, pointer, (&stem, by), &Search { range, scan: 2, ..self.search() })
+                }
+                None => Ok(last.map_or(Threshold::None, |i| Threshold::Beyond { value: self.loads[i] })),
+            }
         };
-        if let (Some(x), Some(panel)) = (threshold.located(), fraction_panel(&mut figure, &stem)) {
-            panel.guides.push(Guide::Vertical { x, name: format!("separations end: {x:.2} N m") });
+        let deflection = find(By::Deflection, |c| c.report.apart_time)?;
+        let force = find(By::Force, |c| c.report.no_force_time)?;
+        if let Some(panel) = fraction_panel(&mut figure, &stem) {
+            for (threshold, words) in [(deflection, "between the flanks"), (force, "without force")] {
+                let guide = |x: f64| Guide::Vertical { x, name: format!("{words} up to {x:.2} N m") };
+                panel.guides.extend(threshold.located().map(guide));
+            }
         }
         self.publish(&mut figure)?;
         let mut facts = figures::facts(&curves, &self.loads);
-        facts["threshold"] = json!(threshold);
+        facts["threshold"] = json!({ "deflection": deflection, "force": force });
         entry(Some(figure), &self.light, "load varied", facts)
     }
 
@@ -302,13 +312,13 @@ impl Plan {
         Search { range: [low, high], scan: 13, resolution: 2.5e-4 * (high - low) }
     }
 
-    /// The family of meshes looked at for separations: the last one, as the ring's in a planetary stage.
+    /// The family of meshes whose loss of contact is looked at: the last one, as the ring's in a planetary stage.
     fn last_family(&self) -> Result<String, StudyError> {
         let last = self.light.built().spec.contacts.last().ok_or_else(|| lacks(&self.light, "contact"))?;
         Ok(figures::family(&last.name).to_owned())
     }
 
-    /// Puts published times apart into the panel of the last family.
+    /// Puts published times without force into the panel of the last family.
     fn publish(&self, figure: &mut Figure) -> Result<(), StudyError> {
         let points = self.claims.points(&figure.id).cloned();
         if let (Some(Points { x, y }), Some(panel)) = (points, fraction_panel(figure, &self.last_family()?)) {

@@ -162,7 +162,7 @@ pub(super) fn window(motion: &Motion) -> Window {
     if motion.period.is_some() { Window::Rectangular } else { Window::Hann }
 }
 
-/// An engine whose transient is over, what it has come to (periodic or not is enough), and whether it started from the seed.
+/// An engine whose transient is over, what it has come to as `rule` decides, and whether it started from the seed.
 pub(super) fn settled<'c>(
     simulation: &'c Simulation,
     seed: Option<&Seed>,
@@ -170,7 +170,7 @@ pub(super) fn settled<'c>(
     task: Task<'_>,
 ) -> Result<(Engine<'c>, Motion, bool), StudyError> {
     let (start, seeded) = start(simulation, seed)?;
-    let (engine, motion) = transient(simulation, start, &Rule { decides: false, ..*rule }, &mut (), task)?;
+    let (engine, motion) = transient(simulation, start, rule, &mut (), task)?;
     Ok((engine, motion, seeded))
 }
 

@@ -53,7 +53,7 @@ pub(super) fn figure(name: &str, pointer: &str, rows: &[Row], dimensionless: boo
     };
     let panels = families.iter().flat_map(|(j, _)| {
         [
-            panel(*j, "time separated / period", "", &[|c| Some(c.report.apart_fraction)]),
+            panel(*j, "time apart / period", "", &[|c| Some(c.report.apart_fraction)]),
             panel(*j, "largest force", unit("N"), &[|c| c.report.force_max]),
             panel(
                 *j,

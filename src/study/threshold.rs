@@ -1,4 +1,4 @@
-//! Where separations end as a number of the scene rises: a root in the parameter, not a point of a grid.
+//! The largest value of a number at which a mesh still loses contact: a root in the parameter, not a point of a grid.
 
 use serde::Serialize;
 use serde_json::json;
@@ -6,12 +6,21 @@ use serde_json::json;
 use super::{StudyError, figures::Context};
 use crate::scene::Scene;
 
+/// By what a mesh loses contact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum By {
+    /// It leaves its flank: [`apart_time`](crate::analysis::ContactReport::apart_time) > 0.
+    Deflection,
+    /// It carries no force for a time, at its flank or off it: [`no_force_time`](crate::analysis::ContactReport::no_force_time) > 0.
+    Force,
+}
+
 /// Where to look.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Search {
     /// Smallest and largest value.
     pub range: [f64; 2],
-    /// Values tried from the largest down until one separates, ≥ 2: separations may come and go along the range.
+    /// Values tried from the largest down until contact is lost at one, ≥ 2: losses may come and go along the range.
     pub scan: usize,
     /// Width of the last bracket.
     pub resolution: f64,
@@ -21,21 +30,21 @@ pub struct Search {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Threshold {
-    /// Nothing separates at any value tried.
+    /// Contact is kept at every value tried.
     None,
-    /// Separations are still there at the largest value.
+    /// Contact is still lost at the largest value.
     Beyond {
         /// The largest value.
         value: f64,
     },
-    /// They end within this bracket.
+    /// The loss of contact ends within this bracket.
     Located {
-        /// Separates here.
+        /// Contact is lost here.
         below: f64,
-        /// Does not separate here.
+        /// Contact is kept here.
         above: f64,
-        /// Smallest deflection from the flank at `below`, m, < 0: near zero where the separation shrinks to nothing, finite
-        /// where the motion that separates disappears at once.
+        /// Smallest deflection from the flank at `below`, m; by deflection it is < 0: near zero where the flight shrinks to nothing,
+        /// finite where the motion that flies disappears at once.
         clearance_below: f64,
         /// Smallest deflection at `above`, m, ≥ 0.
         clearance_above: f64,
@@ -57,21 +66,24 @@ impl Threshold {
     }
 }
 
-/// The largest value of the number at `pointer` at which the contact whose name starts with `stem` leaves its flank in the
+/// The largest value of the number at `pointer` at which the contact whose name starts with `stem` loses contact, by `by`, in the
 /// steady motion, each motion from the scene's own start: scanned from above, then bisected.
 pub fn locate(
     context: &Context<'_>,
     scene: &Scene,
     pointer: &str,
-    stem: &str,
+    (stem, by): (&str, By),
     search: &Search,
 ) -> Result<Threshold, StudyError> {
     // The sign of the clearance is the event; its size tells how it comes about.
     let clearance = |value: f64| {
         let steady = context.steady(&scene.with(pointer, json!(value))?, None)?;
         let contact = steady.expect(stem, scene)?;
-        let apart = contact.report.apart_time > 0.0;
-        Ok::<_, StudyError>((apart, contact.report.deflection_min.unwrap_or_default()))
+        let time = match by {
+            By::Deflection => contact.report.apart_time,
+            By::Force => contact.report.no_force_time,
+        };
+        Ok::<_, StudyError>((time > 0.0, contact.report.deflection_min.unwrap_or_default()))
     };
     let [low, high] = search.range;
     let steps = search.scan.max(2) - 1;

@@ -14,7 +14,7 @@ use super::{
     figures::{self, Context, by_name, load_pointer, speed_pointer},
     plan::Plan,
     published::table,
-    threshold::{Search, locate},
+    threshold::{By, Search, locate},
 };
 use crate::{output::Table, scene::Scene, system::equilibrium, train::TrainError};
 
@@ -45,7 +45,7 @@ enum Measure {
     Rest,
     /// The steady motion of each family of contacts.
     Steady,
-    /// The `load` at which the ring's meshes stop separating.
+    /// The `load` up to which the ring's meshes leave their flanks.
     Threshold,
     /// The paths of `sun` and `ring`.
     Paths,
@@ -104,9 +104,10 @@ impl Measure {
                 let families = figures::families(&steady).into_iter();
                 by_name(families.map(|(j, family)| (family, json!(steady.contacts[j]))))
             }
-            Self::Threshold => {
-                one("load", json!(locate(context, scene, load, "ring", &SEARCH)?.middle().unwrap_or(0.0)))
-            }
+            Self::Threshold => one(
+                "load",
+                json!(locate(context, scene, load, ("ring", By::Deflection), &SEARCH)?.middle().unwrap_or(0.0)),
+            ),
             Self::Paths => {
                 let (_, paths) = figures::trajectories(context, scene, (speed, &[figures::number(scene, speed)?]))?;
                 by_name(paths.into_iter().map(|path| (path["body"].as_str().unwrap_or_default().to_owned(), path)))

@@ -27,9 +27,6 @@ fn a_line_on_a_bin_reads_its_amplitude_with_every_window() {
 fn whole_periods_leak_nothing() {
     let s = Spectrum::new(&wave(1024, 64.0, 1.0, 0.0), 64.0, Window::Rectangular);
     assert_eq!(s.lines(1e-9).len(), 1);
-    assert!(s.off_multiples(1.0) < 1e-28);
-    let s = Spectrum::new(&wave(1024, 64.0, 1.0, 0.0), 64.0, Window::Hann);
-    assert!(s.off_multiples(1.0) < 1e-28);
 }
 
 #[test]

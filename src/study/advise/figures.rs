@@ -83,7 +83,7 @@ pub(super) fn rungs(advice: &Advice) -> Option<Figure> {
     let changes = rows(
         "What it changes",
         logarithmic("change"),
-        &["time apart, forcing periods", "peak force, relative"],
+        &["time without force, forcing periods", "peak force, relative"],
         &row(&|rung| vec![Some(rung.apart_change()), rung.peak_change()]),
         tolerance(advice),
     );
@@ -111,7 +111,7 @@ pub(super) fn freedoms(advice: &Advice) -> Option<Figure> {
         words: part.group.words.clone(),
         values: vec![Some(rung.apart_change()), rung.peak_change(), part.share],
     };
-    let names = ["time apart, forcing periods", "peak force, relative", "share of the motion's kinetic energy"];
+    let names = ["time without force, forcing periods", "peak force, relative", "share of the motion's kinetic energy"];
     let mut panels = Vec::new();
     if !all.is_empty() {
         let own: Vec<Row> = all.iter().map(row).collect();

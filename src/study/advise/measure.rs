@@ -11,7 +11,7 @@ use crate::{
     study::{
         StudyError,
         figures::{Context, family, firsts},
-        steady::{Seed, go_on, settled},
+        steady::{Rule, Seed, go_on, settled},
     },
 };
 
@@ -149,7 +149,8 @@ pub(super) fn measure(
     mut moving: Option<&mut Moments>,
 ) -> Result<Motion, StudyError> {
     let simulation = &model.simulation;
-    let (mut engine, found, followed) = settled(simulation, seed, &context.rule, context.task)?;
+    let (mut engine, found, followed) =
+        settled(simulation, seed, &Rule { decides: false, ..context.rule }, context.task)?;
     let (stretches, cycles) = match found.period {
         Some(period) => (1, context.rule.measured_cycles.max(1).next_multiple_of(period)),
         None => (STRETCHES, context.rule.irregular_cycles.max(1).div_ceil(STRETCHES)),

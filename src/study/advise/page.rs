@@ -76,7 +76,7 @@ impl Advice {
         rows.extend(self.rungs.iter().map(|rung| row(&rung.words, rung)));
         rows.extend(self.together.iter().map(|rung| row("all that is enough, together", rung)));
         let peak = format!("peak{}", self.unit("N"));
-        let head = ["model", "freedoms", "motion", "apart, T", "change", &peak, "change", "steps/T", "events/T", ""];
+        let head = ["model", "freedoms", "motion", "no force, T", "change", &peak, "change", "steps/T", "events/T", ""];
         let note = "Apart: time without force of the family most apart, in forcing periods T; peak: largest force of any \
                     contact. Changes: the largest of any family.";
         Table::new(head).with(rows).titled("Models", note)
@@ -102,7 +102,7 @@ impl Advice {
                 }),
             ]
         });
-        let head = ["freedoms", "names", "kinetic energy", "without: motion", "apart, T", "peak", ""];
+        let head = ["freedoms", "names", "kinetic energy", "without: motion", "no force, T", "peak", ""];
         let note = "Kinetic energy: share in the fluctuation of the scene's steady motion. Changes: the group held, all others \
                     free.";
         Table::new(head).with(rows).titled("Freedoms", note)
@@ -190,7 +190,7 @@ impl Advice {
             let peak = other.peak().map(|peak| format!(", peak {}", short(peak.value))).unwrap_or_default();
             let (kind, apart) = (other.kind(), fraction(other.apart().value));
             lines.push(format!(
-                "The start decides: from the scene's own, {} has another motion ({kind}, apart {apart} T{peak}).",
+                "The start decides: from the scene's own, {} has another motion ({kind}, no force for {apart} T{peak}).",
                 quoted(&rung.words)
             ));
         }
@@ -275,7 +275,7 @@ impl Advice {
 /// What a model changes, in words.
 fn cost(rung: &Rung) -> String {
     let peak = rung.peak_change().map(|change| format!(", peak force {}", percent(change))).unwrap_or_default();
-    format!("apart {} T{peak}", signed(rung.apart_change()))
+    format!("no force {} T{peak}", signed(rung.apart_change()))
 }
 
 fn quoted(words: &str) -> String {

@@ -37,21 +37,18 @@ pub fn trajectories(
         };
         // The carrier turns once while Z_r teeth of the ring pass.
         let turn = number(&scene, "/train/teeth/ring")? as u64;
-        let (recording, settled) = context.recorded(&simulation, PER_CYCLE, |_| turn)?;
-        let window = steady::window(&settled);
+        let (recording, settled) = context.recorded(&simulation, (PER_CYCLE, true), |_| turn)?;
         let mut found = Vec::new();
         for (body, x, y) in bodies {
             let points = recording.t.iter().zip(recording.x[x].iter().zip(&recording.x[y]));
             let path: Vec<[f64; 2]> = points.map(|(t, (x, y))| to_fixed([*x, *y], speed * t)).collect();
             let radius: Vec<f64> = path.iter().map(|p| libm::hypot(p[0], p[1])).collect();
-            let spectrum = Spectrum::new(&recording.x[x], f64::from(PER_CYCLE), window);
             let leaves = settled.period.map(|period| (period, maxima(&radius)));
             let kind =
-                leaves.map_or("no period".to_owned(), |(period, leaves)| format!("period {period}, {leaves} leaves"));
+                leaves.map_or(settled.kind.word().to_owned(), |(period, leaves)| format!("period {period}, {leaves} leaves"));
             let facts = json!({
-                "body": body, "rpm": rpm, "period": settled.period, "leaves": leaves.map(|(_, leaves)| leaves),
+                "body": body, "rpm": rpm, "kind": settled.kind, "period": settled.period, "leaves": leaves.map(|(_, leaves)| leaves),
                 "range": radius.iter().copied().fold(0.0, f64::max), "residual": residual(&recording.x[x]),
-                "off_harmonics": spectrum.off_multiples(1.0),
             });
             let (px, py) = path.iter().map(|p| (1e6 * p[0], 1e6 * p[1])).unzip();
             let panel = Panel {
@@ -111,7 +108,7 @@ pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(F
 
     let simulation = Simulation::from_scene(scene)?;
     let row = simulation.freedom(freedom)?;
-    let (recording, settled) = context.recorded(&simulation, PER_CYCLE, |_| CYCLES)?;
+    let (recording, settled) = context.recorded(&simulation, (PER_CYCLE, true), |_| CYCLES)?;
     let mesh_frequency = 1.0 / simulation.period()?;
     let window = steady::window(&settled);
     let spectrum = Spectrum::new(&recording.x[row], f64::from(PER_CYCLE) * mesh_frequency, window);
@@ -121,7 +118,7 @@ pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(F
     around.sort_by(f64::total_cmp);
     // The floor is what a line at half the mesh frequency must rise above.
     let facts = json!({
-        "period": settled.period, "half": spectrum.at(0.5 * mesh_frequency),
+        "kind": settled.kind, "period": settled.period, "half": spectrum.at(0.5 * mesh_frequency),
         "floor": around.get(around.len() / 2).copied().unwrap_or(0.0),
     });
     let units = Units::of(&simulation);

@@ -10,7 +10,7 @@ use crate::{
     study::{
         StudyError,
         steady::{ContactSteady, Steady},
-        threshold::{Search, Threshold, locate},
+        threshold::{By, Search, Threshold, locate},
     },
 };
 
@@ -59,7 +59,7 @@ pub fn fraction_title(family: &str) -> String {
     format!("{family}: time without force")
 }
 
-/// Time apart and force amplitude against the number at `pointer`, started in three ways so that branches which exist side by
+/// Time without force and force amplitude against the number at `pointer`, started in three ways so that branches which exist side by
 /// side show. The steady motions are those of cold starts, followed up and followed down.
 pub fn apart(
     context: &Context<'_>,
@@ -79,7 +79,7 @@ pub fn apart(
     })?;
     let mut figure = Figure {
         id: id.to_owned(),
-        title: format!("Time apart and force amplitude against {}", x.label),
+        title: format!("Time without force and force amplitude against {}", x.label),
         columns: 2,
         ..Figure::default()
     };
@@ -164,7 +164,7 @@ pub fn harmonics(
     Ok((figure, by_name(facts)))
 }
 
-/// The largest load at which the meshes of a family still separate, against speed; the loads located, with their speeds.
+/// The largest load at which the meshes of a family still leave their flanks, against speed; the loads located, with their speeds.
 pub fn threshold(
     context: &Context<'_>,
     scene: &Scene,
@@ -177,7 +177,7 @@ pub fn threshold(
     };
     let rows = context.each(speeds, |&rpm| {
         let scene = scene.with(speed, json!(rpm))?;
-        let threshold = locate(context, &scene, load, stem, search)?;
+        let threshold = locate(context, &scene, load, (stem, By::Deflection), search)?;
         let drag =
             number(&scene, "/train/load/drag_torque_nm")? + rpm * number(&scene, "/train/load/drag_torque_nm_per_rpm")?;
         Ok((rpm, threshold, drag))
@@ -193,11 +193,11 @@ pub fn threshold(
     let none = count(|threshold| matches!(threshold, Threshold::None));
     let figure = Figure {
         id: "threshold-vs-speed".to_owned(),
-        title: "Load at which separations end, against speed".to_owned(),
+        title: "Threshold load (by deflection) against speed".to_owned(),
         caption: format!(
             "Largest output torque at which the {stem} meshes still leave their flanks, each found by bisection to {} N m \
              with a cold start at every load; with the drag torque at that speed added. Not drawn: {beyond} speeds whose \
-             threshold lies beyond the loads searched, {none} without separations.",
+             threshold lies beyond the loads searched, {none} at which they never leave their flanks.",
             search.resolution
         ),
         columns: 1,

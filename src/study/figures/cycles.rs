@@ -31,7 +31,7 @@ pub fn cycles(context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Fi
         let simulation = Simulation::from_scene(&scene)?;
         // Whole periods of the motion are measured, three mesh periods are shown.
         let cycles = |period: Option<u64>| period.map_or(IRREGULAR, |period| SHOWN.next_multiple_of(period));
-        let (recording, settled) = context.recorded(&simulation, PER_CYCLE, cycles)?;
+        let (recording, settled) = context.recorded(&simulation, (PER_CYCLE, false), cycles)?;
         let contacts = representatives(&simulation);
         let shaded = contacts.last().cloned().unwrap_or_default();
         let at_load = load_pointer(&scene).map(|_| format!("{load} N m"));

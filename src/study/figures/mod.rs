@@ -45,14 +45,14 @@ impl Context<'_> {
         steady
     }
 
-    /// The settled motion over as many cycles as `cycles` says for its period, with `per_cycle` samples of each.
+    /// The settled motion over as many cycles as `cycles` says for its period, with `per_cycle` samples of each; its kind, if `decides`.
     fn recorded(
         &self,
         simulation: &Simulation,
-        per_cycle: u32,
+        (per_cycle, decides): (u32, bool),
         cycles: impl Fn(Option<u64>) -> u64,
     ) -> Result<(Recording, Motion), StudyError> {
-        let (mut engine, settled, _) = settled(simulation, None, &self.rule, self.task)?;
+        let (mut engine, settled, _) = settled(simulation, None, &Rule { decides, ..self.rule }, self.task)?;
         let recording = record(simulation, &mut engine, cycles(settled.period), per_cycle)?;
         self.task.advance();
         Ok((recording, settled))

@@ -22,7 +22,7 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
 
     let simulation = Simulation::from_scene(scene)?;
     let cycles = |period: Option<u64>| period.map_or(CYCLES, |period| CYCLES.next_multiple_of(period));
-    let (recording, settled) = context.recorded(&simulation, PER_CYCLE, cycles)?;
+    let (recording, settled) = context.recorded(&simulation, (PER_CYCLE, false), cycles)?;
     let (cycles, period) = (cycles(settled.period), simulation.period()?);
     let window = steady::window(&settled);
     let units = Units::of(&simulation);
@@ -115,7 +115,7 @@ pub fn waterfall(
     let rows = context.each(speeds, |&rpm| {
         let simulation = Simulation::from_scene(&scene.with(pointer, json!(rpm))?)?;
         let cycles = |period: Option<u64>| period.map_or(2 * CYCLES, |period| CYCLES.next_multiple_of(period));
-        let (recording, settled) = context.recorded(&simulation, PER_CYCLE, cycles)?;
+        let (recording, settled) = context.recorded(&simulation, (PER_CYCLE, false), cycles)?;
         let window = steady::window(&settled);
         let rate = f64::from(PER_CYCLE) / simulation.period()?;
         let spectrum = |(j, family): (usize, String)| (family, Spectrum::new(&recording.force[j], rate, window));

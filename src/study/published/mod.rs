@@ -6,10 +6,9 @@ use serde_json::json;
 
 use super::{
     StudyError,
-    claims::{Comparison, Verdict, numbers},
     identify::{Identification, Parameter, Target, identify},
 };
-use crate::{scene::Scene, task::Task};
+use crate::{output::Table, scene::Scene, task::Task};
 
 /// Reads one of the tables beside this file.
 pub(super) fn table<T: for<'de> Deserialize<'de>>(text: &str) -> Result<T, StudyError> {
@@ -44,8 +43,8 @@ impl Question {
     }
 }
 
-/// The identified numbers: the preset's, and those that the printed values give back, with residuals.
-pub(super) fn identified(task: Task<'_>) -> Result<Vec<Comparison>, StudyError> {
+/// The identified numbers: the preset's, and those that the printed values give back, with residuals. The source prints none of them.
+pub(super) fn identified(task: Task<'_>) -> Result<Table, StudyError> {
     let Questions { questions, all } = table(include_str!("identified.json"))?;
     let mut rows = Vec::new();
     for question in &questions {
@@ -61,32 +60,28 @@ pub(super) fn identified(task: Task<'_>) -> Result<Vec<Comparison>, StudyError> 
             }
         };
         for ((words, _), found) in question.vary.iter().zip(&answer.parameters) {
-            let quantity = format!("{words}, {}", question.preset);
-            rows.push(Comparison {
-                found: format!("{:.4e} N/m", found.found),
-                published: format!("{:e} N/m", found.own),
-                note: format!("from {}; {unique}", residuals.join(", ")),
-                ..numbers("preset", &quantity, (found.own, found.found), "N/m")
-            });
+            rows.push(vec![
+                format!("{words}, {}", question.preset),
+                format!("{:e}", found.own),
+                format!("{:.4e}", found.found),
+                format!("{:+.2}", 100.0 * (found.found / found.own - 1.0)),
+                residuals.join(", "),
+                unique.clone(),
+            ]);
         }
     }
     let all = all.answer(task)?;
     let words = all.uniqueness.to_string().to_lowercase();
     let first = words.split([':', '.']).next().unwrap_or_default();
     let off = all.targets.iter().map(|t| 100.0 * t.relative_residual.unwrap_or(0.0).abs()).fold(0.0, f64::max);
-    rows.push(Comparison {
-        place: "text".to_owned(),
-        quantity: "all nine open numbers from five frequencies and one force".to_owned(),
-        published: "one set".to_owned(),
-        found: format!(
-            "{first}: {} numbers from {} targets, {} free directions; largest residual {off:.1} %",
-            all.uniqueness.unknowns,
-            all.uniqueness.targets,
-            all.uniqueness.free.len()
-        ),
-        verdict: if all.uniqueness.is_unique() { Verdict::Agrees } else { Verdict::Deviates },
-        fitted: false,
-        note: "the bearing and a nearly free sun are what every fit has in common".to_owned(),
-    });
-    Ok(rows)
+    let note = format!(
+        "The source prints none of these numbers; the presets were identified once, from all printed values together. Asked for all nine \
+         open numbers, five frequencies and one force answer {first}: {} numbers from {} targets, {} free directions, largest residual \
+         {off:.1} %. The bearing and a nearly free sun are what every fit has in common.",
+        all.uniqueness.unknowns,
+        all.uniqueness.targets,
+        all.uniqueness.free.len()
+    );
+    let head = ["Number", "Preset, N/m", "Found, N/m", "Off, %", "From printed values", "Uniqueness"];
+    Ok(Table::new(head).with(rows).titled("Identified numbers, found again from printed values", note))
 }
