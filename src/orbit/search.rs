@@ -346,7 +346,7 @@ impl FirstGuess<'_> {
         let follow = |start: &Section, steps: usize| {
             let mut all = vec![start.clone()];
             for step in 1..steps {
-                all.push(map.from_step(step - 1).follow(&all[step - 1], 1).ok()?);
+                all.push(map.at_step(step - 1).follow(&all[step - 1], 1).ok()?);
             }
             Some(all)
         };

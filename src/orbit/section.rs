@@ -139,7 +139,7 @@ impl<'a> SectionMap<'a> {
     }
 
     /// The same map from step number `step` of its cycle on.
-    pub(super) fn from_step(self, step: usize) -> Self {
+    pub(super) fn at_step(self, step: usize) -> Self {
         let [steps, _] = self.steps;
         Self { steps: [steps, step as u64 % steps], ..self }
     }

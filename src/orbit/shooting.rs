@@ -74,7 +74,7 @@ impl Shots {
         let moving = 2 * structure.freedoms();
         let (images, whole) = loop {
             let mut speller = Speller::new(structure, &sections[0].x);
-            let image = |(i, section)| map.from_step(i).image_spelled((section, 1), variations, &mut speller);
+            let image = |(i, section)| map.at_step(i).image_spelled((section, 1), variations, &mut speller);
             let images = sections.iter().enumerate().map(image).collect::<Result<Vec<_>, _>>()?;
             let whole = joined(&images, map.steps())
                 .ok_or_else(|| map.simulation().missing("an orbit has at least one cycle"))?;
