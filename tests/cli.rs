@@ -151,6 +151,23 @@ fn a_spent_step_budget_is_told_before_and_after() {
 }
 
 #[test]
+fn a_train_that_nothing_moves_has_no_event_but_its_start() {
+    let folder = with_scene(
+        r#"{ "flank": 1, "train": { "kind": "gear-pair", "rack": { "module_m": 0.003, "pressure_angle_deg": 20 },
+        "driving": { "teeth": 50, "mass_kg": 2.8, "inertia_kg_m2": 0.008,
+            "rotation": { "stiffness_n_per_m": 1e5, "damping_ratio": 0.03 } },
+        "driven": { "teeth": 50, "mass_kg": 2.8, "inertia_kg_m2": 0.008 },
+        "mesh": { "law": { "kind": "kelvin-voigt", "damping_ratio": 0.05 }, "total_backlash_m": 1e-4,
+            "stiffness": { "kind": "tooth-pairs", "mean": 3.8e8, "modulation": 0.6 } },
+        "speed_rpm": 600, "torque_nm": 0 }, "initial": "static", "run": { "cycles": 200 } }"#,
+    );
+    flank(&folder, &["run", "scene.json", "--out", "out"]).code(0);
+    let out = folder.path().join("out");
+    assert!(rows(&out).iter().all(|row| row["start"] == true), "{:?}", rows(&out));
+    assert_eq!(summary(&out)["energy"]["throughput"], 0.0);
+}
+
+#[test]
 fn a_start_is_refused_only_where_it_is_used() {
     // A bead in a shaken box (de Souza, Caldas and Viana 2009): above amplitude 1 it would start inside the wall.
     let folder = with_scene(

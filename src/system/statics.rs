@@ -78,6 +78,12 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, EquilibriumError> {
         });
     }
     let directions: Vec<_> = spec.contacts.iter().map(|c| DVector::from_column_slice(&c.direction)).collect();
+    if let Some(position) = unloaded(spec, &directions).filter(|_| scale == 0.0) {
+        return Ok(Equilibrium {
+            position: position.iter().copied().collect(),
+            forces: vec![0.0; spec.contacts.len()],
+        });
+    }
     // What flanks away from the origin push with cancels; its rounding does not.
     let flanks = spec.contacts.iter().zip(&directions).map(|(contact, g)| {
         (contact.stiffness.mean() * (contact.error_offset + contact.half_backlash)).abs() * g.amax()
@@ -130,6 +136,24 @@ pub fn tangent_stiffness(spec: &Spec, at: &Equilibrium) -> Vec<f64> {
         _ => contact.stiffness.mean(),
     };
     spec.contacts.iter().zip(&at.forces).map(tangent).collect()
+}
+
+/// All contacts on their flanks by what no spring holds: nothing pushes anywhere, not even by rounding. `None` if that does not close them.
+fn unloaded(spec: &Spec, directions: &[DVector<f64>]) -> Option<DVector<f64>> {
+    let is_free = |i: usize| spec.stiffness.row(i).iter().chain(&spec.stiffness.column(i)).all(|k| *k == 0.0);
+    let free = DVector::from_fn(spec.freedoms.len(), |i, _| f64::from(u8::from(is_free(i))));
+    let (mut a, mut b) = (DMatrix::zeros(free.len(), free.len()), DVector::zeros(free.len()));
+    for (contact, g) in spec.contacts.iter().zip(directions) {
+        let g = g.component_mul(&free);
+        a += &g * g.transpose();
+        b += (contact.error_offset + contact.half_backlash) * g;
+    }
+    let position = least_solution(&a, &b).component_mul(&free);
+    let is_closed = |(contact, g): (&ContactSpec, &DVector<f64>)| {
+        let (place, reach) = (contact.error_offset + contact.half_backlash, g.abs().dot(&position.abs()));
+        (g.dot(&position) - place).abs() <= 64.0 * f64::EPSILON * (place.abs() + reach)
+    };
+    spec.contacts.iter().zip(directions).all(is_closed).then_some(position)
 }
 
 /// Penetration of a power law under the whole load.
