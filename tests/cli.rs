@@ -151,6 +151,25 @@ fn a_spent_step_budget_is_told_before_and_after() {
 }
 
 #[test]
+fn a_nearly_singular_mass_matrix_is_warned_of_with_its_condition_number() {
+    let scene = |coupling: f64| {
+        let train = format!(
+            r#"{{ "kind": "matrices", "mass_kg": [[1, {coupling}], [{coupling}, 1]], "stiffness_n_per_m": [[1, 0], [0, 1]] }}"#
+        );
+        with_scene(&format!(
+            r#"{{ "flank": 1, "train": {train}, "initial": {{ "q": [1, 0] }}, "run": {{ "t_end_s": 1 }} }}"#
+        ))
+    };
+    // ‖M‖₁ ‖M⁻¹‖₁ = (1 + c)² / (1 − c²) = (1 + c) / (1 − c).
+    for (coupling, number) in [(0.9, None), (0.9999999, Some("2.0e7"))] {
+        let done = flank(&scene(coupling), &["check", "scene.json"]).code(0);
+        let told = text(&done.get_output().stdout) + &text(&done.get_output().stderr);
+        assert_eq!(told.contains("nearly singular"), number.is_some(), "{told}");
+        assert!(number.is_none_or(|number| told.contains(number)), "{told}");
+    }
+}
+
+#[test]
 fn a_train_that_nothing_moves_has_no_event_but_its_start() {
     let folder = with_scene(
         r#"{ "flank": 1, "train": { "kind": "gear-pair", "rack": { "module_m": 0.003, "pressure_angle_deg": 20 },

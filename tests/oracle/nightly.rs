@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use super::{
     judge::{Judged, Verdict, judge},
-    scenes::{CLASSES, Class},
+    scenes::{CLASSES, Class, Extreme},
 };
 
 /// What to run.
@@ -65,6 +65,12 @@ pub struct Line {
 }
 
 impl Line {
+    /// Scenes that are not right. Of class `X` a tenth may be refused: what its numbers foresee.
+    pub fn bad(&self, letter: &str) -> usize {
+        let foreseen = if letter == "X" { self.tried / 10 } else { 0 };
+        self.wrong + self.alarmed + self.refused.saturating_sub(foreseen)
+    }
+
     fn add(&mut self, j: &Judged) {
         self.count(&j.verdict, j.flank_seconds);
         self.ambiguous += usize::from(j.ambiguous.is_some());
@@ -170,6 +176,28 @@ fn transformed(plan: &Plan) -> Line {
     line.into_inner().unwrap_or_default()
 }
 
+const EXTREMES: &str = "extreme units and times";
+
+/// Class X.
+fn extremes(plan: &Plan) -> Line {
+    let line = Mutex::new(Line::default());
+    all(plan, |index| {
+        let extreme = super::scenes::extreme(plan.seed, index);
+        let (verdict, seconds) = super::transforms::judge_extreme(&extreme, plan.budget, plan.limit);
+        if plan.tell && verdict != Verdict::Right {
+            let scenes = match &extreme {
+                Extreme::Transform(transform) => format!("{}\n    {}", transform.base, transform.other),
+                Extreme::Flight { scene, .. } => scene.to_string(),
+            };
+            say(&format!("X {index} {verdict:?}\n    {scenes}"));
+        }
+        if let Ok(mut line) = line.lock() {
+            line.count(&verdict, seconds);
+        }
+    });
+    line.into_inner().unwrap_or_default()
+}
+
 /// Arcs of a class: how many, how many beyond their uncertainty, how many to another event, and the median of error over it.
 pub struct Arcs {
     pub letter: &'static str,
@@ -250,13 +278,20 @@ pub fn nightly(plan: &Plan) -> Vec<(&'static str, Line)> {
     if asked("O") {
         table.push(("O", transformed(plan)));
     }
+    if asked("X") {
+        table.push(("X", extremes(plan)));
+    }
     if plan.tell {
         say("class  tried refused wrong alarmed ambiguous  events  worst/allowed  seconds  slowest  oracle s  about");
         for (letter, l) in &table {
-            let about = CLASSES
-                .iter()
-                .find(|c| c.letter == *letter)
-                .map_or(if *letter == "H" { DRIFT } else { TRANSFORMS }, |c| c.about);
+            let about = CLASSES.iter().find(|c| c.letter == *letter).map_or_else(
+                || match *letter {
+                    "H" => DRIFT,
+                    "X" => EXTREMES,
+                    _ => TRANSFORMS,
+                },
+                |c| c.about,
+            );
             say(&format!(
                 "{letter:5} {:6} {:7} {:5} {:7} {:9} {:7} {:14.2e} {:8.1} {:8.2} {:9.1}  {about}",
                 l.tried,

@@ -7,7 +7,7 @@ use flank::scene::Scene;
 use super::{
     flank_run::{self, Failure},
     judge::{Verdict, truth},
-    scenes::Transform,
+    scenes::{Extreme, Transform},
     sequence::Kind,
     wide::{Wide, near, size, turn, wide},
 };
@@ -79,4 +79,39 @@ pub fn judge(t: &Transform, budget: usize, limit: Duration) -> (Verdict, f64) {
         }
     }
     (Verdict::Right, seconds)
+}
+
+/// Judges a scene of class X.
+pub fn judge_extreme(extreme: &Extreme, budget: usize, limit: Duration) -> (Verdict, f64) {
+    let (scene, first, next) = match extreme {
+        Extreme::Transform(transform) => return judge(transform, budget, limit),
+        Extreme::Flight { scene, first, next } => (scene, *first, *next),
+    };
+    let read = match Scene::from_value(scene.clone(), "flight") {
+        Ok(read) => read,
+        Err(error) => return (Verdict::Refused(error.to_string()), 0.0),
+    };
+    let run = flank_run::run(&read, limit);
+    let verdict = match run.failure {
+        Some(Failure::Refused(why)) => Verdict::Refused(why),
+        Some(Failure::Alarmed(why)) => Verdict::Alarmed(why),
+        Some(Failure::Slow) => Verdict::Wrong("takes too long".into()),
+        None => {
+            let count = ((read.built().run.end() - first) / next).floor() as usize + 1;
+            let off = run.events.iter().enumerate().find_map(|(k, (t, ..))| {
+                let want = first + k as f64 * next;
+                // Each impact rounds the state once more.
+                let allowed = 8.0 * f64::EPSILON * (k + 1) as f64 * want;
+                ((near(*t) - want).abs() > allowed).then(|| format!("impact {k} at {:e}, expected {want:e}", near(*t)))
+            });
+            match off {
+                Some(words) => Verdict::Wrong(words),
+                None if run.events.len() != count => {
+                    Verdict::Wrong(format!("{} impacts, expected {count}", run.events.len()))
+                }
+                None => Verdict::Right,
+            }
+        }
+    };
+    (verdict, run.seconds)
 }

@@ -1,5 +1,6 @@
-//! Classes A and J: one mass on walls, chains of masses.
+//! Classes A, J and V: one mass on walls, chains of masses, ill-conditioned mass matrices.
 
+use nalgebra::{DMatrix, DVector};
 use serde_json::{Value, json};
 
 use super::{
@@ -140,4 +141,63 @@ pub fn power_wall(r: &mut Random) -> Value {
     });
     let initial = json!({ "q": [-r.of(0.01, 0.8)], "v": [r.of(-0.4, 0.4)] });
     scene(train, initial, 40.0)
+}
+
+/// A mass matrix of condition 1e2 to 1e10, `M = Qᵀ Λ Q`, with springs, dampers and loads in proportion to it: the motion is of order one in
+/// every direction.
+pub fn ill_conditioned(r: &mut Random) -> Value {
+    let n = 2 + r.below(3);
+    let lightest = 1.0 / r.log(1e2, 1e10);
+    let mut q = DMatrix::<f64>::identity(n, n);
+    for i in 0..n {
+        for j in 0..i {
+            let (sine, cosine) = r.of(0.0, std::f64::consts::TAU).sin_cos();
+            let mut turn = DMatrix::identity(n, n);
+            (turn[(i, i)], turn[(j, j)], turn[(i, j)], turn[(j, i)]) = (cosine, cosine, sine, -sine);
+            q *= turn;
+        }
+    }
+    let masses: Vec<f64> = (0..n)
+        .map(|i| match i {
+            0 => 1.0,
+            1 => lightest,
+            _ => r.log(lightest, 1.0),
+        })
+        .collect();
+    let mass = q.transpose() * DMatrix::from_diagonal(&DVector::from_column_slice(&masses)) * &q;
+    let mass = DMatrix::from_fn(n, n, |i, j| mass[(i.min(j), i.max(j))]);
+    let rows = |by: f64| -> Vec<Vec<f64>> { mass.row_iter().map(|row| row.iter().map(|m| by * m).collect()).collect() };
+    let push = |a: &[f64]| -> Vec<f64> { (&mass * DVector::from_column_slice(a)).iter().copied().collect() };
+    let base = r.pick(&[0.5, 1.0]);
+    let constant: Vec<f64> = (0..n).map(|_| r.of(-0.3, 1.5)).collect();
+    let loads: Vec<Value> = (0..1 + r.below(2))
+        .map(|_| {
+            let a: Vec<f64> = (0..n).map(|_| r.of(0.2, 1.5)).collect();
+            let order = (1 + r.below(5)) as f64;
+            json!({ "vector_n": push(&a), "frequency_rad_per_s": base * order, "phase_rad": r.phase() })
+        })
+        .collect();
+    let contacts: Vec<Value> = (0..1 + r.below(n))
+        .map(|i| {
+            let direction: Vec<f64> = (0..n).map(|_| r.of(-1.0, 1.0)).collect();
+            let g = q.clone() * DVector::from_column_slice(&direction);
+            let felt = g.iter().zip(&masses).map(|(g, m)| g * g / m).sum::<f64>().recip();
+            let is_rigid = r.chance(0.6);
+            let law = if is_rigid { rigid(restitution(r)) } else { json!({ "kind": "kelvin-voigt", "release": "deflection" }) };
+            let mut contact = json!({
+                "name": format!("stop {}", i + 1), "direction": direction, "half_backlash_m": r.of(0.05, 0.6), "flanks": "drive",
+                "law": law,
+            });
+            if !is_rigid {
+                contact["stiffness"] = json!(felt * r.log(20.0, 500.0));
+            }
+            contact
+        })
+        .collect();
+    let (stiffness, damping) = (r.of(0.3, 3.0), r.of(0.02, 0.2));
+    let train = json!({
+        "kind": "matrices", "mass_kg": rows(1.0), "stiffness_n_per_m": rows(stiffness), "damping_n_s_per_m": rows(damping),
+        "load_n": push(&constant), "load_harmonics": loads, "contacts": contacts,
+    });
+    scene(train, json!("rest"), 30.0)
 }

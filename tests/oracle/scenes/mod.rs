@@ -15,7 +15,7 @@ use std::time::Duration;
 use random::Random;
 use serde_json::Value;
 pub use special::PRESSED;
-pub use transforms::Transform;
+pub use transforms::{Extreme, Transform};
 
 /// A class: its letter, what it holds, and scene number n under a seed.
 pub struct Class {
@@ -40,7 +40,7 @@ const fn class(letter: &'static str, about: &'static str, make: fn(&mut Random) 
 }
 
 /// All classes.
-pub static CLASSES: [Class; 15] = [
+pub static CLASSES: [Class; 16] = [
     class("A", "rest and release", masses::rest_and_release),
     class("B", "pair from rest, errors at phase 0", pairs::from_rest),
     class("C", "pair started on a flank", pairs::on_flank),
@@ -55,12 +55,18 @@ pub static CLASSES: [Class; 15] = [
     class("N", "starts: inside, pulling, on a switch", special::starts),
     class("P", "scan of phases", special::phases),
     class("Q", "detached modes", special::detached),
+    class("V", "ill-conditioned mass matrices", masses::ill_conditioned),
     class("S", "symmetric soft stages, simultaneous events", stages::symmetric),
 ];
 
 /// Class O: scene number `index` and its transform.
 pub fn transform(seed: u64, index: usize) -> Transform {
     transforms::transform(&mut Random::new(seed, "O", index))
+}
+
+/// Class X: scene number `index`.
+pub fn extreme(seed: u64, index: usize) -> Extreme {
+    transforms::extreme(&mut Random::new(seed, "X", index))
 }
 
 /// Class H: scene number `index`.

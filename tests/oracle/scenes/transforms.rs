@@ -1,4 +1,4 @@
-//! Class O: a scene and its transform must give the same events. Flank is compared with itself.
+//! Classes O and X: a scene and its transform must give the same events. Flank is compared with itself, or with a closed form.
 
 use serde_json::{Value, json};
 
@@ -133,4 +133,61 @@ fn shift(r: &mut Random) -> Transform {
     let cycles = r.pick(&[1_u64, 17, 1000, 1_000_000]);
     other["run"]["start_cycle"] = json!(cycles);
     Transform { cycles, ..plain(base, other, "shifted by whole periods") }
+}
+
+/// A scene of class X.
+pub enum Extreme {
+    /// Other units, or a late start.
+    Transform(Transform),
+    /// A bead between two walls that gives nothing away: with the times of its impacts.
+    Flight { scene: Value, first: f64, next: f64 },
+}
+
+/// Units of mass, length and time from 1e-30 to 1e30, starts up to cycle 1e15, flights of up to 1e15 periods.
+pub fn extreme(r: &mut Random) -> Extreme {
+    match r.below(4) {
+        0 | 1 => Extreme::Transform(units(r)),
+        2 => {
+            let mut late = shift(r);
+            late.cycles = r.pick(&[1_000_000_000, 1_000_000_000_000, 1_000_000_000_000_000]);
+            late.other["run"]["start_cycle"] = json!(late.cycles);
+            Extreme::Transform(late)
+        }
+        _ => {
+            let (gap, speed, mass) = (r.log(1e-30, 1e30), r.log(1e-30, 1e30), r.log(1e-30, 1e30));
+            let (from, count) = (r.of(-0.9, 0.9), r.of(3.0, 12.0));
+            let (first, next) = (gap * (1.0 - from) / speed, 2.0 * gap / speed);
+            // The period is one that the run counts, and no part of the motion.
+            let scene = json!({
+                "flank": 1,
+                "train": { "kind": "wall", "mass_kg": mass, "wall": { "side": "both", "half_gap_m": gap }, "law": { "kind": "rigid", "restitution": 1 } },
+                "initial": { "q": [gap * from], "v": [speed] },
+                "run": { "t_end_s": first + next * count, "period_s": next * r.log(1e-15, 1e3) },
+            });
+            Extreme::Flight { scene, first, next }
+        }
+    }
+}
+
+fn units(r: &mut Random) -> Transform {
+    let base = loop {
+        let scene = special::phases(r);
+        if scene["train"]["contacts"][0]["law"]["kind"] != "power" {
+            break scene;
+        }
+    };
+    let mut unit = || f64::powi(2.0, r.below(201) as i32 - 100);
+    let (mass, length, time) = (unit(), unit(), unit());
+    let mut other = base.clone();
+    scale(&mut other, &|key| match key {
+        "mass_kg" => mass,
+        "damping_n_s_per_m" => mass / time,
+        "stiffness" | "mean" => mass / time / time,
+        "load_n" | "vector_n" => mass * length / time / time,
+        "amplitude_m" | "half_backlash_m" => length,
+        "frequency_rad_per_s" | "base_frequency_rad_per_s" => 1.0 / time,
+        "t_end_s" => time,
+        _ => 1.0,
+    });
+    Transform { time: 1.0 / time, ..plain(base, other, "extreme units") }
 }
