@@ -56,9 +56,11 @@ impl<'s> Inherited<'s> {
             let size = |kind: std::ops::Range<usize>, of: &dyn Fn(usize) -> f64| {
                 kind.fold(0.0, |m: f64, i| m.max(of(i).abs()))
             };
-            let (omega, state) = (s.clock().omega(), |i: usize| x[i]);
-            let q = size(0..n, &state).max(size(n..2 * n, &state) / omega);
-            let share = (size(0..n, direction) / q).max(size(n..2 * n, direction) / (q * omega));
+            let omega = s.clock().omega();
+            let q = size(0..n, &|i| x[i]).max(size(n..2 * n, &|i| x[i]) / omega);
+            // In time a small part of a radian of the forcing, however slow the state is.
+            let state = (size(0..n, direction) / q).max(size(n..2 * n, direction) / (q * omega));
+            let share = state.max(omega * dt.abs());
             if share == 0.0 {
                 return 0.0;
             }

@@ -89,7 +89,7 @@ fn inner(scene: &Scene, deadline: Instant, out: &mut Run) -> Result<(), Failure>
     }
 }
 
-fn kind(kind: Logged) -> Option<Kind> {
+pub fn kind(kind: Logged) -> Option<Kind> {
     Some(match kind {
         Logged::DriveContact => Kind::DriveContact,
         Logged::BackContact => Kind::BackContact,

@@ -18,6 +18,7 @@
 //! A scene that fails is printed as JSON, cut where the comparison ends, with the first difference.
 
 mod arcs;
+mod bars;
 mod closed_forms;
 mod derivative;
 mod drift;
@@ -67,6 +68,17 @@ fn nightly_table() {
     let table = nightly::nightly(&nightly::Plan::from_environment());
     let bad: usize = table.iter().map(|(letter, l)| l.bad(letter)).sum();
     assert_eq!(bad, 0, "scenes that are wrong, alarmed or refused");
+}
+
+/// Errors of event times over whole runs, against uncertainty and inherited uncertainty: a table, and scenes with an error above ten bars.
+#[test]
+#[ignore = "takes minutes: .ci/nightly runs it"]
+fn nightly_bars() {
+    let [count, beyond, worst] = nightly::bars(&nightly::Plan::from_environment());
+    assert!(
+        beyond <= 0.01 * count && worst < 1e5,
+        "{beyond} of {count} events beyond their bars, the worst {worst:.1e} times"
+    );
 }
 
 /// Errors of event times over one arc, from Flank's own states, against the uncertainties stated for them.

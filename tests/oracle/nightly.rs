@@ -240,6 +240,33 @@ pub fn arcs(plan: &Plan) -> Vec<Arcs> {
     table
 }
 
+/// Events with a bar, those beyond it, and the largest ratio, over all classes.
+pub fn bars(plan: &Plan) -> [f64; 3] {
+    let mut sum = [0.0_f64; 3];
+    say("class  events  beyond   worst  of error over uncertainty and inherited uncertainty");
+    // Class I is about cost, and has few events.
+    for class in chosen(plan).filter(|class| class.letter != "I") {
+        let all = Mutex::new(Vec::new());
+        each(class, plan, |index, scene| {
+            let ratios = super::bars::bars(&scene, plan.budget);
+            let worst = ratios.iter().copied().fold(0.0, f64::max);
+            if worst > 10.0 && plan.tell {
+                say(&format!("{} {index} off by {worst:.1e} bars\n    {scene}", class.letter));
+            }
+            if let Ok(mut all) = all.lock() {
+                all.extend(ratios);
+            }
+        });
+        let all = all.into_inner().unwrap_or_default();
+        let beyond = all.iter().filter(|ratio| **ratio > 1.0).count();
+        let worst = all.iter().copied().fold(0.0, f64::max);
+        say(&format!("{:5} {:7} {beyond:7} {worst:8.1e}", class.letter, all.len()));
+        sum = [sum[0] + all.len() as f64, sum[1] + beyond as f64, sum[2].max(worst)];
+    }
+    say(&format!("all   {:7} {:7} {:8.1e}", sum[0], sum[1], sum[2]));
+    sum
+}
+
 fn chosen(plan: &Plan) -> impl Iterator<Item = &'static Class> {
     CLASSES.iter().filter(|c| plan.classes.is_empty() || plan.classes.iter().any(|l| l == c.letter))
 }
