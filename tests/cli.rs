@@ -150,6 +150,51 @@ fn a_spent_step_budget_is_told_before_and_after() {
     assert!(text(&done.get_output().stderr).contains("step budget"));
 }
 
+/// Ctrl-C ends every command, also within one cycle that lasts for hours: half of one takes 1e9 rad/s × π steps.
+#[cfg(unix)]
+#[test]
+fn an_interrupt_ends_every_command_within_a_cycle() {
+    let folder = with_scene(
+        r#"{ "flank": 1, "train": { "kind": "wall", "mass_kg": 1, "stiffness_n_per_m": 1e18,
+        "load_harmonics": [{ "amplitude_n": 1, "frequency_rad_per_s": 1 }], "wall": { "side": "above", "position_m": 1 },
+        "law": { "kind": "rigid", "restitution": 0.8 } }, "initial": { "q": [-0.2] },
+        "run": { "cycles": 1, "step_budget": 1000000000000000 } }"#,
+    );
+    let (load, wall) = ("/train/load_harmonics/0/amplitude_n=1:2:2", "/train/wall/position_m=1:2:2");
+    let (place, speed) = ("/initial/q/0=-0.3:-0.1:2", "/initial/v/0=0:1:2");
+    let commands: [&[&str]; 8] = [
+        &["run"],
+        &["orbit"],
+        &["lyapunov"],
+        &["sweep", "--vary", load],
+        &["diagram", "--vary", load],
+        &["continue", "--vary", "/train/load_harmonics/0/amplitude_n=1:2"],
+        &["map", "--vary", load, "--vary", wall],
+        &["basins", "--vary", place, "--vary", speed],
+    ];
+    let begin = |words: &&[&str]| {
+        let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin("flank"));
+        command.current_dir(&folder).arg(words[0]).arg("scene.json").args(&words[1..]).args(["--out", words[0]]);
+        command.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null()).spawn().unwrap()
+    };
+    for words in &commands {
+        let mut child = begin(words);
+        // Long enough to be at work; a command that has ended by then was never interrupted.
+        std::thread::sleep(std::time::Duration::from_millis(700));
+        assert!(child.try_wait().unwrap().is_none(), "{words:?} has ended by itself");
+        let id = child.id().to_string();
+        assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        // A hang fails the test by its runner's limit, and leaves no process behind.
+        let ended = (0..600).any(|_| {
+            std::thread::sleep(std::time::Duration::from_millis(50));
+            child.try_wait().unwrap().is_some()
+        });
+        let _ = child.kill();
+        assert!(ended, "{words:?} does not hear the interrupt");
+        assert_ne!(child.wait().unwrap().code(), Some(0), "{words:?}");
+    }
+}
+
 #[test]
 fn a_nearly_singular_mass_matrix_is_warned_of_with_its_condition_number() {
     let scene = |coupling: f64| {

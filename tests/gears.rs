@@ -10,6 +10,7 @@ use flank::gear::{
     Waveform,
 };
 use flank::linalg::{EigenError, multiplicities, natural_modes};
+use flank::train::StageGeometry;
 use nalgebra::{DMatrix, dmatrix};
 use presets::reference_geometry;
 use proptest::prelude::*;
@@ -36,6 +37,66 @@ fn reference_stage() {
     near(ring.tip_radii[1], 141.06e-3);
     // Printed to three digits: -0.00677.
     assert!((gears.ring_phase() - (1.0 - 0.006_77)).abs() < 5.0e-6);
+}
+
+/// Polar angle of a drawn involute of a base circle, from where it begins, at radius `r`: of the point itself, by halving.
+fn drawn(base: f64, r: f64) -> f64 {
+    let point = |unrolled: f64| {
+        let (sine, cosine) = unrolled.sin_cos();
+        [base * (cosine + unrolled * sine), base * (sine - unrolled * cosine)]
+    };
+    let (mut low, mut high) = (0.0, 3.0);
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        let [x, y] = point(middle);
+        if x.hypot(y) < r { low = middle } else { high = middle }
+    }
+    let [x, y] = point(low);
+    y.atan2(x)
+}
+
+/// A planet with its sun at angle 0 and the ring's teeth at angle π, turning clockwise: the time, in mesh periods, from when one flank of a
+/// drawn tooth passes the working circle of the sun's mesh at 0 to when the other flank of a tooth passes that of the ring's mesh at π.
+fn contact_of_the_ring(gears: &StageGeometry) -> f64 {
+    let (sun, ring) = (gears.sun_mesh().unwrap(), gears.ring_mesh().unwrap());
+    let [zs, zp, zr] = [gears.sun, gears.planet, gears.ring].map(|gear| f64::from(gear.teeth));
+    let base = sun.base_radii[1];
+    let reference = gears.planet.pitch_radius(&gears.rack);
+    let half_at = |r: f64| {
+        let on_reference = 0.5 * gears.planet.tooth_thickness(&gears.rack) / reference;
+        on_reference + drawn(base, reference) - drawn(base, r)
+    };
+    // Working circles divide the centre distances as the teeth.
+    let (at_sun, at_ring) = (sun.centre_distance * zp / (zs + zp), ring.centre_distance * zp / (zr - zp));
+    let centre_of_tooth = -half_at(at_sun);
+    let leading = centre_of_tooth - half_at(at_ring);
+    let turn = std::f64::consts::TAU / zp;
+    ((leading - std::f64::consts::PI) / turn).rem_euclid(1.0)
+}
+
+#[test]
+fn the_ring_phase_is_that_of_drawn_involutes() {
+    let rack = BasicRack { module: 2.0e-3, pressure_angle: 20.0f64.to_radians(), addendum: 1.0, dedendum: 1.25 };
+    let mut largest: f64 = 0.0;
+    for (teeth, shifts) in [
+        ([34, 31, 96], [0.0, 0.0, 0.0]),
+        ([24, 31, 87], [0.35, 0.25, 0.6]),
+        ([30, 20, 71], [0.3, 0.4, -0.2]),
+        ([17, 28, 73], [0.5, 0.45, 0.7]),
+        ([40, 31, 101], [-0.2, 0.1, -0.3]),
+    ] {
+        let gear = |i: usize| Gear { teeth: teeth[i], shift: shifts[i] };
+        let gears = StageGeometry { rack, sun: gear(0), planet: gear(1), ring: gear(2), face_width: 0.02 };
+        // The clock of the ring's mesh is ahead by minus the time of its contact, and behind by γ_rs.
+        let off = (gears.ring_phase() - contact_of_the_ring(&gears)).rem_euclid(1.0);
+        assert!(off.min(1.0 - off) < 1e-12, "{teeth:?} {shifts:?}: {off}");
+        let without = (0.5 * f64::from(teeth[1])
+            - gears.planet.tooth_thickness(&rack) / (std::f64::consts::PI * rack.module))
+            .rem_euclid(1.0);
+        largest = largest.max((gears.ring_phase() - without).abs());
+    }
+    // What the involute terms are worth: without them the phase was off by this.
+    assert!(largest > 0.05, "{largest}");
 }
 
 /// A textbook pair: the working angle must satisfy its own equation, and the shifts widen the centre distance.

@@ -22,6 +22,8 @@ use crate::{
 
 /// Events of a cycle at most: where there are more, impacts come to rest.
 const MOST_EVENTS: u64 = 256;
+/// Steps of a cycle at most: beyond, the engine goes on, with the budget of the run.
+const MOST_STEPS: u64 = 1_000_000;
 /// States of a contact.
 const STATES: [ContactMode; 5] = [
     ContactMode::Separated,
@@ -236,7 +238,7 @@ impl<'s> Lane<'s> {
         let ride = Ride {
             lane: self,
             bound,
-            budget: Budget { events: MOST_EVENTS, steps: u64::MAX },
+            budget: Budget { events: MOST_EVENTS, steps: MOST_STEPS },
             noted,
             host: &mut NoHost,
             arcs: WORTH,

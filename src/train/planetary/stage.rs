@@ -45,6 +45,6 @@ impl StageGeometry {
     /// Phase between the two meshes of a planet γ_rs, periods.
     #[must_use]
     pub fn ring_phase(&self) -> f64 {
-        sun_to_ring_phase(&self.rack, self.planet)
+        sun_to_ring_phase(&self.rack, self.sun, self.planet, self.ring)
     }
 }
