@@ -57,8 +57,7 @@ fn drawn(base: f64, r: f64) -> f64 {
 
 /// A planet with its sun at angle 0 and the ring's teeth at angle π, turning clockwise: the time, in mesh periods, from when one flank of a
 /// drawn tooth passes the working circle of the sun's mesh at 0 to when the other flank of a tooth passes that of the ring's mesh at π.
-fn contact_of_the_ring(gears: &StageGeometry) -> f64 {
-    let (sun, ring) = (gears.sun_mesh().unwrap(), gears.ring_mesh().unwrap());
+fn contact_of_the_ring(gears: &StageGeometry, sun: &MeshGeometry, ring: &MeshGeometry) -> f64 {
     let [zs, zp, zr] = [gears.sun, gears.planet, gears.ring].map(|gear| f64::from(gear.teeth));
     let base = sun.base_radii[1];
     let reference = gears.planet.pitch_radius(&gears.rack);
@@ -88,7 +87,8 @@ fn the_ring_phase_is_that_of_drawn_involutes() {
         let gear = |i: usize| Gear { teeth: teeth[i], shift: shifts[i] };
         let gears = StageGeometry { rack, sun: gear(0), planet: gear(1), ring: gear(2), face_width: 0.02 };
         // The clock of the ring's mesh is ahead by minus the time of its contact, and behind by γ_rs.
-        let off = (gears.ring_phase() - contact_of_the_ring(&gears)).rem_euclid(1.0);
+        let (sun, ring) = (gears.sun_mesh().unwrap(), gears.ring_mesh().unwrap());
+        let off = (gears.ring_phase() - contact_of_the_ring(&gears, &sun, &ring)).rem_euclid(1.0);
         assert!(off.min(1.0 - off) < 1e-12, "{teeth:?} {shifts:?}: {off}");
         let without = (0.5 * f64::from(teeth[1])
             - gears.planet.tooth_thickness(&rack) / (std::f64::consts::PI * rack.module))
