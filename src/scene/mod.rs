@@ -177,7 +177,7 @@ impl Scene {
     /// The same scene with another value at a JSON pointer, such as `/train/speed_rpm`.
     ///
     /// # Errors
-    /// As [`with_all`](Self::with_all).
+    /// Those of [`with_all`](Self::with_all).
     pub fn with(&self, pointer: &str, value: Value) -> Result<Self, SceneError> {
         self.with_all([(pointer, value)])
     }

@@ -65,7 +65,7 @@ pub struct Simulation {
     pub warnings: Vec<Warning>,
     /// Why the start does not fit the train.
     start_faults: Vec<Fault>,
-    /// Of a simulation in common cycles: periods of the scene's clock in a cycle, and the number of that which cycle 0 begins with.
+    /// Periods of the scene's clock in a cycle, and the number of the period that cycle 0 begins with; none unless cycles are common ones.
     common: Option<[u64; 2]>,
     /// The scene with every default; null for a train built in Rust.
     scene: Value,

@@ -97,7 +97,7 @@ impl Contents {
         }
     }
 
-    /// How many published numbers and statements agree; none where nothing is compared.
+    /// The count of published numbers and statements by verdict, as a sentence; none unless something is compared.
     #[must_use]
     pub fn score(&self) -> Option<String> {
         let rows = self.comparisons();

@@ -56,7 +56,7 @@ fn gcd(a: u64, b: u64) -> u64 {
 }
 
 impl Structure {
-    /// Whether all oscillators are multiples of the clock's, to rounding.
+    /// Tells that all oscillators are multiples of the clock's, to rounding.
     pub(crate) fn has_whole_orders(&self) -> bool {
         self.clock.period().is_none() || self.oscillators.iter().all(|o| o.order.is_some())
     }
@@ -64,7 +64,7 @@ impl Structure {
     /// Periods of the clock after which all forcing repeats: 1 where each repeats the one before, as in a train without a clock.
     ///
     /// # Errors
-    /// What has no such cycle, in words.
+    /// A text that names the forcing without such a cycle.
     pub fn common_cycle(&self) -> Result<u64, String> {
         let Some(period) = self.clock.period().map(Wide::value) else { return Ok(1) };
         let spec = self.spec();
