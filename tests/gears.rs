@@ -75,7 +75,13 @@ fn contact_of_the_ring(gears: &StageGeometry, sun: &MeshGeometry, ring: &MeshGeo
 
 #[test]
 fn the_ring_phase_is_that_of_drawn_involutes() {
-    let rack = BasicRack { module: 2.0e-3, pressure_angle: 20.0f64.to_radians(), addendum: 1.0, dedendum: 1.25 };
+    let rack = BasicRack {
+        module: 2.0e-3,
+        pressure_angle: 20.0f64.to_radians(),
+        helix_angle: 0.0,
+        addendum: 1.0,
+        dedendum: 1.25,
+    };
     let mut largest: f64 = 0.0;
     for (teeth, shifts) in [
         ([34, 31, 96], [0.0, 0.0, 0.0]),
@@ -102,7 +108,13 @@ fn the_ring_phase_is_that_of_drawn_involutes() {
 /// A textbook pair: the working angle must satisfy its own equation, and the shifts widen the centre distance.
 #[test]
 fn profile_shift() {
-    let rack = BasicRack { module: 2.0e-3, pressure_angle: 20.0f64.to_radians(), addendum: 1.0, dedendum: 1.25 };
+    let rack = BasicRack {
+        module: 2.0e-3,
+        pressure_angle: 20.0f64.to_radians(),
+        helix_angle: 0.0,
+        addendum: 1.0,
+        dedendum: 1.25,
+    };
     let (pinion, wheel) = (Gear { teeth: 20, shift: 0.3 }, Gear { teeth: 40, shift: 0.2 });
     let mesh = MeshGeometry::new(&rack, pinion, wheel, MeshKind::External).unwrap();
     let want = involute(rack.pressure_angle) + 2.0 * rack.pressure_angle.tan() * 0.5 / 60.0;
@@ -194,7 +206,7 @@ proptest! {
     #[test]
     fn counted_pairs(approach in 0.05f64..1.4, recess in 0.05f64..1.4, phase in -3.0f64..3.0, s in 0.0f64..=1.0,
                      t in 0.0f64..10.0) {
-        let path = PathOfContact { approach, recess };
+        let path = PathOfContact { approach, recess, overlap: 0.0 };
         let (mean, period) = (5.0e8, 2.0e-3);
         let k = Stiffness::from_contact_ratio(mean, path, Waveform::Rectangular, s, period, phase);
         prop_assert!((k.mean() / mean - 1.0).abs() < 1.0e-14);
@@ -209,7 +221,7 @@ proptest! {
     #[test]
     fn trapezoids_keep_the_mean_and_average_the_count(approach in 0.3f64..1.4, recess in 0.3f64..1.4,
                      phase in -3.0f64..3.0, ramp in 0.01f64..0.25, t in 0.0f64..10.0) {
-        let path = PathOfContact { approach, recess };
+        let path = PathOfContact { approach, recess, overlap: 0.0 };
         let (mean, period) = (5.0e8, 2.0e-3);
         let k = Stiffness::from_contact_ratio(mean, path, Waveform::Trapezoidal { ramp }, 1.0, period, phase);
         prop_assert!((k.mean() / mean - 1.0).abs() < 1.0e-11, "{k:?}");
@@ -226,10 +238,77 @@ proptest! {
     }
 }
 
+proptest! {
+    #[test]
+    fn lines_of_contact_are_sections_in_contact(approach in 0.2f64..1.2, recess in 0.2f64..1.2, overlap in 0.05f64..3.0,
+                     phase in -3.0f64..3.0, t in 0.0f64..10.0) {
+        let path = PathOfContact { approach, recess, overlap };
+        prop_assume!(path.contact_ratio() + overlap > 1.0);
+        let (mean, period) = (5.0e8, 2.0e-3);
+        let k = Stiffness::from_contact_ratio(mean, path, Waveform::Rectangular, 1.0, period, phase);
+        prop_assert!((k.mean() / mean - 1.0).abs() < 1.0e-11, "{k:?}");
+        // Thin sections across the face width, each a spur gear whose clock is behind that of the last one.
+        let (tau, n) = (t + phase, 4000);
+        let sections = (0..n).map(|i| pairs(path, tau + overlap * ((f64::from(i) + 0.5) / f64::from(n) - 0.5)));
+        let want = mean * sections.sum::<f64>() / f64::from(n) / path.contact_ratio();
+        // Each end of a pair is placed to within one section, and a section has up to four ends for each pitch of the overlap.
+        let bound = (2.0 + 4.0 * overlap) * mean / path.contact_ratio() / f64::from(n);
+        prop_assert!((value(&k, t * period) - want).abs() <= bound);
+    }
+}
+
+/// The lines of contact are as long at all times if one of the two ratios is whole, and only then.
+#[test]
+fn lines_of_contact_of_whole_ratios() {
+    let of = |recess: f64, overlap: f64| {
+        let path = PathOfContact { approach: 0.75, recess, overlap };
+        Stiffness::from_contact_ratio(3.0e8, path, Waveform::Rectangular, 1.0, 1.0e-3, 0.2)
+    };
+    for (recess, overlap) in [(0.7, 1.0), (0.7, 2.0), (0.25, 0.6), (0.25, 1.7), (1.25, 0.3)] {
+        assert_eq!(of(recess, overlap), Stiffness::Constant(3.0e8));
+    }
+    // Near a whole ratio the variation tends to zero: 2 % of a pitch of the overlap are left over.
+    let Stiffness::Periodic { pieces, .. } = of(0.7, 1.02) else { panic!() };
+    let [least, most] = [f64::min, f64::max].map(|of| pieces.iter().map(|piece| piece.value).reduce(of).unwrap());
+    assert!(most > least && most - least <= 3.0e8 * 0.02 / 1.45 * 1.01, "{least} {most}");
+}
+
+/// The pitch of the normal section: `r_b cos β_b = m Z cos α/2`, whatever the helix angle. The other values are those of a pair of
+/// 17 and 38 teeth with 20° and 15° by formulas of the transverse rack, worked out with 30 digits.
+#[test]
+fn helical_teeth() {
+    let spur = BasicRack {
+        module: 3.0e-3,
+        pressure_angle: 20.0f64.to_radians(),
+        helix_angle: 0.0,
+        addendum: 1.0,
+        dedendum: 1.25,
+    };
+    let helical = BasicRack { helix_angle: 15.0f64.to_radians(), ..spur };
+    let near = |got: f64, want: f64| assert_relative_eq!(got, want, max_relative = 4.0e-15);
+    let [pinion, wheel] = [(17, 0.3), (38, -0.1)].map(|(teeth, shift)| Gear { teeth, shift });
+    for gear in [pinion, wheel] {
+        near(gear.base_radius(&helical) * helical.base_helix().cos(), gear.base_radius(&spur));
+    }
+    near(helical.overlap(0.04), 0.04 * 15.0f64.to_radians().sin() / (std::f64::consts::PI * 3.0e-3));
+    let mesh = MeshGeometry::new(&helical, pinion, wheel, MeshKind::External).unwrap();
+    let again = MeshGeometry::at_distance(&helical, pinion, wheel, MeshKind::External, mesh.centre_distance).unwrap();
+    assert_relative_eq!(again.pressure_angle, mesh.pressure_angle, max_relative = 1.0e-14);
+    near(helical.transverse_angle(), 0.360356324017411659);
+    near(mesh.pressure_angle, 0.37803131136010771);
+    near(mesh.base_radii[0], 0.0247039327277737979);
+    near(mesh.base_radii[1], 0.0552205555091414306);
+    near(mesh.centre_distance, 0.0859964330175994735);
+    assert_relative_eq!(mesh.path.approach, 0.615341934155558627, max_relative = 1.0e-13);
+    assert_relative_eq!(mesh.path.recess, 0.846924276594579652, max_relative = 1.0e-13);
+    let k = iso_mesh_stiffness(&helical, pinion, wheel, MeshKind::External, mesh.path.contact_ratio(), 0.04);
+    assert_relative_eq!(k, 728626266.292715568, max_relative = 1.0e-13);
+}
+
 /// The series tends to the wave: the square of what is left over falls with the number of harmonics.
 #[test]
 fn fourier_series() {
-    let path = PathOfContact { approach: 0.712, recess: 0.691 };
+    let path = PathOfContact { approach: 0.712, recess: 0.691, overlap: 0.0 };
     let make = |waveform| Stiffness::from_contact_ratio(1.0, path, waveform, 0.5, 1.0, 0.3);
     let wave = make(Waveform::Rectangular);
     let left = |harmonics| {

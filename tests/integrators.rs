@@ -413,6 +413,7 @@ mod gears {
             driving: body,
             driven: body,
             pressure_angle: 20.0f64.to_radians(),
+            base_helix: 0.0,
             mesh,
             rpm: 6000.0,
             torque: 3.0,

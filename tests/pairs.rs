@@ -35,6 +35,7 @@ fn gear_pair() {
         driving: gear,
         driven: gear,
         pressure_angle: 20.0f64.to_radians(),
+        base_helix: 0.0,
         mesh,
         rpm: 1000.0,
         torque: 10.0,

@@ -203,7 +203,7 @@ fn bad_values_are_named() {
         "sun-planet 1: half backlash of a bilateral mesh"
     );
     assert_eq!(name(&|s| s.planets[2].ring_mesh.error[0].order = 0.0), "ring-planet 3: error order");
-    let path = PathOfContact { approach: 0.7, recess: 0.7 };
+    let path = PathOfContact { approach: 0.7, recess: 0.7, overlap: 0.0 };
     let pairs = |waveform, modulation| MeshStiffness::Pairs { mean: 1e8, path, waveform, modulation };
     let stiffness = |k: MeshStiffness| name(&move |s| s.planets[0].sun_mesh.stiffness = k.clone());
     assert_eq!(stiffness(pairs(Waveform::Rectangular, 1.5)), "sun-planet 1: modulation");

@@ -159,7 +159,7 @@ fn integrators(out: &mut String, simulation: &Simulation, start: &Mode, why: &st
 }
 
 /// Geometry and phases of the meshes of a resolved scene; nothing for trains without teeth.
-fn geometry(scene: &Value, meshes: &[(&str, MeshGeometry)]) -> Result<String, std::fmt::Error> {
+fn geometry(scene: &Value, meshes: &[(String, MeshGeometry)]) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
     if !meshes.is_empty() {
         let head = ["mesh", "working angle deg", "centre distance mm", "base radii mm", "contact ratio"];

@@ -22,8 +22,8 @@ pub fn ring_phases(ring_teeth: u32, positions: &[f64], sun_to_ring: f64) -> Vec<
 /// Phase between the two meshes of one planet, with s_p its tooth thickness on the reference circle and α_ws, α_wr the working pressure angles:
 ///
 /// ```text
-/// γ_rs = frac(Z_p/2 − s_p/(π m) + Z_p (inv α_ws + inv α_wr − 2 inv α)/2π),
-/// inv α_ws − inv α = 2 tan α (x_s + x_p)/(Z_s + Z_p),    inv α_wr − inv α = 2 tan α (x_r − x_p)/(Z_r − Z_p)
+/// γ_rs = frac(Z_p/2 − s_p/(π m_t) + Z_p (inv α_ws + inv α_wr − 2 inv α_t)/2π),
+/// inv α_ws − inv α_t = 2 tan α (x_s + x_p)/(Z_s + Z_p),    inv α_wr − inv α_t = 2 tan α (x_r − x_p)/(Z_r − Z_p)
 /// ```
 #[must_use]
 pub fn sun_to_ring_phase(rack: &BasicRack, sun: Gear, planet: Gear, ring: Gear) -> f64 {
@@ -32,7 +32,7 @@ pub fn sun_to_ring_phase(rack: &BasicRack, sun: Gear, planet: Gear, ring: Gear) 
     let involutes = (sun.shift + planet.shift) / (f64::from(sun.teeth) + teeth)
         + (ring.shift - planet.shift) / (f64::from(ring.teeth) - teeth);
     let turned = teeth * 2.0 * libm::tan(rack.pressure_angle) * involutes / TAU;
-    fraction(0.5 * teeth - planet.tooth_thickness(rack) / (std::f64::consts::PI * rack.module) + turned)
+    fraction(0.5 * teeth - planet.tooth_thickness(rack) / (std::f64::consts::PI * rack.transverse_module()) + turned)
 }
 
 /// `count` positions from 0, equally spaced, rad.

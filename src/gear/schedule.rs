@@ -3,6 +3,10 @@
 //! The tooth pair n is in contact while `−A ≤ τ + n ≤ R` (approach A and recess R in base pitches, τ = 0 at
 //! pitch-point contact). Equal stiffness of every pair gives `k = k̄ · (number of pairs)/ε`, whose mean is
 //! k̄ since the number of pairs has the mean ε = A + R.
+//!
+//! Of helical teeth, with the overlap ratio ε_β, the stiffness is in proportion to the length of the lines of contact. A pair has at
+//! `φ = τ + A + ε_β/2`, in base pitches since its first contact, the length `b/(ε_β cos β_b) · min(φ, ε, ε_β, ε + ε_β − φ)`. The sum
+//! over all pairs has the mean `ε b/cos β_b`, and is constant where ε or ε_β is whole.
 
 use std::f64::consts::PI;
 
@@ -11,7 +15,7 @@ use super::{MeshHarmonic, PathOfContact, Piece, Stiffness};
 /// How the number of tooth pairs in contact becomes a stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Waveform {
-    /// Pairs enter and leave at once: two levels.
+    /// Spur pairs enter and leave at once: two levels. Helical pairs follow the length of their line of contact.
     Rectangular,
     /// Each entry and each exit is a straight ramp from `ramp` before to `ramp` after it.
     Trapezoidal {
@@ -100,15 +104,19 @@ impl MeshStiffness {
                 ("duty", *duty, *duty > 0.0 && *duty < 1.0, "in (0, 1)"),
             ]),
             Self::Pairs { path, waveform, modulation, .. } => {
-                let ratio = path.contact_ratio();
+                let (ratio, total) = (path.contact_ratio(), path.contact_ratio() + path.overlap);
                 values.extend([
                     ("approach", path.approach, path.approach >= 0.0, ">= 0"),
                     ("recess", path.recess, path.recess >= 0.0, ">= 0"),
-                    ("contact ratio", ratio, ratio >= 1.0, ">= 1, or the mesh would lose its teeth"),
+                    ("overlap ratio", path.overlap, path.overlap >= 0.0, ">= 0"),
+                    ("contact ratio", total, total >= 1.0, ">= 1, or the mesh would lose its teeth"),
                     ("modulation", *modulation, (0.0..=1.0).contains(modulation), "in [0, 1]"),
                 ]);
                 values.push(match waveform {
                     Waveform::Rectangular => mean,
+                    Waveform::Trapezoidal { .. } if path.overlap > 0.0 => {
+                        ("overlap ratio beside ramps", path.overlap, false, "0: helical pairs have ramps of their own")
+                    }
                     Waveform::Trapezoidal { ramp } => (
                         "ramp",
                         *ramp,
@@ -149,7 +157,7 @@ impl Stiffness {
     ///
     /// `mean` k̄, N/m, > 0; `modulation` s, `[0, 1]`; `period` T, s, > 0; `phase` γ, periods, any.
     /// Rectangular levels are `k̄ m/ε` and `k̄ (m + 1)/ε` with m the whole part of ε; the series is
-    /// `k̄ [1 + 2s Σ_l sin(πlε)/(πlε) cos 2πl(τ − (R − A)/2)]`.
+    /// `k̄ [1 + 2s Σ_l sin(πlε)/(πlε) cos 2πl(τ − (R − A)/2)]`, each term times `sin(πlε_β)/(πlε_β)` for helical teeth.
     #[must_use]
     pub fn from_contact_ratio(
         mean: f64,
@@ -167,9 +175,11 @@ impl Stiffness {
                 harmonics: (1..=harmonics)
                     .map(|l| {
                         let argument = PI * f64::from(l) * ratio;
+                        let across = PI * f64::from(l) * path.overlap;
+                        let lines = if path.overlap == 0.0 { 1.0 } else { libm::sin(across) / across };
                         MeshHarmonic {
                             order: f64::from(l),
-                            amplitude: 2.0 * modulation * libm::sin(argument) / argument,
+                            amplitude: 2.0 * modulation * libm::sin(argument) / argument * lines,
                             phase: -PI * f64::from(l) * (path.recess - path.approach),
                         }
                         .cosine(period.recip(), phase)
@@ -178,8 +188,15 @@ impl Stiffness {
             },
             Waveform::Rectangular => {
                 let (whole, duty) = (ratio.floor(), ratio.fract());
-                if duty == 0.0 || modulation == 0.0 {
+                if duty == 0.0 || modulation == 0.0 || path.overlap > 0.0 && path.overlap.fract() == 0.0 {
                     return Self::Constant(mean);
+                }
+                if path.overlap > 0.0 {
+                    // The line grows over the shorter of the two ratios, and the areas of all lines sum to the longer one.
+                    let (ratio, half) = (ratio.max(path.overlap), 0.5 * ratio.min(path.overlap));
+                    let first = -path.approach - 0.5 * path.overlap;
+                    let level = |lines: f64| mean * (1.0 - modulation + modulation * lines / ratio);
+                    return trapezoid(first, ratio, half, period, phase, level);
                 }
                 // The highest count starts as a pair enters, at τ = −A.
                 let origin = past_origin(-path.approach - phase) * period;
@@ -189,7 +206,7 @@ impl Stiffness {
                 if modulation == 0.0 {
                     return Self::Constant(mean);
                 }
-                trapezoid(path, ramp, period, phase, level)
+                trapezoid(-path.approach - ramp, ratio, ramp, period, phase, level)
             }
         }
     }
@@ -202,17 +219,16 @@ fn past_origin(x: f64) -> f64 {
 }
 
 /// The sum of every pair's trapezoid: straight between the ends of the four ramps, folded into one period.
-fn trapezoid(path: PathOfContact, ramp: f64, period: f64, phase: f64, level: impl Fn(f64) -> f64) -> Stiffness {
-    let PathOfContact { approach, recess } = path;
-    let first = -approach - ramp;
-    let mut corners =
-        [0.0, 2.0 * ramp, approach + recess, approach + recess + 2.0 * ramp].map(|corner: f64| corner.rem_euclid(1.0));
+///
+/// A pair begins at `first`, periods; it rises and falls over `2 ramp` and lasts `ratio` from middle to middle of its ramps.
+fn trapezoid(first: f64, ratio: f64, ramp: f64, period: f64, phase: f64, level: impl Fn(f64) -> f64) -> Stiffness {
+    let span = ratio + 2.0 * ramp;
+    let mut corners = [0.0, 2.0 * ramp, ratio, span].map(|corner: f64| corner.rem_euclid(1.0));
     corners.sort_by(f64::total_cmp);
     let mut corners = corners.to_vec();
     corners.dedup_by(|a, b| (*a - *b).abs() < 1.0e-12);
     let pairs = |corner: f64| {
         // Position along the path of the latest pair to enter; the ones before it are whole pitches ahead.
-        let span = approach + recess + 2.0 * ramp;
         (0..=span.ceil() as u32)
             .map(|n| {
                 let x = corner + f64::from(n);

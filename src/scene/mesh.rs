@@ -29,15 +29,38 @@ pub(super) struct Engaged {
     pub rack: BasicRack,
     pub gears: [Gear; 2],
     pub geometry: MeshGeometry,
+    /// Common face width, m, if one is given.
+    pub face_width: Option<f64>,
 }
 
 impl Engaged {
-    /// Two gears brought into mesh; gears that cannot mesh are a fault of the rack at `node`.
-    pub fn new(node: &Node, name: &'static str, rack: BasicRack, gears: [Gear; 2], kind: MeshKind) -> Option<Self> {
+    /// Two gears brought into mesh, pinion first, with the face widths written for them; gears that cannot mesh are a fault at `node`.
+    pub fn new(
+        node: &Node,
+        name: &str,
+        rack: BasicRack,
+        gears: [Gear; 2],
+        kind: MeshKind,
+        widths: [&Node; 2],
+    ) -> Option<Self> {
         let geometry = MeshGeometry::new(&rack, gears[0], gears[1], kind).map_err(TrainError::from);
-        let geometry = build::assembled(node, geometry)?;
+        Some(Self::with(node, name, rack, gears, build::assembled(node, geometry)?, widths))
+    }
+
+    /// The same in a position of its own.
+    pub fn with(
+        node: &Node,
+        name: &str,
+        rack: BasicRack,
+        gears: [Gear; 2],
+        mut geometry: MeshGeometry,
+        widths: [&Node; 2],
+    ) -> Self {
+        let written = widths.map(|gear| gear.at("face_width_m").written().map(|width| width.number()));
+        let face_width = written.into_iter().flatten().reduce(f64::min);
+        geometry.path.overlap = face_width.map_or(0.0, |width| rack.overlap(width));
         node.engaged(name, geometry);
-        Some(Self { rack, gears, geometry })
+        Self { rack, gears, geometry, face_width }
     }
 }
 
@@ -45,6 +68,13 @@ fn read_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStif
     let number = |key: &str| node.at(key).number();
     let pairs = |waveform| {
         let path = path_of_contact(&node.at("contact_ratio"), engaged);
+        if engaged.is_some_and(|e| e.rack.helix_angle > 0.0 && e.face_width.is_none()) {
+            node.at("kind").fault(
+                "lines of contact of helical teeth without a face width",
+                "a face width of one of the gears at least",
+                "add face_width_m to the gears, or give the stiffness another kind",
+            );
+        }
         MeshStiffness::Pairs { mean: number("mean"), path, waveform, modulation: number("modulation") }
     };
     if node.is_number() {
@@ -65,13 +95,16 @@ fn read_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStif
 }
 
 fn path_of_contact(ratio: &Node, engaged: Option<&Engaged>) -> PathOfContact {
-    let written = ratio.clone().written().map(|r| PathOfContact { approach: 0.0, recess: r.number() });
-    let path = written.or(engaged.map(|e| e.geometry.path)).unwrap_or_else(|| {
+    let of_teeth = engaged.map(|e| e.geometry.path);
+    let overlap = of_teeth.map_or(0.0, |path| path.overlap);
+    let written = ratio.clone().written().map(|r| PathOfContact { approach: 0.0, recess: r.number(), overlap });
+    let path = written.or(of_teeth).unwrap_or_else(|| {
         ratio.refuse("a contact ratio >= 1", "add contact_ratio, or the rack it follows from");
-        PathOfContact { approach: 0.0, recess: 1.0 }
+        PathOfContact { recess: 1.0, ..PathOfContact::default() }
     });
-    if path.contact_ratio() < 1.0 {
-        let found = format!("a contact ratio of {} from the rack", path.contact_ratio());
+    let total = path.contact_ratio() + path.overlap;
+    if total < 1.0 {
+        let found = format!("a contact ratio of {total} from the rack");
         ratio.fault(found, "a contact ratio >= 1: a tooth pair always in contact", "change addendum or shifts");
     }
     path
@@ -80,7 +113,7 @@ fn path_of_contact(ratio: &Node, engaged: Option<&Engaged>) -> PathOfContact {
 /// A stiffness that follows from the teeth.
 fn from_teeth(node: &Node, law: &Law, engaged: Option<&Engaged>) -> f64 {
     let kind = node.at("kind");
-    let Some(Engaged { rack, gears: [pinion, wheel], geometry }) = engaged else {
+    let Some(Engaged { rack, gears: [pinion, wheel], geometry, face_width }) = engaged else {
         kind.refuse("a stiffness in numbers, as no rack is given", "add the rack, or write the stiffness");
         return 1.0;
     };
@@ -96,7 +129,11 @@ fn from_teeth(node: &Node, law: &Law, engaged: Option<&Engaged>) -> f64 {
         let material = Material { young: node.at("young_pa").number(), poisson: node.at("poisson").number() };
         return hertz_stiffness(geometry.curvature_radii(), geometry.kind, [material; 2]);
     }
-    let width = node.at("face_width_m").number();
+    let width_node = node.at("face_width_m");
+    let width = width_node.clone().written().map(|width| width.number()).or(*face_width).unwrap_or_else(|| {
+        width_node.refuse("a face width > 0", "add face_width_m here or to the gears");
+        1.0
+    });
     let load = node.at("line_load_n_per_m").written().map_or(1.0, |load| low_load_factor(load.number()));
     load * iso_mesh_stiffness(rack, *pinion, *wheel, geometry.kind, geometry.path.contact_ratio(), width)
 }
@@ -119,7 +156,10 @@ pub(super) fn read(node: &Node, rotary_masses: [f64; 2], engaged: Option<&Engage
         }
     };
     let ratio = law_node.at("damping_ratio").written();
-    let damping = ratio.map(|ratio| Linear { damping: mesh_damping(stiffness.mean(), ratio.number(), rotary_masses) });
+    // Along the normal of helical teeth a rotation moves less, and its mass counts for more.
+    let normal = engaged.map_or(1.0, |e| libm::cos(e.geometry.base_helix).powi(2));
+    let masses = rotary_masses.map(|mass| mass / normal);
+    let damping = ratio.map(|ratio| Linear { damping: mesh_damping(stiffness.mean(), ratio.number(), masses) });
     let law = match (law, damping) {
         (Law::Bilateral(_), Some(linear)) => Law::Bilateral(linear),
         (Law::KelvinVoigt(_, release), Some(linear)) => Law::KelvinVoigt(linear, release),
@@ -145,6 +185,7 @@ pub(super) fn read_rack(node: &Node) -> BasicRack {
     BasicRack {
         module: node.at("module_m").number(),
         pressure_angle: read_angle(node, "pressure_angle").unwrap_or(f64::NAN),
+        helix_angle: node.at("helix_angle_deg").number().to_radians(),
         addendum: node.at("addendum").number(),
         dedendum: node.at("dedendum").number(),
     }

@@ -98,7 +98,7 @@ pub struct Built {
     /// Speed of the frame the train is written in, rad/s, if it turns.
     pub carrier_speed: Option<f64>,
     /// Geometry of the meshes whose teeth are given, by name.
-    pub meshes: Vec<(&'static str, MeshGeometry)>,
+    pub meshes: Vec<(String, MeshGeometry)>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
     /// Why the start does not fit the train: a run from it is refused, a run from elsewhere is not.

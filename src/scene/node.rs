@@ -19,7 +19,7 @@ pub(super) struct Findings {
     pub start_faults: RefCell<Vec<Fault>>,
     warnings: RefCell<Vec<Warning>>,
     /// Geometry of the meshes whose teeth are given, by name.
-    pub meshes: RefCell<Vec<(&'static str, MeshGeometry)>>,
+    pub meshes: RefCell<Vec<(String, MeshGeometry)>>,
 }
 
 impl Findings {
@@ -165,8 +165,8 @@ impl<'a> Node<'a> {
         self.findings.start_faults.borrow_mut().push(Fault::new(&self.pointer, found, allowed).remedy(remedy));
     }
 
-    pub fn engaged(&self, name: &'static str, geometry: MeshGeometry) {
-        self.findings.meshes.borrow_mut().push((name, geometry));
+    pub fn engaged(&self, name: &str, geometry: MeshGeometry) {
+        self.findings.meshes.borrow_mut().push((name.to_owned(), geometry));
     }
 
     pub fn warn(&self, message: impl Into<String>) {

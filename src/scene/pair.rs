@@ -16,7 +16,7 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
     let gear = |node: &Node| Gear { teeth: node.at("teeth").whole() as u32, shift: node.at("profile_shift").number() };
     let rack = node.at("rack");
     let gears = [gear(&driving), gear(&driven)];
-    let engaged = Engaged::new(&rack, "mesh", mesh::read_rack(&rack), gears, MeshKind::External)?;
+    let engaged = Engaged::new(&rack, "mesh", mesh::read_rack(&rack), gears, MeshKind::External, [&driving, &driven])?;
     let [first, second] = engaged.geometry.base_radii.map(Some);
     let (one, two) = (body::read(&driving, first), body::read(&driven, second));
     let mut mesh = mesh::read(&node.at("mesh"), [one.rotary_mass, two.rotary_mass], Some(&engaged));
@@ -26,6 +26,7 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
         driving: one,
         driven: two,
         pressure_angle: engaged.geometry.pressure_angle,
+        base_helix: engaged.rack.base_helix(),
         mesh,
         rpm: node.at("speed_rpm").number(),
         torque: node.at("torque_nm").number(),

@@ -33,12 +33,14 @@ fn read_stage(node: &Node) -> Option<Planetary> {
     let number = |key: &str| node.at(key).number();
     let teeth = |key: &str| node.at("teeth").at(key).whole() as u32;
     let teeth = Teeth { sun: teeth("sun"), planet: teeth("planet"), ring: teeth("ring") };
+    let (sun_node, planet_node, ring_node) = (node.at("sun"), node.at("planet"), node.at("ring"));
     let (sun_engaged, ring_engaged, rack_phase) = match node.at("rack").written() {
         Some(rack) => {
             let gears = read_gears(&rack, teeth);
+            let engaged = |name, of, kind, widths| Engaged::new(&rack, name, gears.rack, of, kind, widths).map(Some);
             (
-                Some(Engaged::new(&rack, "sun mesh", gears.rack, [gears.sun, gears.planet], MeshKind::External)?),
-                Some(Engaged::new(&rack, "ring mesh", gears.rack, [gears.planet, gears.ring], MeshKind::Internal)?),
+                engaged("sun mesh", [gears.sun, gears.planet], MeshKind::External, [&sun_node, &planet_node])?,
+                engaged("ring mesh", [gears.planet, gears.ring], MeshKind::Internal, [&planet_node, &ring_node])?,
                 gears.ring_phase(),
             )
         }
@@ -51,9 +53,9 @@ fn read_stage(node: &Node) -> Option<Planetary> {
         })
     };
     let radius = |engaged: &Option<Engaged>, i: usize| engaged.map(|e| e.geometry.base_radii[i]);
-    let sun = body::read(&node.at("sun"), radius(&sun_engaged, 0));
-    let planet = body::read(&node.at("planet"), radius(&sun_engaged, 1));
-    let ring = body::read(&node.at("ring"), radius(&ring_engaged, 1));
+    let sun = body::read(&sun_node, radius(&sun_engaged, 0));
+    let planet = body::read(&planet_node, radius(&sun_engaged, 1));
+    let ring = body::read(&ring_node, radius(&ring_engaged, 1));
     let carrier = body::read(&node.at("carrier"), sun_engaged.map(|e| e.geometry.centre_distance));
     let masses = |a: &crate::train::Body, b: &crate::train::Body| [a.rotary_mass, b.rotary_mass];
     let sun_mesh = mesh::read(&node.at("sun_mesh"), masses(&sun, &planet), sun_engaged.as_ref());
@@ -63,6 +65,7 @@ fn read_stage(node: &Node) -> Option<Planetary> {
         teeth,
         sun_pressure_angle: angle("sun_pressure_angle", &sun_engaged),
         ring_pressure_angle: angle("ring_pressure_angle", &ring_engaged),
+        base_helix: sun_engaged.map_or(0.0, |engaged| engaged.rack.base_helix()),
         ring_phase: node.at("ring_phase").written().map_or(rack_phase, |phase| phase.number()),
         sun,
         ring,

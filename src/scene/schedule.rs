@@ -11,7 +11,7 @@ pub(super) fn read(node: &Node) -> Stiffness {
     let (period, origin) = (node.at_unit("period", "s").number(), node.at_unit("origin", "s").number());
     let from_pairs = |waveform| {
         // The highest count then starts at phase zero.
-        let path = PathOfContact { approach: 0.0, recess: number("contact_ratio") };
+        let path = PathOfContact { recess: number("contact_ratio"), ..PathOfContact::default() };
         Stiffness::from_contact_ratio(number("mean"), path, waveform, number("modulation"), period, number("phase"))
     };
     match node.at("kind").text() {

@@ -1,5 +1,6 @@
 //! Gear trains: bodies and degrees of freedom in, the [`Spec`](crate::system::Spec) of a structure with contacts out.
 
+mod assembly;
 mod body;
 mod error;
 pub mod frame;

@@ -4,11 +4,12 @@ use std::f64::consts::TAU;
 
 use nalgebra::DMatrix;
 
-use super::body::{Body, Support};
+use super::assembly::{Assembly, LineOfAction, Wheel};
+use super::body::Body;
 use super::error::{TrainError, check};
 use super::mesh::{Mesh, check_stiffness};
 use crate::gear::contact::{Law, Linear, Release};
-use crate::gear::{MeshHarmonic, MeshStiffness};
+use crate::gear::{MeshHarmonic, MeshKind, MeshStiffness};
 use crate::system::{ContactSpec, Flanks, LoadHarmonic, Spec};
 
 /// `x″ + 2ζ x′ + κ(t) f(x) = F_m + Σ F_h (hΩ)² cos(hΩ t + φ_h)` with `f(x) = x ∓ 1` beyond `±1`, 0 between
@@ -102,8 +103,10 @@ pub struct GearPair {
     pub driving: Body,
     /// The driven gear, radius = base radius.
     pub driven: Body,
-    /// Working pressure angle α, rad, `[0, π/2)`.
+    /// Working pressure angle α in the transverse plane, rad, `[0, π/2)`.
     pub pressure_angle: f64,
+    /// Base helix angle β_b, rad: the deflection along the normal of the teeth is `cos β_b` times that of spur gears.
+    pub base_helix: f64,
     /// The mesh.
     pub mesh: Mesh,
     /// Speed of the driving gear, rev/min, ≥ 0; 0 only without anything that varies with the mesh frequency.
@@ -124,7 +127,7 @@ impl GearPair {
     /// # Errors
     /// [`TrainError`] for a value outside its range or a standing pair with a varying mesh.
     pub fn torsional(&self) -> Result<Spec, TrainError> {
-        self.assemble(&["u_1", "u_2"], &[1.0, 1.0], |body| vec![(body.rotary_mass, body.rotation)])
+        self.assemble(&[2, 5])
     }
 
     /// Six freedoms `x_1, y_1, u_1, x_2, y_2, u_2` with
@@ -133,38 +136,38 @@ impl GearPair {
     /// # Errors
     /// As for [`torsional`](Self::torsional).
     pub fn translational(&self) -> Result<Spec, TrainError> {
-        let (sin, cos) = libm::sincos(self.pressure_angle);
-        self.assemble(&["x_1", "y_1", "u_1", "x_2", "y_2", "u_2"], &[sin, cos, 1.0, -sin, -cos, 1.0], |body| {
-            vec![(body.mass, body.translation), (body.mass, body.translation), (body.rotary_mass, body.rotation)]
-        })
+        self.assemble(&[0, 1, 2, 3, 4, 5])
     }
 
-    fn assemble(
-        &self,
-        freedoms: &[&str],
-        direction: &[f64],
-        supports: impl Fn(&Body) -> Vec<(f64, Support)>,
-    ) -> Result<Spec, TrainError> {
+    /// The pair in the freedoms at these places among all six.
+    fn assemble(&self, kept: &[usize]) -> Result<Spec, TrainError> {
         self.driving.check("driving gear")?;
         self.driven.check("driven gear")?;
         check("rpm", self.rpm, self.rpm >= 0.0, ">= 0")?;
         check("torque", self.torque, true, "finite")?;
         let quarter = std::f64::consts::FRAC_PI_2;
         check("pressure angle", self.pressure_angle, (0.0..quarter).contains(&self.pressure_angle), "in [0, pi/2)")?;
-        let held: Vec<_> = [&self.driving, &self.driven].into_iter().flat_map(supports).collect();
-        let diagonal = |values: Vec<f64>| DMatrix::from_diagonal(&values.into());
+        let all = ["x_1", "y_1", "u_1", "x_2", "y_2", "u_2"];
+        let mut assembly = Assembly::new(all.len());
+        for (row, body) in [(0, &self.driving), (3, &self.driven)] {
+            assembly.body(row, body);
+            assembly.hold(row, body.translation, body.mass);
+            assembly.hold(row + 1, body.translation, body.mass);
+            assembly.hold(row + 2, body.rotation, body.rotary_mass);
+            assembly.load[row + 2] = self.torque / self.driving.radius;
+        }
+        let line = LineOfAction {
+            kind: MeshKind::External,
+            pitch: 0.0,
+            pressure_angle: self.pressure_angle,
+            sense: 1.0,
+            base_helix: self.base_helix,
+        };
+        let direction = line.direction(Wheel::at(0, 0.0), Wheel::at(3, 0.0), all.len());
         let frequency = self.mesh_frequency();
-        let force = self.torque / self.driving.radius;
-        let load = freedoms.iter().map(|name| if name.starts_with('u') { force } else { 0.0 }).collect();
-        Ok(Spec {
-            freedoms: freedoms.iter().map(ToString::to_string).collect(),
-            mass: diagonal(held.iter().map(|(mass, _)| *mass).collect()),
-            damping: diagonal(held.iter().map(|(mass, support)| support.coefficient(*mass)).collect()),
-            stiffness: diagonal(held.iter().map(|(_, support)| support.stiffness).collect()),
-            load,
-            load_harmonics: Vec::new(),
-            contacts: vec![self.mesh.contact("mesh".into(), direction.to_vec(), frequency)?],
-            omega: (frequency > 0.0).then_some(TAU * frequency),
-        })
+        assembly.mesh("mesh".into(), &direction, &self.mesh, frequency)?;
+        let names = kept.iter().map(|row| all[*row].to_owned()).collect();
+        let p = DMatrix::from_fn(all.len(), kept.len(), |row, column| f64::from(row == kept[column]));
+        Ok(assembly.reduced(names, &p, 1.0, frequency))
     }
 }

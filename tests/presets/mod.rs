@@ -21,7 +21,13 @@ use flank::train::{Body, Load, Mesh, Phasing, Planet, Planetary, StageGeometry, 
 #[must_use]
 pub fn reference_geometry() -> StageGeometry {
     StageGeometry {
-        rack: BasicRack { module: 3.0e-3, pressure_angle: 28.0f64.to_radians(), addendum: 1.0, dedendum: 1.25 },
+        rack: BasicRack {
+            module: 3.0e-3,
+            pressure_angle: 28.0f64.to_radians(),
+            helix_angle: 0.0,
+            addendum: 1.0,
+            dedendum: 1.25,
+        },
         sun: Gear { teeth: 34, shift: -0.02 },
         planet: Gear { teeth: 31, shift: 0.02 },
         ring: Gear { teeth: 96, shift: 0.02 },
@@ -185,6 +191,7 @@ pub fn reference(stiffness: &ReferenceStiffness, damping: &ReferenceDamping) -> 
         teeth: gears.teeth(),
         sun_pressure_angle: sun_mesh.pressure_angle,
         ring_pressure_angle: ring_mesh.pressure_angle,
+        base_helix: 0.0,
         ring_phase: gears.ring_phase(),
         sun,
         ring,
@@ -286,6 +293,7 @@ pub fn lin_parker(planets: usize) -> Planetary {
         teeth: Teeth { sun: 27, planet: 35, ring: 99 },
         sun_pressure_angle: 24.6f64.to_radians(),
         ring_pressure_angle: 24.6f64.to_radians(),
+        base_helix: 0.0,
         ring_phase: 0.0,
         sun,
         ring,

@@ -5,17 +5,10 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 use nalgebra::{DMatrix, DVector};
 
 use super::{Freedoms, Planetary};
-use crate::system::{ContactSpec, Spec};
-use crate::train::Mesh;
+use crate::gear::MeshKind;
+use crate::system::Spec;
+use crate::train::assembly::{Assembly, LineOfAction, Wheel};
 use crate::train::error::{TrainError, check};
-
-/// The matrices in all freedoms.
-struct Whole {
-    mass: DMatrix<f64>,
-    damping: DMatrix<f64>,
-    stiffness: DMatrix<f64>,
-    load: DVector<f64>,
-}
 
 impl Planetary {
     /// The stage in the common form. Contacts come sun meshes first, then ring meshes: `sun-planet 1` …,
@@ -33,22 +26,12 @@ impl Planetary {
             self.check_in_phase()?;
         }
         let (names, p) = self.projection(freedoms)?;
-        let whole = self.whole();
+        let frequency = self.mesh_frequency();
+        let mut assembly = self.bodies();
+        self.meshes(&mut assembly, in_phase, frequency)?;
         // One planet's share of everything: the whole divided by N, its one contact kept whole.
         let share = if in_phase { (self.planets.len() as f64).recip() } else { 1.0 };
-        let reduce = |matrix: &DMatrix<f64>| share * p.tr_mul(matrix) * &p;
-        let symmetric = |matrix: DMatrix<f64>| 0.5 * (&matrix + matrix.transpose());
-        let frequency = self.mesh_frequency();
-        Ok(Spec {
-            mass: symmetric(reduce(&whole.mass)),
-            damping: reduce(&whole.damping),
-            stiffness: symmetric(reduce(&whole.stiffness)),
-            load: (share * p.tr_mul(&whole.load)).iter().copied().collect(),
-            load_harmonics: Vec::new(),
-            contacts: self.contacts(&p, in_phase, frequency)?,
-            omega: (frequency > 0.0).then_some(TAU * frequency),
-            freedoms: names,
-        })
+        Ok(assembly.reduced(names, &p, share, frequency))
     }
 
     /// Index of the carrier's first freedom among all.
@@ -56,43 +39,31 @@ impl Planetary {
         3 + 3 * self.planets.len()
     }
 
-    fn whole(&self) -> Whole {
+    /// Bodies with what holds them and loads them, in all freedoms.
+    fn bodies(&self) -> Assembly {
         let carrier = self.carrier_row();
-        let n = carrier + 6;
-        let mut mass = DMatrix::zeros(n, n);
-        let mut damping = DMatrix::zeros(n, n);
-        let mut stiffness = DMatrix::zeros(n, n);
+        let mut assembly = Assembly::new(carrier + 6);
         let central = [(0, &self.sun), (carrier, &self.carrier), (carrier + 3, &self.ring)];
         let planets = self.planets.iter().enumerate().map(|(i, planet)| (3 + 3 * i, &planet.body));
         for (row, body) in central.into_iter().chain(planets) {
-            let inertias = [body.mass, body.mass, body.rotary_mass];
-            inertias.iter().enumerate().for_each(|(k, m)| mass[(row + k, row + k)] = *m);
-            stiffness[(row + 2, row + 2)] += body.rotation.stiffness;
-            damping[(row + 2, row + 2)] += body.rotation.coefficient(body.rotary_mass);
+            assembly.body(row, body);
+            assembly.hold(row + 2, body.rotation, body.rotary_mass);
         }
         for (row, body) in central {
-            for k in row..row + 2 {
-                stiffness[(k, k)] += body.translation.stiffness;
-                damping[(k, k)] += body.translation.coefficient(body.mass);
-            }
+            (row..row + 2).for_each(|k| assembly.hold(k, body.translation, body.mass));
         }
         for (i, planet) in self.planets.iter().enumerate() {
-            let bearing = planet.body.translation;
-            let c = bearing.coefficient(planet.body.mass);
             for direction in self.bearing_directions(i) {
-                let outer = &direction * direction.transpose();
-                stiffness += bearing.stiffness * &outer;
-                damping += c * outer;
+                assembly.join(&direction, planet.body.translation, planet.body.mass);
             }
         }
         if self.gyroscopic {
-            self.turn(&mut damping, &mut stiffness);
+            self.turn(&mut assembly.damping, &mut assembly.stiffness);
         }
-        let mut load = DVector::zeros(n);
-        load[2] = self.input_torque() / self.sun.radius;
-        load[carrier + 2] = -self.load.total_output(self.rpm) / self.carrier.radius;
-        (0..self.planets.len()).for_each(|i| load[5 + 3 * i] = self.load.planet_drag);
-        Whole { mass, damping, stiffness, load }
+        assembly.load[2] = self.input_torque() / self.sun.radius;
+        assembly.load[carrier + 2] = -self.load.total_output(self.rpm) / self.carrier.radius;
+        (0..self.planets.len()).for_each(|i| assembly.load[5 + 3 * i] = self.load.planet_drag);
+        assembly
     }
 
     /// Radial and tangential stretch of a planet's bearing in all freedoms.
@@ -125,36 +96,30 @@ impl Planetary {
         }
     }
 
-    /// `∂δ/∂q` of planet i's sun mesh and ring mesh in all freedoms.
-    fn mesh_directions(&self, i: usize) -> [DVector<f64>; 2] {
+    /// Adds the sun meshes, then the ring meshes; of planets in phase those of the first one.
+    fn meshes(&self, assembly: &mut Assembly, in_phase: bool, frequency: f64) -> Result<(), TrainError> {
         let carrier = self.carrier_row();
-        let psi = self.planets[i].position;
-        let direction = |row: usize, line: f64, alpha: f64, side: f64| {
-            let mut g = DVector::zeros(carrier + 6);
-            g[row] = -libm::sin(line);
-            g[row + 1] = libm::cos(line);
-            g[row + 2] = 1.0;
-            g[3 + 3 * i] = -side * libm::sin(alpha);
-            g[4 + 3 * i] = -libm::cos(alpha);
-            g[5 + 3 * i] = side;
-            g
-        };
-        let (sun, ring) = (self.sun_pressure_angle, self.ring_pressure_angle);
-        [direction(0, psi - sun, sun, 1.0), direction(carrier + 3, psi + ring, ring, -1.0)]
-    }
-
-    fn contacts(&self, p: &DMatrix<f64>, in_phase: bool, frequency: f64) -> Result<Vec<ContactSpec>, TrainError> {
         let planets = if in_phase { &self.planets[..1] } else { &self.planets[..] };
-        let mut contacts = Vec::with_capacity(2 * planets.len());
-        for (kind, stem) in ["sun-planet", "ring-planet"].into_iter().enumerate() {
+        for kind in [MeshKind::External, MeshKind::Internal] {
             for (i, planet) in planets.iter().enumerate() {
-                let mesh: &Mesh = if kind == 0 { &planet.sun_mesh } else { &planet.ring_mesh };
-                let direction = p.tr_mul(&self.mesh_directions(i)[kind]).iter().copied().collect();
-                let name = if in_phase { stem.to_string() } else { format!("{stem} {}", i + 1) };
-                contacts.push(mesh.contact(name, direction, frequency)?);
+                let own = Wheel::at(3 + 3 * i, planet.position);
+                // The sun pushes the planet counter-clockwise about its own centre, and the planet turns clockwise.
+                let (stem, mesh, [pinion, wheel], pressure_angle, sense) = match kind {
+                    MeshKind::External => {
+                        ("sun-planet", &planet.sun_mesh, [Wheel::at(0, 0.0), own], self.sun_pressure_angle, 1.0)
+                    }
+                    MeshKind::Internal => {
+                        let ring = Wheel::at(carrier + 3, 0.0);
+                        ("ring-planet", &planet.ring_mesh, [own, ring], self.ring_pressure_angle, -1.0)
+                    }
+                };
+                let line =
+                    LineOfAction { kind, pitch: planet.position, pressure_angle, sense, base_helix: self.base_helix };
+                let name = if in_phase { stem.to_owned() } else { format!("{stem} {}", i + 1) };
+                assembly.mesh(name, &line.direction(pinion, wheel, carrier + 6), mesh, frequency)?;
             }
         }
-        Ok(contacts)
+        Ok(())
     }
 
     fn check(&self) -> Result<(), TrainError> {

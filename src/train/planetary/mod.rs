@@ -114,6 +114,8 @@ pub struct Planetary {
     pub sun_pressure_angle: f64,
     /// Working pressure angle of the ring meshes, rad, `[0, π/2)`.
     pub ring_pressure_angle: f64,
+    /// Base helix angle β_b of the meshes, rad: deflections along the normal of the teeth are `cos β_b` times those of spur gears.
+    pub base_helix: f64,
     /// Phase between the two meshes of a planet γ_rs, periods; [`Phasing::Teeth`] reads it.
     pub ring_phase: f64,
     /// The sun, radius = base radius.
