@@ -21,7 +21,7 @@ pub(super) fn read(node: &Node, radius: Option<f64>) -> Body {
     }
 }
 
-fn read_support(node: &Node) -> Support {
+pub(super) fn read_support(node: &Node) -> Support {
     let viscous = node.at("damping_n_s_per_m").written().map_or(0.0, |damping| damping.number());
     let ratio = node.at("damping_ratio").written().map(|ratio| Damping::Ratio(ratio.number()));
     Support { stiffness: node.at("stiffness_n_per_m").number(), damping: ratio.unwrap_or(Damping::Viscous(viscous)) }

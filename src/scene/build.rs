@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::{
     Built, clock, dimensionless,
     fault::Fault,
-    initial, matrices,
+    gearbox, initial, matrices,
     node::{Findings, Node},
     pair, planetary, run,
     shape::{self, Units},
@@ -54,7 +54,7 @@ fn read(root: &Node) -> Option<Built> {
             .at("frame")
             .warn("this train's frame does not turn: fixed and rotating are the same");
     }
-    let (q0, v0, memory) = initial::read(&root.at("initial"), &spec);
+    let (q0, v0, memory) = initial::read(&root.at("initial"), &spec, run.start_cycle as f64 * run.period.unwrap_or(0.0));
     Some(Built {
         dimensionless: root.units == Units::None,
         carrier_speed,
@@ -75,6 +75,7 @@ fn read_train(train: &Node) -> Option<(Spec, Option<f64>)> {
         DIMENSIONLESS => (dimensionless::read(train), None),
         "matrices" => (matrices::read(train), None),
         "gear-pair" => (pair::read(train)?, None),
+        "gearbox" => (gearbox::read(train)?, None),
         "planetary" => planetary::read(train).map(|(spec, speed)| (spec, Some(speed)))?,
         _ => (wall::read(train)?, None),
     };

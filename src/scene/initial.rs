@@ -3,7 +3,7 @@
 use super::node::Node;
 use crate::{
     gear::contact::Law,
-    system::{Flanks, Spec, equilibrium},
+    system::{ContactSpec, Flanks, Spec, equilibrium, quasi_static},
 };
 
 /// What coordinates and velocities do not say of a start.
@@ -15,13 +15,13 @@ pub struct Memory {
     pub detached: Vec<usize>,
 }
 
-/// Coordinates and velocities, `[n]` each, and what they do not say.
-pub(super) fn read(node: &Node, spec: &Spec) -> (Vec<f64>, Vec<f64>, Memory) {
+/// Coordinates and velocities at `start`, s, `[n]` each, and what they do not say.
+pub(super) fn read(node: &Node, spec: &Spec, start: f64) -> (Vec<f64>, Vec<f64>, Memory) {
     let n = spec.freedoms.len();
     let mut memory = Memory::default();
     let (q, v) = match node.text() {
         "rest" => (vec![0.0; n], vec![0.0; n]),
-        "static" => (at_equilibrium(node, spec), vec![0.0; n]),
+        "static" | "quasi-static" => at_equilibrium(node, spec, start),
         _ => {
             memory = read_memory(node, spec);
             (vector(&node.at("q"), spec), vector(&node.at("v"), spec))
@@ -85,19 +85,25 @@ fn vector(node: &Node, spec: &Spec) -> Vec<f64> {
     values
 }
 
-fn at_equilibrium(node: &Node, spec: &Spec) -> Vec<f64> {
-    let zero = vec![0.0; spec.freedoms.len()];
+fn at_equilibrium(node: &Node, spec: &Spec, start: f64) -> (Vec<f64>, Vec<f64>) {
+    let zero = || vec![0.0; spec.freedoms.len()];
     if spec.contacts.iter().any(|c| c.law.is_rigid()) {
-        node.refuse("\"static\" for compliant contact laws only", "start from \"rest\" or from coordinates q");
-        return zero;
+        let allowed = format!("\"{}\" for compliant contact laws only", node.text());
+        node.refuse(allowed, "start from \"rest\" or from coordinates q");
+        return (zero(), zero());
     }
-    match equilibrium(spec) {
-        Ok(found) => {
-            let pulls = |(force, c): (&f64, &crate::system::ContactSpec)| *force < 0.0 && !c.law.is_bilateral();
+    let is_static = node.text() == "static";
+    let found = if is_static { equilibrium(spec).map(|at| (at, zero())) } else { quasi_static(spec, start) };
+    match found {
+        Ok((found, velocity)) => {
+            let pulls = |(force, c): (&f64, &ContactSpec)| *force < 0.0 && !c.law.is_bilateral();
             if found.forces.iter().zip(&spec.contacts).any(pulls) {
                 node.warn("not every contact is pressed in the static state: the run starts from where all are closed");
             }
-            found.position
+            if is_static {
+                on_other_flanks(node, spec, &found.position, start);
+            }
+            (found.position, velocity)
         }
         Err(error) => {
             node.start_fault(
@@ -105,7 +111,23 @@ fn at_equilibrium(node: &Node, spec: &Spec) -> Vec<f64> {
                 "a train whose constant load its supports and meshes can carry",
                 "start from \"rest\" or from coordinates q, or add a support",
             );
-            zero
+            (zero(), zero())
+        }
+    }
+}
+
+/// Warns of contacts that the errors at the start press on their back flanks, as the static state knows their means only.
+fn on_other_flanks(node: &Node, spec: &Spec, q: &[f64], start: f64) {
+    for contact in spec.contacts.iter().filter(|c| c.flanks == Flanks::Both && !c.law.is_bilateral()) {
+        let error = contact.error_offset + contact.error_at(start)[0];
+        let deflection = contact.direction.iter().zip(q).map(|(g, x)| g * x).sum::<f64>() - error;
+        let depth = -contact.half_backlash - deflection;
+        if depth > 0.0 {
+            node.warn(format!(
+                "{} starts {depth:.3e} m inside its back flank, as \"static\" leaves the error at the start out; \
+                 \"quasi-static\" includes it",
+                contact.name
+            ));
         }
     }
 }
@@ -114,7 +136,7 @@ fn at_equilibrium(node: &Node, spec: &Spec) -> Vec<f64> {
 fn outside_walls(node: &Node, spec: &Spec, q: &[f64]) {
     for contact in spec.contacts.iter().filter(|c| c.law.is_rigid()) {
         // Whole cycles do not change the phase, so the start cycle does not enter.
-        let error = contact.error_offset + contact.error.iter().map(|h| h.amplitude * libm::cos(h.phase)).sum::<f64>();
+        let error = contact.error_offset + contact.error_at(0.0)[0];
         let deflection = contact.direction.iter().zip(q).map(|(g, x)| g * x).sum::<f64>() - error;
         let (b, slack) = (contact.half_backlash, 1.0e-9 * (contact.half_backlash.abs() + deflection.abs()));
         let [drive, back] = [deflection - b, if contact.flanks == Flanks::Both { -b - deflection } else { -slack }];

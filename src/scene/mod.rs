@@ -38,6 +38,7 @@ mod clock;
 mod contact;
 mod dimensionless;
 mod fault;
+mod gearbox;
 mod harmonics;
 mod initial;
 mod json;

@@ -11,7 +11,9 @@ pub(super) const PRESETS: [(&str, &str); 5] =
     presets!["reference-light", "reference-heavy", "reference-float", "exact-frequencies", "lin-parker"];
 
 /// Keys that say the same thing in two ways: one that is written replaces the preset's other one.
-const ALTERNATIVES: [&[&str]; 8] = [
+const ALTERNATIVES: [&[&str]; 10] = [
+    &["damping_nm_s_per_rad", "damping_ratio"],
+    &["pressure_angle_rad", "pressure_angle_deg"],
     &["damping_n_s_per_m", "damping_ratio"],
     &["inertia_kg_m2", "rotary_mass_kg"],
     &["half_backlash_m", "total_backlash_m"],
@@ -26,8 +28,13 @@ const ALTERNATIVES: [&[&str]; 8] = [
 pub(super) fn expand(scene: &Value) -> Value {
     let mut scene = scene.clone();
     let Some(train) = scene.get_mut("train").and_then(Value::as_object_mut) else { return scene };
-    if train.get("kind").and_then(Value::as_str) != Some("planetary") {
-        return scene;
+    match train.get("kind").and_then(Value::as_str) {
+        Some("planetary") => {}
+        Some("gearbox") => {
+            share(train);
+            return scene;
+        }
+        _ => return scene,
     }
     let Some(name) = train.get("preset").filter(|name| !name.is_null()).cloned() else { return scene };
     let known = PRESETS.iter().find(|(known, _)| name.as_str() == Some(known));
@@ -41,6 +48,43 @@ pub(super) fn expand(scene: &Value) -> Value {
         *train = base;
     }
     scene
+}
+
+/// Writes what all meshes of a gearbox have in common into each of them.
+fn share(train: &mut Map<String, Value>) {
+    let mut take = |key: &str| match train.get(key) {
+        Some(Value::Object(_)) => train.remove(key),
+        _ => None,
+    };
+    let (rack, mesh) = (take("rack"), take("mesh"));
+    let under = |item: &mut Value, base: &Option<Value>| {
+        if let (Value::Object(own), Some(Value::Object(base))) = (&mut *item, base) {
+            let mut whole = base.clone();
+            overlay(&mut whole, own);
+            *item = Value::Object(whole);
+        }
+    };
+    let inside = |item: &mut Value, key: &str, base: &Option<Value>| {
+        if let Value::Object(own) = item {
+            let own = own.entry(key).or_insert(Value::Null);
+            if own.is_null() && base.is_some() {
+                *own = Value::Object(Map::new());
+            }
+            under(own, base);
+        }
+    };
+    let mut each = |list: &str, fill: &dyn Fn(&mut Value)| {
+        train.get_mut(list).and_then(Value::as_array_mut).into_iter().flatten().for_each(fill);
+    };
+    each("meshes", &|item| {
+        under(item, &mesh);
+        inside(item, "rack", &rack);
+    });
+    each("stages", &|item| {
+        for (key, base) in [("rack", &rack), ("sun_mesh", &mesh), ("ring_mesh", &mesh)] {
+            inside(item, key, base);
+        }
+    });
 }
 
 /// Writes `top` over `base`.

@@ -39,6 +39,17 @@ pub struct ContactSpec {
     pub law: Law,
 }
 
+impl ContactSpec {
+    /// Error and its rate at time `t`, s, without the constant part: m, m/s.
+    #[must_use]
+    pub fn error_at(&self, t: f64) -> [f64; 2] {
+        self.error.iter().fold([0.0; 2], |[e, rate], h| {
+            let (sin, cos) = libm::sincos(h.omega * t + h.phase);
+            [e + h.amplitude * cos, rate - h.amplitude * h.omega * sin]
+        })
+    }
+}
+
 /// A harmonic load `f cos(ω t + φ)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadHarmonic {

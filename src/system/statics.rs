@@ -124,6 +124,24 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, EquilibriumError> {
     }
 }
 
+/// The state that follows the errors at time `t`, s, without inertia: the [`equilibrium`] with the errors of that time, and the velocities
+/// with which it changes, `(K + Σ k_j g_j g_jᵀ) q̇ = Σ k_j g_j ė_j` with the [`tangent_stiffness`] k_j. Loads keep their means.
+///
+/// # Errors
+/// As for [`equilibrium`].
+pub fn quasi_static(spec: &Spec, t: f64) -> Result<(Equilibrium, Vec<f64>), EquilibriumError> {
+    let mut moved = spec.clone();
+    moved.contacts.iter_mut().for_each(|contact| contact.error_offset += contact.error_at(t)[0]);
+    let at = equilibrium(&moved)?;
+    let stiffness = tangent_stiffness(&moved, &at);
+    let mut push = DVector::zeros(spec.freedoms.len());
+    for (contact, k) in spec.contacts.iter().zip(&stiffness) {
+        push += k * contact.error_at(t)[1] * DVector::from_column_slice(&contact.direction);
+    }
+    let velocity = least_solution(&bonded_stiffness(&moved, Some(&stiffness)), &push);
+    Ok((at, velocity.iter().copied().collect()))
+}
+
 /// Stiffness of every contact for small motions about an equilibrium, N/m: the mean stiffness of a linear law,
 /// `n K^{1/n} F^{1−1/n}` of a power law under the force F (0 where nothing presses on it).
 #[must_use]

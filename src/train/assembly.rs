@@ -54,7 +54,7 @@ pub(super) struct LineOfAction {
 
 impl LineOfAction {
     /// The vector n in axes turned by an angle, rad.
-    fn normal(&self, turned: f64) -> [f64; 2] {
+    pub fn normal(&self, turned: f64) -> [f64; 2] {
         let (sin, cos) = libm::sincos((self.pitch - turned) - self.sense * self.pressure_angle);
         [-self.sense * sin, self.sense * cos]
     }

@@ -4,6 +4,8 @@ mod assembly;
 mod body;
 mod error;
 pub mod frame;
+pub mod gearbox;
+mod imposed;
 mod mesh;
 mod pair;
 pub mod planetary;

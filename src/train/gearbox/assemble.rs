@@ -1,0 +1,501 @@
+//! A gearbox in the common form.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::{Amplitude, Drag, Gearbox, GearboxFault, Layout, Order, Part, Torque, layout::ratio};
+use crate::{
+    gear::Harmonic,
+    system::{LoadHarmonic, Spec},
+    train::{
+        Mesh, Support, TrainError,
+        assembly::{Assembly, LineOfAction, Wheel},
+        imposed::impose,
+    },
+};
+
+/// Freedoms of a shaft among all: x, y, u, w.
+const OF_SHAFT: usize = 4;
+const ROTATION: usize = 2;
+const AXIAL: usize = 3;
+/// Mass of what does not give way, kg: far above all others, with products that a double holds.
+const FRAME: f64 = 1e30;
+/// Torques balance to rounding of the numbers in a scene.
+const BALANCED: f64 = 1e-6;
+
+fn sign(x: f64) -> f64 {
+    if x < 0.0 { -1.0 } else { 1.0 }
+}
+
+impl Gearbox {
+    /// Radius on which the rotation of each shaft is counted, m: as given, that of its planets' centres, the base radius of its first
+    /// fixed gear, that of a shaft coupled to it, or the base radius of its first loose gear.
+    #[must_use]
+    pub fn radii(&self, layout: &Layout) -> Vec<f64> {
+        let base = |gear: usize| {
+            layout.lines.iter().find_map(|line| {
+                let k = line.gears.iter().position(|g| *g == gear)?;
+                Some(line.geometry.base_radii[k])
+            })
+        };
+        let distance = |one: usize, two: usize| {
+            let [a, b] = [layout.centres[one], layout.centres[two]];
+            libm::hypot(a[0] - b[0], a[1] - b[1])
+        };
+        let of_gears = |i: usize, loose: bool| {
+            let mut own = (0..self.gears.len()).filter(|g| self.gears[*g].shaft == i && self.gears[*g].is_loose == loose);
+            own.find_map(base)
+        };
+        let of_pins = |i: usize| {
+            let carried = |shaft: &super::Shaft| shaft.carried.is_some_and(|(carrier, _)| carrier == i);
+            self.shafts.iter().position(carried).map(|pin| distance(i, pin))
+        };
+        let own = |i: usize| self.shafts[i].radius.or_else(|| of_pins(i)).or_else(|| of_gears(i, false));
+        let mut radii: Vec<Option<f64>> = (0..self.shafts.len()).map(own).collect();
+        for _ in &self.shafts {
+            for coupling in &self.couplings {
+                let [one, two] = coupling.shafts;
+                radii[one] = radii[one].or(radii[two]);
+                radii[two] = radii[two].or(radii[one]);
+            }
+        }
+        radii.into_iter().enumerate().map(|(i, r)| r.or_else(|| of_gears(i, true)).unwrap_or(1.0)).collect()
+    }
+
+    /// What cannot be about masses, supports, torques and orders.
+    #[must_use]
+    pub fn faults(&self, layout: &Layout) -> Vec<GearboxFault> {
+        let mut faults = Vec::new();
+        for (i, shaft) in self.shafts.iter().enumerate() {
+            let mut fault = |key, found: &str, allowed: &str, remedy: &str| {
+                faults.push(GearboxFault::new(Part::Shaft(i), key, format!("{}: {found}", shaft.name), allowed, remedy));
+            };
+            if self.turns(i) && self.inertia(i) <= 0.0 {
+                let remedy = "write inertia_kg_m2 on the shaft or a gear fixed on it";
+                fault("inertia_kg_m2", "no inertia", "a shaft with inertia > 0", remedy);
+            }
+            let moves = [("translation", shaft.translation), ("axial", shaft.axial)];
+            for (key, support) in moves {
+                let Some(support) = support else { continue };
+                if self.mass(i) <= 0.0 {
+                    fault("mass_kg", "no mass", "a mass > 0 of a shaft that moves", "write mass_kg on the shaft or a gear on it");
+                }
+                let joined = |c: &&super::Coupling| {
+                    c.shafts.contains(&i) && if key == "axial" { c.axial.is_some() } else { c.translation.is_some() }
+                };
+                if support.stiffness <= 0.0 && !self.couplings.iter().any(|c| joined(&c)) {
+                    let remedy = "write its stiffness, couple it to a shaft that is held, or leave the key out to hold it fast";
+                    fault(key, "a shaft that nothing holds", "a stiffness > 0 of its bearings", remedy);
+                }
+            }
+            if shaft.translation.is_some() && shaft.carried.is_none() {
+                let mut frames = self.meshes.iter().filter_map(|mesh| {
+                    mesh.gears.iter().any(|gear| self.gears[*gear].shaft == i).then(|| self.frame_of(mesh.gears))
+                });
+                let first = frames.next();
+                if frames.any(|frame| Some(frame) != first) {
+                    let found = "a shaft that moves sideways and meshes with planets and with other gears";
+                    let allowed = "meshes in one frame: equations with a turning and a fixed frame are not of constant coefficients";
+                    fault("translation", found, allowed, "leave translation out");
+                }
+            }
+            if !shaft.motion.is_empty() && (shaft.is_fixed || shaft.torque != Torque::Given(0.0) || !shaft.orders.is_empty()) {
+                let found = "a given motion beside torques or \"fixed\"";
+                fault("motion", found, "either motion or torques: a given motion takes any torque", "remove one of them");
+            }
+            let standing = layout.speed(i) == 0.0;
+            if standing && !(shaft.motion.is_empty() && shaft.orders.is_empty()) {
+                fault("orders", "orders of a shaft that stands still", "orders of a shaft that turns", "give a speed, or remove them");
+            }
+        }
+        faults.extend(self.gears.iter().enumerate().filter(|(_, gear)| gear.is_loose && gear.inertia <= 0.0).map(|(i, gear)| {
+            let found = format!("{}: a loose gear without inertia", gear.name);
+            GearboxFault::new(Part::Gear(i), "inertia_kg_m2", found, "an inertia > 0", "write inertia_kg_m2 on the gear")
+        }));
+        faults.extend(self.unbalanced(layout));
+        faults
+    }
+
+    /// Tells that the rotation of a shaft is a freedom.
+    fn turns(&self, i: usize) -> bool {
+        let shaft = &self.shafts[i];
+        shaft.motion.is_empty() && !(shaft.is_fixed && shaft.rotation.stiffness == 0.0)
+    }
+
+    /// Speeds of a body and of what its friction acts against, relative to the given speed: `(body, other)`.
+    fn slip(&self, layout: &Layout, part: Part) -> f64 {
+        let (own, other) = match part {
+            Part::Gear(i) if self.gears[i].is_loose => (layout.gears[i], Some(self.gears[i].shaft)),
+            Part::Gear(i) => (layout.gears[i], None),
+            Part::Shaft(i) => (layout.shafts[i], self.shafts[i].carried.map(|(carrier, _)| carrier)),
+            _ => return 0.0,
+        };
+        layout.rate(own) - other.map_or(0.0, |shaft| layout.speed(shaft))
+    }
+
+    /// All frictions.
+    fn drags(&self) -> impl Iterator<Item = (Part, Drag)> {
+        let shafts = self.shafts.iter().enumerate().map(|(i, shaft)| (Part::Shaft(i), shaft.drag));
+        let gears = self.gears.iter().enumerate().map(|(i, gear)| (Part::Gear(i), gear.drag));
+        shafts.chain(gears).filter(|(_, drag)| *drag != Drag::default())
+    }
+
+    /// Power that enters by given torques and leaves by friction, over the given speed, N m, and the sum of the sizes of all parts.
+    fn power(&self, layout: &Layout) -> (f64, f64) {
+        // At rest the ratios of speeds still tell which torque balances which.
+        let scale = if layout.omega > 0.0 { layout.omega } else { 1.0 };
+        let speed = |i: usize| ratio(layout.shafts[i]).abs();
+        let given = self.shafts.iter().enumerate().map(|(i, shaft)| match shaft.torque {
+            Torque::Given(torque) => torque * speed(i),
+            Torque::Balance => 0.0,
+        });
+        let lost = self.drags().map(|(part, drag)| {
+            let slip = self.slip(layout, part).abs();
+            -(drag.constant + drag.viscous * slip) * slip / scale
+        });
+        let parts: Vec<f64> = given.chain(lost).collect();
+        (parts.iter().sum(), parts.iter().map(|x| x.abs()).sum())
+    }
+
+    fn unbalanced(&self, layout: &Layout) -> Option<GearboxFault> {
+        let balance: Vec<usize> = (0..self.shafts.len()).filter(|i| self.shafts[*i].torque == Torque::Balance).collect();
+        let allowed = "torques that keep the mean speed";
+        match balance[..] {
+            [] => {
+                let (power, size) = self.power(layout);
+                let held = self.shafts.iter().any(|shaft| !shaft.motion.is_empty() || shaft.rotation.stiffness > 0.0);
+                let found = format!("torques that do not balance: {power:.6} N m, counted on the shaft of the given speed, are left over");
+                let remedy = "write \"torque_nm\": \"balance\" on the shaft that takes off the rest";
+                (!held && power.abs() > BALANCED * size)
+                    .then(|| GearboxFault::new(Part::Train, "shafts", found, allowed, remedy))
+            }
+            [one] if num_traits::Zero::is_zero(&layout.shafts[one]) => Some(GearboxFault::new(
+                Part::Shaft(one),
+                "torque_nm",
+                "\"balance\" on a shaft that stands still",
+                allowed,
+                "write it on a shaft that turns",
+            )),
+            [_] => None,
+            [_, second, ..] => Some(GearboxFault::new(
+                Part::Shaft(second),
+                "torque_nm",
+                format!("\"balance\" on {} shafts", balance.len()),
+                "one shaft that takes off the rest",
+                "give the torques of all shafts but one",
+            )),
+        }
+    }
+
+    /// Mean torque from outside on shaft `i`, N m, counter-clockwise positive.
+    #[must_use]
+    pub fn torque(&self, layout: &Layout, i: usize) -> f64 {
+        let speed = ratio(layout.shafts[i]);
+        let along = match self.shafts[i].torque {
+            Torque::Given(torque) => torque,
+            Torque::Balance => -self.power(layout).0 / speed.abs(),
+        };
+        along * sign(speed)
+    }
+
+    /// Rotary mass of a gear with all that turns with it, on its base circle, kg; one whose motion is given is as heavy as the frame.
+    #[must_use]
+    pub fn rotary_mass(&self, layout: &Layout, gear: usize) -> f64 {
+        let (own, base) = (&self.gears[gear], self.base_radius(layout, gear));
+        let inertia = if own.is_loose { own.inertia } else { self.inertia(own.shaft) };
+        if own.is_loose || self.turns(own.shaft) { inertia / (base * base) } else { FRAME }
+    }
+
+    /// Moment of inertia of a shaft with its fixed gears, kg m².
+    fn inertia(&self, i: usize) -> f64 {
+        let fixed = self.gears.iter().filter(|gear| gear.shaft == i && !gear.is_loose);
+        self.shafts[i].inertia + fixed.map(|gear| gear.inertia).sum::<f64>()
+    }
+
+    /// Mass of a shaft with its gears, kg.
+    fn mass(&self, i: usize) -> f64 {
+        self.shafts[i].mass + self.gears.iter().filter(|gear| gear.shaft == i).map(|gear| gear.mass).sum::<f64>()
+    }
+
+    /// What a run of this gearbox would leave out: friction that changes its sign.
+    #[must_use]
+    pub fn warnings(&self, layout: &Layout) -> Vec<(Part, String)> {
+        let moved = |shaft: usize| {
+            let orders = &self.shafts[shaft].motion;
+            let speed = |order: &Order| {
+                let harmonic = order.harmonic(order.order * layout.speed(shaft).abs());
+                harmonic.amplitude.abs() * harmonic.omega
+            };
+            orders.iter().map(speed).sum::<f64>()
+        };
+        let of = |(part, drag): (Part, Drag)| {
+            let Part::Gear(i) = part else { return None };
+            let gear = &self.gears[i];
+            let (slip, least) = (self.slip(layout, part).abs(), moved(gear.shaft));
+            // The partner moves the loose gear; its speed fluctuates by the ratio of teeth.
+            let partner = self.meshes.iter().filter(|mesh| mesh.gears.contains(&i)).map(|mesh| {
+                let [one, two] = mesh.gears;
+                let other = if one == i { two } else { one };
+                let ratio = f64::from(self.gears[other].teeth.teeth) / f64::from(gear.teeth.teeth);
+                ratio * moved(self.gears[other].shaft)
+            });
+            let fluctuation = least + partner.fold(0.0, f64::max);
+            (gear.is_loose && drag.constant > 0.0 && fluctuation >= slip).then(|| {
+                let text = format!(
+                    "the speed of {} on its shaft, {slip:.4} rad/s, is less than its fluctuation, up to {fluctuation:.4} rad/s: its \
+                     constant drag would change its sign, which this model leaves out",
+                    gear.name
+                );
+                (part, text)
+            })
+        };
+        self.drags().filter_map(of).collect()
+    }
+
+    /// Freedoms, all of them: shafts one by one, then the rotations of loose gears.
+    fn freedoms(&self) -> Vec<String> {
+        let of_shaft = |shaft: &super::Shaft| {
+            let plane = if shaft.carried.is_some() { ["xi", "eta"] } else { ["x", "y"] };
+            [plane[0], plane[1], "u", "w"].map(|stem| format!("{stem}_{}", shaft.name))
+        };
+        let loose = self.gears.iter().filter(|gear| gear.is_loose).map(|gear| format!("u_{}", gear.name));
+        self.shafts.iter().flat_map(of_shaft).chain(loose).collect()
+    }
+
+    /// Place of the rotation of a gear, and metres on its base circle for a unit of that freedom.
+    fn rotation(&self, gear: usize, base_radius: f64, radii: &[f64]) -> (usize, f64) {
+        let shaft = self.gears[gear].shaft;
+        if self.gears[gear].is_loose {
+            let before = self.gears[..gear].iter().filter(|gear| gear.is_loose).count();
+            return (OF_SHAFT * self.shafts.len() + before, 1.0);
+        }
+        let lever = if base_radius == radii[shaft] { 1.0 } else { base_radius / radii[shaft] };
+        (OF_SHAFT * shaft + ROTATION, lever)
+    }
+
+    /// The gearbox in the common form, with the meshes in the order of its own; their phases are those of the layout.
+    ///
+    /// Freedoms are x, y, u and w of each shaft, as far as it has them (ξ and η of a carried one), then u of each loose gear. A shaft that
+    /// moves by a given motion has no u. `u = r θ` with the radius of [`radii`](Self::radii), of a loose gear its base radius.
+    ///
+    /// # Errors
+    /// [`TrainError`] for values outside their ranges or a standing train with varying meshes.
+    pub fn assemble(&self, layout: &Layout, meshes: &[Mesh]) -> Result<Spec, TrainError> {
+        let (all, radii) = (self.freedoms(), self.radii(layout));
+        let n = all.len();
+        let mut assembly = Assembly::new(n);
+        self.bodies(&mut assembly, layout, &radii);
+        for (i, mesh) in meshes.iter().enumerate() {
+            self.mesh(&mut assembly, layout, &radii, i, mesh)?;
+        }
+        let (kept, motions, p) = self.projection(layout, &radii, &all);
+        let frequency = (0..layout.lines.len()).map(|i| layout.mesh_frequency(i)).find(|f| *f > 0.0);
+        let spec = assembly.reduced(kept, &p, 1.0, frequency.unwrap_or(0.0));
+        Ok(impose(spec, &motions))
+    }
+
+    fn bodies(&self, assembly: &mut Assembly, layout: &Layout, radii: &[f64]) {
+        let n = assembly.load.len();
+        let one = |entries: &[(usize, f64)]| {
+            let mut direction = DVector::zeros(n);
+            entries.iter().for_each(|(row, value)| direction[*row] += value);
+            direction
+        };
+        for (i, shaft) in self.shafts.iter().enumerate() {
+            let (row, r) = (OF_SHAFT * i, radii[i]);
+            let (mass, inertia) = (self.mass(i), self.inertia(i));
+            [0, 1, AXIAL].iter().for_each(|k| assembly.mass[(row + k, row + k)] += mass);
+            assembly.mass[(row + ROTATION, row + ROTATION)] += inertia / (r * r);
+            let translation = shaft.translation.unwrap_or(Support::FREE);
+            let axial = shaft.axial.unwrap_or(Support::FREE);
+            match shaft.carried {
+                None => {
+                    (0..2).for_each(|k| assembly.hold(row + k, translation, mass));
+                    assembly.hold(row + AXIAL, axial, mass);
+                }
+                Some((carrier, psi)) => {
+                    for direction in self.bearing(layout, radii, i, (carrier, psi)) {
+                        assembly.join(&one(&direction), translation, mass);
+                    }
+                    assembly.join(&one(&[(row + AXIAL, 1.0), (OF_SHAFT * carrier + AXIAL, -1.0)]), axial, mass);
+                }
+            }
+            assembly.join(&one(&[(row + ROTATION, 1.0 / r)]), shaft.rotation, inertia);
+            assembly.load[row + ROTATION] += self.torque(layout, i) / r;
+            for order in &shaft.orders {
+                let harmonic = order.harmonic(order.order * layout.speed(i).abs());
+                let vector = one(&[(row + ROTATION, sign(layout.speed(i)) * harmonic.amplitude / r)]);
+                let (omega, phase) = (harmonic.omega, harmonic.phase);
+                assembly.load_harmonics.push(LoadHarmonic { vector: vector.iter().copied().collect(), omega, phase });
+            }
+        }
+        for coupling in &self.couplings {
+            let [a, b] = coupling.shafts;
+            let across = |k: usize, scale: [f64; 2]| one(&[(OF_SHAFT * a + k, scale[0]), (OF_SHAFT * b + k, -scale[1])]);
+            let reduced = |[x, y]: [f64; 2]| if x + y > 0.0 { x * y / (x + y) } else { 0.0 };
+            let mass = reduced(coupling.shafts.map(|i| self.mass(i)));
+            if let Some(support) = coupling.rotation {
+                let inertia = reduced(coupling.shafts.map(|i| self.inertia(i)));
+                assembly.join(&across(ROTATION, coupling.shafts.map(|i| 1.0 / radii[i])), support, inertia);
+            }
+            for (k, support) in [(0, coupling.translation), (1, coupling.translation), (AXIAL, coupling.axial)] {
+                if let Some(support) = support {
+                    assembly.join(&across(k, [1.0; 2]), support, mass);
+                }
+            }
+        }
+        for (i, gear) in self.gears.iter().enumerate().filter(|(_, gear)| gear.is_loose) {
+            let base = self.base_radius(layout, i);
+            let (row, _) = self.rotation(i, base, radii);
+            assembly.mass[(row, row)] += gear.inertia / (base * base);
+        }
+        for (part, drag) in self.drags() {
+            // Rows of the body and of what the friction acts against, and their radii.
+            let shaft = |i: usize| (OF_SHAFT * i + ROTATION, radii[i]);
+            let (own, other) = match part {
+                Part::Gear(i) if self.gears[i].is_loose => {
+                    let base = self.base_radius(layout, i);
+                    ((self.rotation(i, base, radii).0, base), Some(shaft(self.gears[i].shaft)))
+                }
+                Part::Gear(i) => (shaft(self.gears[i].shaft), None),
+                Part::Shaft(i) => (shaft(i), self.shafts[i].carried.map(|(carrier, _)| shaft(carrier))),
+                _ => continue,
+            };
+            let slip = self.slip(layout, part);
+            let mut relative = one(&[(own.0, 1.0 / own.1)]);
+            if let Some((row, radius)) = other {
+                relative[row] -= 1.0 / radius;
+            }
+            let mean = if slip == 0.0 { 0.0 } else { sign(slip) * drag.constant } + drag.viscous * slip;
+            assembly.load -= mean * &relative;
+            assembly.join(&relative, Support::viscous(0.0, drag.viscous), 1.0);
+        }
+    }
+
+    fn base_radius(&self, layout: &Layout, gear: usize) -> f64 {
+        let of = |line: &super::Line| Some(line.geometry.base_radii[line.gears.iter().position(|g| *g == gear)?]);
+        layout.lines.iter().find_map(of).unwrap_or(1.0)
+    }
+
+    /// Radial and tangential stretch of the bearing of carried shaft `i`.
+    fn bearing(&self, layout: &Layout, radii: &[f64], i: usize, (carrier, psi): (usize, f64)) -> [Vec<(usize, f64)>; 2] {
+        let (sin, cos) = libm::sincos(psi);
+        let [centre, pin] = [layout.centres[carrier], layout.centres[i]];
+        let lever = libm::hypot(pin[0] - centre[0], pin[1] - centre[1]) / radii[carrier];
+        let (own, of) = (OF_SHAFT * i, OF_SHAFT * carrier);
+        [
+            vec![(own, 1.0), (of, -cos), (of + 1, -sin)],
+            vec![(own + 1, 1.0), (of, sin), (of + 1, -cos), (of + ROTATION, -lever)],
+        ]
+    }
+
+    fn mesh(
+        &self,
+        assembly: &mut Assembly,
+        layout: &Layout,
+        radii: &[f64],
+        i: usize,
+        mesh: &Mesh,
+    ) -> Result<(), TrainError> {
+        let line = &layout.lines[i];
+        let geometry = &line.geometry;
+        let action = LineOfAction {
+            kind: geometry.kind,
+            pitch: line.pitch,
+            pressure_angle: geometry.pressure_angle,
+            sense: line.sense,
+            base_helix: line.hand * geometry.base_helix,
+        };
+        let wheel = |k: usize| {
+            let gear = line.gears[k];
+            let shaft = self.gears[gear].shaft;
+            Wheel {
+                centre: OF_SHAFT * shaft,
+                turned: self.shafts[shaft].carried.map_or(0.0, |(_, psi)| psi),
+                rotation: self.rotation(gear, geometry.base_radii[k], radii),
+                axial: Some(OF_SHAFT * shaft + AXIAL),
+            }
+        };
+        let n = assembly.load.len();
+        let frequency = layout.mesh_frequency(i);
+        let own = Mesh { phase: line.phase, ..mesh.clone() };
+        let direction = action.direction(wheel(0), wheel(1), n);
+        let contact = assembly.mesh(self.meshes[i].name.clone(), &direction, &own, frequency)?;
+        let [nx, ny] = action.normal(0.0);
+        let normal = libm::cos(geometry.base_helix);
+        let carrier = self.frame_of(line.gears).map_or(0.0, |carrier| layout.speed(carrier));
+        for (k, side) in [(0, 1.0), (1, -1.0)] {
+            let gear = line.gears[k];
+            let shaft = &self.shafts[self.gears[gear].shaft];
+            let [ox, oy] = action.normal(shaft.carried.map_or(0.0, |(_, psi)| psi));
+            contact.error_offset -= side * normal * (ox * shaft.offset[0] + oy * shaft.offset[1]);
+            let (size, angle) = self.gears[gear].eccentricity;
+            if size == 0.0 {
+                continue;
+            }
+            // The centre of the teeth moves by size (cos, sin) of the angle: δ gains side n·x, and e loses it.
+            let turning = layout.rate(layout.gears[gear]) - carrier;
+            let towards = libm::atan2(ny, nx);
+            let phase = sign(turning) * (angle - towards);
+            contact.error.push(Harmonic { omega: turning.abs(), amplitude: -side * normal * size, phase });
+        }
+        Ok(())
+    }
+
+    /// The freedoms that are kept, the given motions by their places behind them, and P of `q_all = P q`.
+    fn projection(
+        &self,
+        layout: &Layout,
+        radii: &[f64],
+        all: &[String],
+    ) -> (Vec<String>, Vec<Vec<Harmonic>>, DMatrix<f64>) {
+        let moves = |i: usize, k: usize| match k {
+            ROTATION => self.turns(i),
+            AXIAL => self.shafts[i].axial.is_some(),
+            _ => self.shafts[i].translation.is_some(),
+        };
+        let shafts = OF_SHAFT * self.shafts.len();
+        let mut kept: Vec<usize> = (0..shafts).filter(|row| moves(row / OF_SHAFT, row % OF_SHAFT)).collect();
+        kept.extend(shafts..all.len());
+        let names = kept.iter().map(|row| all[*row].clone()).collect();
+        let mut motions = Vec::new();
+        for (i, shaft) in self.shafts.iter().enumerate().filter(|(_, shaft)| !shaft.motion.is_empty()) {
+            let (speed, r) = (layout.speed(i), radii[i]);
+            let harmonics = shaft.motion.iter().map(|order| {
+                let harmonic = order.harmonic(order.order * speed.abs());
+                Harmonic { amplitude: sign(speed) * r * harmonic.amplitude, ..harmonic }
+            });
+            motions.push(harmonics.collect());
+            kept.push(OF_SHAFT * i + ROTATION);
+        }
+        let mut p = DMatrix::zeros(all.len(), kept.len());
+        kept.iter().enumerate().for_each(|(column, row)| p[(*row, column)] = 1.0);
+        // A carried centre that is not free follows its carrier.
+        for (i, shaft) in self.shafts.iter().enumerate() {
+            let Some(carried) = shaft.carried else { continue };
+            let mut follow = |row: usize, from: &[(usize, f64)]| {
+                for (source, factor) in from {
+                    if let Some(column) = kept.iter().position(|row| row == source) {
+                        p[(row, column)] = -factor;
+                    }
+                }
+            };
+            for (k, stretch) in self.bearing(layout, radii, i, carried).iter().enumerate() {
+                if shaft.translation.is_none() {
+                    follow(OF_SHAFT * i + k, &stretch[1..]);
+                }
+            }
+            if shaft.axial.is_none() {
+                follow(OF_SHAFT * i + AXIAL, &[(OF_SHAFT * carried.0 + AXIAL, -1.0)]);
+            }
+        }
+        (names, motions, p)
+    }
+}
+
+impl Amplitude {
+    /// Tells that it is a torque.
+    #[must_use]
+    pub fn is_torque(&self) -> bool {
+        matches!(self, Self::Torque(_))
+    }
+}

@@ -1,0 +1,40 @@
+//! Freedoms whose motion is given.
+
+use nalgebra::DVector;
+
+use crate::{
+    gear::Harmonic,
+    system::{LoadHarmonic, Spec},
+};
+
+/// The train without the freedoms behind the named ones, of which number `i` moves by the sum of `motions[i]`, each `a cos(ω t + φ)`.
+///
+/// What is left receives `−M_k ü − C_k u̇ − K_k u` of each freedom k that goes, and each contact the error `−g_k u`.
+pub(super) fn impose(mut spec: Spec, motions: &[Vec<Harmonic>]) -> Spec {
+    let n = spec.freedoms.len();
+    let mut loads = Vec::new();
+    for (i, motion) in motions.iter().enumerate() {
+        let of = |matrix: &nalgebra::DMatrix<f64>| -> DVector<f64> { matrix.column(n + i).rows(0, n).into_owned() };
+        let (mass, damping, stiffness) = (of(&spec.mass), of(&spec.damping), of(&spec.stiffness));
+        for h in motion {
+            let in_phase = (&mass * (h.omega * h.omega) - &stiffness) * h.amplitude;
+            // The derivative of the cosine is a cosine a quarter turn ahead.
+            let ahead = &damping * (-h.omega * h.amplitude);
+            for (vector, phase) in [(in_phase, h.phase), (ahead, h.phase + std::f64::consts::FRAC_PI_2)] {
+                if vector.iter().any(|x| *x != 0.0) {
+                    loads.push(LoadHarmonic { vector: vector.iter().copied().collect(), omega: h.omega, phase });
+                }
+            }
+            for contact in spec.contacts.iter_mut().filter(|contact| contact.direction[n + i] != 0.0) {
+                let amplitude = -contact.direction[n + i] * h.amplitude;
+                contact.error.push(Harmonic { amplitude, ..*h });
+            }
+        }
+    }
+    let kept = |matrix: nalgebra::DMatrix<f64>| matrix.view((0, 0), (n, n)).into_owned();
+    spec.load_harmonics.iter_mut().for_each(|load| load.vector.truncate(n));
+    spec.load_harmonics.extend(loads);
+    spec.contacts.iter_mut().for_each(|contact| contact.direction.truncate(n));
+    spec.load.truncate(n);
+    Spec { mass: kept(spec.mass), damping: kept(spec.damping), stiffness: kept(spec.stiffness), ..spec }
+}
