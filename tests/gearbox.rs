@@ -27,10 +27,8 @@ fn spec(train: &Value) -> Spec {
 
 /// Faults of a train: place and what was found.
 fn faults(train: &Value) -> Vec<(String, String)> {
-    let error = match Scene::from_json(&scene(train, &json!("rest")).to_string(), "test") {
-        Ok(scene) => scene.build().unwrap_err(),
-        Err(error) => error,
-    };
+    let built = Scene::from_json(&scene(train, &json!("rest")).to_string(), "test").and_then(|scene| scene.build());
+    let Err(error) = built else { return vec![] };
     error.faults.iter().map(|fault| (fault.pointer.clone(), fault.found.clone())).collect()
 }
 
@@ -81,15 +79,16 @@ fn a_pair_is_a_gearbox_of_two_shafts() {
         let pair = json!({ "kind": "gear-pair", "rack": rack, "speed_rpm": 3000, "torque_nm": 63.66, "mesh": mesh(),
             "driving": { "teeth": 30, "mass_kg": 1.5, "inertia_kg_m2": 0.0018, "face_width_m": 0.04 },
             "driven": { "teeth": 45, "mass_kg": 3.4, "inertia_kg_m2": 0.0085, "profile_shift": 0.2 } });
-        let gear = |name: &str, teeth: u32, inertia: f64, shift: f64| {
-            json!([{ "name": name, "teeth": teeth, "inertia_kg_m2": inertia, "face_width_m": 0.04, "profile_shift": shift }])
-        };
+        let gear = |name: &str, teeth: u32, inertia: f64, shift: f64| json!([{ "name": name, "teeth": teeth, "inertia_kg_m2": inertia, "face_width_m": 0.04, "profile_shift": shift }]);
         let gearbox = json!({ "kind": "gearbox", "rack": rack, "mesh": mesh(),
             "shafts": [{ "name": "1", "speed_rpm": 3000, "torque_nm": 63.66, "gears": gear("a", 30, 0.0018, 0.0) },
                        { "name": "2", "torque_nm": "balance", "gears": gear("b", 45, 0.0085, 0.2) }],
             "meshes": [{ "gears": ["a", "b"], "name": "mesh" }] });
         let (one, two) = (spec(&pair), spec(&gearbox));
-        assert_eq!((&one.freedoms, &one.mass, &one.contacts[0].direction), (&two.freedoms, &two.mass, &two.contacts[0].direction));
+        assert_eq!(
+            (&one.freedoms, &one.mass, &one.contacts[0].direction),
+            (&two.freedoms, &two.mass, &two.contacts[0].direction)
+        );
         assert_eq!(one.contacts[0].law, two.contacts[0].law);
         // The mesh frequency comes from the speed in another order of products.
         let (Stiffness::Periodic { pieces: a, .. }, Stiffness::Periodic { pieces: b, .. }) =
@@ -110,7 +109,8 @@ fn a_pair_is_a_gearbox_of_two_shafts() {
 #[test]
 fn a_stage_is_a_part_of_a_gearbox() {
     let bearing = json!({ "stiffness_n_per_m": 5e8, "damping_ratio": 0.02 });
-    let (ring_radius, rack) = (34.0 * 3e-3 * 20f64.to_radians().cos(), json!({ "module_m": 0.003, "pressure_angle_deg": 20 }));
+    let (ring_radius, rack) =
+        (34.0 * 3e-3 * 20f64.to_radians().cos(), json!({ "module_m": 0.003, "pressure_angle_deg": 20 }));
     let with_shifts = json!({ "module_m": 0.003, "pressure_angle_deg": 20, "profile_shift": { "sun": 0.0, "planet": 0.0, "ring": 0.0 } });
     let stage = json!({ "kind": "planetary", "freedoms": "full", "speed_rpm": 1500, "load": { "output_torque_nm": 200 },
         "teeth": { "sun": 28, "planet": 20, "ring": 68 }, "rack": with_shifts, "planets": 4,
@@ -178,7 +178,8 @@ fn torque_balance_of_the_examples() {
 /// A right-handed gear that drives counter-clockwise is pushed towards +z with `F sin β_b`, its partner the other way.
 #[test]
 fn axial_forces() {
-    for (hand, rpm, sign) in [("right", 3000, 1.0), ("left", 3000, -1.0), ("right", -3000, -1.0), ("left", -3000, 1.0)] {
+    for (hand, rpm, sign) in [("right", 3000, 1.0), ("left", 3000, -1.0), ("right", -3000, -1.0), ("left", -3000, 1.0)]
+    {
         let mut train = example("helical-pair")["train"].clone();
         train["shafts"][0]["gears"][0]["hand"] = json!(hand);
         train["shafts"][0]["speed_rpm"] = json!(rpm);
@@ -203,7 +204,13 @@ struct Drawn {
 
 impl Drawn {
     fn new(teeth: u32, shift: f64) -> Self {
-        let rack = BasicRack { module: 2e-3, pressure_angle: 20f64.to_radians(), helix_angle: 0.0, addendum: 1.0, dedendum: 1.25 };
+        let rack = BasicRack {
+            module: 2e-3,
+            pressure_angle: 20f64.to_radians(),
+            helix_angle: 0.0,
+            addendum: 1.0,
+            dedendum: 1.25,
+        };
         let gear = Gear { teeth, shift };
         let reference = gear.pitch_radius(&rack);
         Self {
@@ -270,7 +277,11 @@ fn drawn_phases(gears: &[(u32, f64, bool)], spec: &Spec, angles: &[f64]) -> Vec<
         let (mut low, mut high) = (start - sense * 0.2 * turn, start + sense * 0.2 * turn);
         for _ in 0..100 {
             let middle = 0.5 * (low + high);
-            if contact(pinion, wheel, centre, is_ring, sense, middle).0 < working { low = middle } else { high = middle }
+            if contact(pinion, wheel, centre, is_ring, sense, middle).0 < working {
+                low = middle
+            } else {
+                high = middle
+            }
         }
         let gamma = sense * (own - low) / turn;
         phases.push(gamma.rem_euclid(1.0));
@@ -339,7 +350,8 @@ fn speeds_and_the_common_cycle() {
     // Power: 40 N m less 0.5 + 0.002 ω of the lay shaft, over the ratios.
     let lay = TAU * 25.0 * 27.0 / 51.0;
     let output = (40.0 - (0.5 + 0.002 * lay) * 27.0 / 51.0) * 51.0 / 27.0 * 34.0 / 23.0;
-    let base = 34.0 * 0.0025 / 2.0 / 20f64.to_radians().cos() * (20f64.to_radians().tan() / 20f64.to_radians().cos()).atan().cos();
+    let base = 34.0 * 0.0025 / 2.0 / 20f64.to_radians().cos()
+        * (20f64.to_radians().tan() / 20f64.to_radians().cos()).atan().cos();
     assert_relative_eq!(spec.load[2], -output / base, max_relative = 1e-12);
     assert!(equilibrium(&spec).unwrap().forces.iter().all(|force| *force > 0.0));
 }
@@ -384,4 +396,266 @@ fn the_rattle_threshold_of_a_loose_gear() {
     });
     // Resonance of the mesh raises the force by (ω/ω_n)², in proportion to 1/k.
     assert!(errors[0] > 5.0 * errors[1] && errors[1] > 5.0 * errors[2] && errors[2] < 1e-4, "{errors:?}");
+}
+
+/// Trains that cannot be are refused with the names of what is at fault, and everything at once.
+#[test]
+fn bad_gearboxes() {
+    let good = row(&[(30, 0.0, false), (40, 0.0, false)], &[0.0]);
+    let third = json!({ "name": "s2", "inertia_kg_m2": 0.001, "gears": [{ "name": "g2", "teeth": 40 }] });
+    let push = |list: &mut Value, item: Value| list.as_array_mut().unwrap().push(item);
+    type Change<'a> = (&'a str, &'a str, Box<dyn Fn(&mut Value) + 'a>);
+    let cases: Vec<Change> = vec![
+        (
+            "/train/shafts/1/gears/0/name",
+            "a second gear called \"g0\"",
+            Box::new(|t| {
+                t["shafts"][1]["gears"][0]["name"] = json!("g0");
+            }),
+        ),
+        ("/train/shafts/1/name", "a second shaft called \"s0\"", Box::new(|t| t["shafts"][1]["name"] = json!("s0"))),
+        ("/train/meshes/0/gears", "the gear \"g0\" twice", Box::new(|t| t["meshes"][0]["gears"] = json!(["g0", "g0"]))),
+        (
+            "/train/meshes/2",
+            "a train that cannot turn: these contradict each other: the speed of s0, gear g0, mesh g0-g1, \
+          mesh g1-g2, mesh g2-g0",
+            Box::new(|t| {
+                push(&mut t["shafts"], third.clone());
+                push(&mut t["meshes"], json!({ "gears": ["g1", "g2"], "angle_deg": 120 }));
+                push(&mut t["meshes"], json!({ "gears": ["g2", "g0"] }));
+            }),
+        ),
+        (
+            "/train/shafts/2",
+            "nothing that determines the speed of s2",
+            Box::new(|t| push(&mut t["shafts"], third.clone())),
+        ),
+        (
+            "/train/shafts/1/speed_rpm",
+            "the speed of 2 shafts: s0, s1",
+            Box::new(|t| t["shafts"][1]["speed_rpm"] = json!(5)),
+        ),
+        ("/train/speed_rpm", "no shaft with a speed", Box::new(|t| t["shafts"][0]["speed_rpm"] = Value::Null)),
+        (
+            "/train/shafts/0/translation",
+            "s0: a shaft that nothing holds",
+            Box::new(|t| {
+                t["shafts"][0]["mass_kg"] = json!(1);
+                t["shafts"][0]["translation"] = json!({});
+            }),
+        ),
+        (
+            "/train/shafts/0/mass_kg",
+            "s0: no mass",
+            Box::new(|t| {
+                t["shafts"][0]["axial"] = json!({ "stiffness_n_per_m": 1e8 });
+            }),
+        ),
+        (
+            "/train/shafts",
+            "torques that do not balance: 50.000000 N m, counted on the shaft of the given speed, are left over",
+            Box::new(|t| t["shafts"][1]["torque_nm"] = json!(0)),
+        ),
+        (
+            "/train/shafts/1/torque_nm",
+            "\"balance\" on 2 shafts",
+            Box::new(|t| t["shafts"][0]["torque_nm"] = json!("balance")),
+        ),
+        (
+            "/train/meshes/0/gears",
+            "g0-g1: shafts 0.100000 m apart",
+            Box::new(|t| {
+                t["meshes"][0]["angle_deg"] = Value::Null;
+                t["shafts"][0]["position_m"] = json!([0, 0]);
+                t["shafts"][1]["position_m"] = json!([0.1, 0]);
+            }),
+        ),
+        (
+            "/train/meshes/0/angle_deg",
+            "g0-g1: an angle of 0.000000 deg",
+            Box::new(|t| {
+                t["shafts"][0]["position_m"] = json!([0, 0]);
+                t["shafts"][1]["position_m"] = json!([0, 0.07]);
+            }),
+        ),
+        (
+            "/train/meshes/0/gears",
+            "hands of g0 and g1 that do not match",
+            Box::new(|t| {
+                t["rack"]["helix_angle_deg"] = json!(15);
+                t["mesh"]["stiffness"] = json!(3e8);
+                for i in 0..2 {
+                    t["shafts"][i]["gears"][0]["hand"] = json!("left");
+                }
+            }),
+        ),
+        (
+            "/train/meshes/0/stiffness/kind",
+            "lines of contact of helical teeth without a face width",
+            Box::new(|t| {
+                t["rack"]["helix_angle_deg"] = json!(15);
+            }),
+        ),
+        (
+            "/train/meshes/1/rack",
+            "g1-g2: another rack than g0-g1 gives to g1",
+            Box::new(|t| {
+                push(&mut t["shafts"], third.clone());
+                push(&mut t["meshes"], json!({ "gears": ["g1", "g2"], "rack": { "module_m": 0.003 } }));
+            }),
+        ),
+        (
+            "/train/shafts/0/gears/0/inertia_kg_m2",
+            "g0: a loose gear without inertia",
+            Box::new(|t| {
+                t["shafts"][0]["inertia_kg_m2"] = json!(1);
+                t["shafts"][1]["speed_rpm"] = json!(100);
+                t["shafts"][0]["speed_rpm"] = Value::Null;
+                t["shafts"][0]["fixed"] = json!(true);
+                t["shafts"][0]["gears"][0]["inertia_kg_m2"] = json!(0);
+                t["shafts"][0]["gears"][0]["loose"] = json!(true);
+            }),
+        ),
+        (
+            "/train/shafts/1/inertia_kg_m2",
+            "s1: no inertia",
+            Box::new(|t| t["shafts"][1]["gears"][0]["inertia_kg_m2"] = json!(0)),
+        ),
+        (
+            "/train/shafts/0/motion",
+            "s0: a given motion beside torques or \"fixed\"",
+            Box::new(|t| {
+                t["shafts"][0]["motion"] = json!([{ "order": 2, "angle_rad": 1e-3 }]);
+            }),
+        ),
+        (
+            "/train/shafts/0/orders/phase_rad",
+            "a list of 2",
+            Box::new(|t| {
+                t["shafts"][0]["orders"] = json!({ "order": [1], "torque_nm": [3], "phase_rad": [1, 2] });
+            }),
+        ),
+    ];
+    for (pointer, found, change) in cases {
+        let mut train = good.clone();
+        change(&mut train);
+        let got = faults(&train);
+        assert!(got.contains(&(pointer.to_owned(), found.to_owned())), "{pointer} {found}:\n{got:#?}");
+    }
+    // Two independent faults at once.
+    let mut train = good;
+    train["shafts"][1]["gears"][0]["inertia_kg_m2"] = json!(0);
+    train["shafts"][0]["axial"] = json!({ "stiffness_n_per_m": 1e8 });
+    assert_eq!(faults(&train).len(), 2);
+}
+
+/// Planets at positions where no teeth fit, and rings of other sizes than their stage.
+#[test]
+fn stages_that_do_not_close() {
+    let stage = |sun: u32, ring: u32| {
+        let mut train = example("four-planets")["train"].clone();
+        train["stages"][0]["sun"]["teeth"] = json!(sun);
+        train["stages"][0]["ring"]["teeth"] = json!(ring);
+        faults(&train)
+    };
+    assert_eq!(stage(28, 68), []);
+    let odd = stage(29, 69);
+    assert_eq!(odd.len(), 2, "{odd:?}");
+    assert!(odd[0].1.starts_with("teeth of stage planet 2 and stage ring that are 0.5000 of a pitch apart"), "{odd:?}");
+    let large = stage(28, 80);
+    assert!(large.iter().all(|fault| fault.1.contains("m apart")) && large.len() == 4, "{large:?}");
+}
+
+/// A table of orders is the list of its rows; amplitudes of angle, speed and acceleration of one motion are one motion.
+#[test]
+fn orders() {
+    let of = |key: &str, orders: Value| {
+        let mut train = example("loose-gear")["train"].clone();
+        train["shafts"][0][key] = orders;
+        spec(&train)
+    };
+    let (omega, alpha) = (2.0 * TAU * 800.0 / 60.0, 486.5);
+    let list = |amplitude: &str, value: f64, phase: f64| json!([{ "order": 2, amplitude: value, "phase_rad": phase }]);
+    let wanted = of("motion", list("acceleration_rad_per_s2", alpha, 0.0));
+    for (amplitude, value, phase) in
+        [("angle_rad", alpha / (omega * omega), PI), ("speed_rpm", alpha / omega * 60.0 / TAU, -FRAC_PI_2)]
+    {
+        let got = of("motion", list(amplitude, value, phase));
+        for t in [0.0, 1e-3, 0.0123] {
+            let [a, b] = [&got, &wanted].map(|spec| spec.contacts[0].error_at(t));
+            assert!((a[0] - b[0]).abs() < 1e-15 && (a[1] - b[1]).abs() < 1e-12, "{amplitude} {t}: {a:?} {b:?}");
+        }
+    }
+    let table = json!({ "order": [2], "acceleration_rad_per_s2": [alpha] });
+    assert_eq!(of("motion", table), wanted);
+    let mut train = example("three-shaft-box")["train"].clone();
+    let listed = spec(&train);
+    train["shafts"][0]["orders"] = json!({ "order": ["2/1"], "torque_nm": [60], "phase_rad": [0] });
+    assert_eq!(spec(&train), listed);
+}
+
+/// A preset with other teeth takes what follows from them, or asks for it; it never keeps the old numbers.
+#[test]
+fn presets_with_other_teeth() {
+    let trap = json!({ "kind": "planetary", "preset": "reference-light", "freedoms": "full", "speed_rpm": 1500,
+        "teeth": { "sun": 28, "planet": 20, "ring": 68 }, "planets": 4,
+        "rack": { "module_m": 0.003, "pressure_angle_deg": 20, "profile_shift": { "sun": 0, "planet": 0, "ring": 0 } } });
+    let places: Vec<String> = faults(&trap).into_iter().map(|(place, _)| place).collect();
+    for wanted in ["/train/sun", "/train/planet", "/train/ring", "/train/carrier"] {
+        assert!(places.iter().any(|place| place.starts_with(wanted)), "{wanted} {places:?}");
+    }
+    let mut whole = trap;
+    for (body, inertia) in [("sun", 0.0012), ("planet", 0.0003), ("ring", 0.05), ("carrier", 0.03)] {
+        whole[body] = json!({ "inertia_kg_m2": inertia });
+    }
+    for mesh in ["sun_mesh", "ring_mesh"] {
+        whole[mesh] = json!({ "stiffness": { "kind": "hertz" } });
+    }
+    let spec = spec(&whole);
+    let base = 0.042 * 20f64.to_radians().cos();
+    assert_relative_eq!(spec.mass[(2, 2)], 0.0012 / (base * base), max_relative = 1e-14);
+}
+
+/// `"quasi-static"` starts on the flank with the errors of the start and moves with them; `"static"` warns where they pass the gap.
+#[test]
+fn starts_that_include_the_errors() {
+    let example = example("loose-gear");
+    let scene = |initial: &str| {
+        let scene = starting(&example, initial);
+        Scene::from_json(&scene.to_string(), "loose").unwrap().build().unwrap()
+    };
+    let (still, moved) = (scene("static"), scene("quasi-static"));
+    assert!(
+        still.warnings.iter().any(|warning| warning.message.contains("inside its back flank")),
+        "{:?}",
+        still.warnings
+    );
+    assert_eq!(moved.warnings, []);
+    let contact = &moved.spec.contacts[0];
+    let [error, rate] = contact.error_at(0.0);
+    let force = 0.3 / (38.0 * 0.00125 * 20f64.to_radians().cos());
+    let g = contact.direction[0];
+    assert_relative_eq!(g * moved.q0[0] - error - 5e-5, force / 2e8, max_relative = 1e-9);
+    assert!((g * moved.v0[0] - rate).abs() < 1e-15);
+}
+
+fn starting(scene: &Value, initial: &str) -> Value {
+    let mut scene = scene.clone();
+    scene["initial"] = json!(initial);
+    scene
+}
+
+/// The stage as a whole turns as its planets do: the constant drag of a pin brakes, and the sun brings what it takes.
+#[test]
+fn drag_of_planets_enters_the_balance() {
+    let mut train = example("four-planets")["train"].clone();
+    let still = equilibrium(&spec(&train)).unwrap().forces;
+    train["stages"][0]["planet"]["drag"] = json!({ "torque_nm": 0.1 });
+    let braked = equilibrium(&spec(&train)).unwrap().forces;
+    // A planet turns against its pin: its sun mesh gets more force than its ring mesh, by T/r_b.
+    let base = 0.03 * 20f64.to_radians().cos();
+    for i in 0..4 {
+        assert_relative_eq!(still[i], still[4 + i], max_relative = 1e-9);
+        assert_relative_eq!(braked[i] - braked[4 + i], 0.1 / base, max_relative = 1e-6);
+    }
 }

@@ -54,7 +54,8 @@ fn read(root: &Node) -> Option<Built> {
             .at("frame")
             .warn("this train's frame does not turn: fixed and rotating are the same");
     }
-    let (q0, v0, memory) = initial::read(&root.at("initial"), &spec, run.start_cycle as f64 * run.period.unwrap_or(0.0));
+    let (q0, v0, memory) =
+        initial::read(&root.at("initial"), &spec, run.start_cycle as f64 * run.period.unwrap_or(0.0));
     Some(Built {
         dimensionless: root.units == Units::None,
         carrier_speed,

@@ -90,7 +90,9 @@ impl<'a> Reading<'a> {
 
     fn report(&self, node: &Node<'a>, fault: &GearboxFault) {
         let place = self.place(node, fault.part);
-        let place = if fault.key.is_empty() { place } else { place.at(fault.key) };
+        // The meshes of a stage are not written one by one.
+        let is_own = !matches!(fault.part, Part::Mesh(_)) || place.at(fault.key).written().is_some();
+        let place = if fault.key.is_empty() || !is_own { place } else { place.at(fault.key) };
         place.fault(fault.found.clone(), fault.allowed.clone(), fault.remedy.clone());
     }
 
@@ -153,7 +155,8 @@ impl<'a> Reading<'a> {
         let names: Vec<&str> = self.gearbox.gears.iter().map(|gear| gear.name.as_str()).collect();
         let pair = node.at("gears");
         let Some([one, two]) = both(&pair, "gear", &names) else { return };
-        let name = node.at("name").written().map_or_else(|| format!("{}-{}", names[one], names[two]), |n| n.text().into());
+        let name =
+            node.at("name").written().map_or_else(|| format!("{}-{}", names[one], names[two]), |n| n.text().into());
         if self.gearbox.gears[one].is_ring && self.gearbox.gears[two].is_ring {
             pair.refuse("one ring at most", "leave \"internal\" out of the pinion");
         }
@@ -187,13 +190,18 @@ impl<'a> Reading<'a> {
         let stage = node.at("name").text();
         let names: Vec<&str> = self.gearbox.shafts.iter().map(|shaft| shaft.name.as_str()).collect();
         let (sun_node, planet_node, ring_node) = (node.at("sun"), node.at("planet"), node.at("ring"));
-        let found = [&sun_node.at("shaft"), &ring_node.at("shaft"), &node.at("carrier")].map(|name| find(name, "shaft", &names));
+        let found = [&sun_node.at("shaft"), &ring_node.at("shaft"), &node.at("carrier")]
+            .map(|name| find(name, "shaft", &names));
         let [Some(sun_shaft), Some(ring_shaft), Some(carrier)] = found else { return };
         let degrees = node.at("positions_deg").numbers().into_iter().map(f64::to_radians);
-        let positions = node.at("planets").written().map_or_else(|| degrees.collect(), |n| equally_spaced(n.whole() as usize));
+        let positions =
+            node.at("planets").written().map_or_else(|| degrees.collect(), |n| equally_spaced(n.whole() as usize));
         let errors = node.at("pin_errors_m").written();
         if let Some(errors) = errors.clone().filter(|errors| errors.items().len() != positions.len()) {
-            errors.refuse(format!("{} numbers, one for each planet", positions.len()), "write one number for each planet");
+            errors.refuse(
+                format!("{} numbers, one for each planet", positions.len()),
+                "write one number for each planet",
+            );
         }
         let errors = errors.map_or_else(Vec::new, |errors| errors.numbers());
         self.gearbox.coaxial.extend([[sun_shaft, carrier], [ring_shaft, carrier]]);
@@ -260,7 +268,8 @@ fn find(node: &Node, what: &str, names: &[&str]) -> Option<usize> {
     let found = names.iter().position(|name| *name == node.text());
     if found.is_none() {
         let near = fault::nearest(node.text(), names.iter().copied());
-        let remedy = near.map_or_else(|| format!("name one of the {what}s"), |near| format!("did you mean \"{near}\"?"));
+        let remedy =
+            near.map_or_else(|| format!("name one of the {what}s"), |near| format!("did you mean \"{near}\"?"));
         node.refuse(format!("the name of a {what}: {}", names.join(", ")), remedy);
     }
     found

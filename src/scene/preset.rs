@@ -44,10 +44,28 @@ pub(super) fn expand(scene: &Value) -> Value {
     // A preset that does not exist is one fault, not one for each key it would have brought.
     let (_, text) = known.unwrap_or(&PRESETS[0]);
     if let Ok(Value::Object(mut base)) = serde_json::from_str(text).map(|mut file: Value| file["train"].take()) {
+        if train.get("rack").is_some() || train.get("teeth").is_some_and(|teeth| base.get("teeth") != Some(teeth)) {
+            drop_what_teeth_give(&mut base);
+        }
         overlay(&mut base, train);
         *train = base;
     }
     scene
+}
+
+/// Removes the numbers of a preset that follow from its teeth: other teeth bring their own, or are asked for them.
+fn drop_what_teeth_give(base: &mut Map<String, Value>) {
+    base.retain(|key, _| !(key.contains("pressure_angle") || key == "ring_phase"));
+    let parts: [(&[&str], &[&str]); 2] = [
+        (&["sun", "planet", "ring", "carrier"], &["radius_m", "outer_radius_m", "rotary_mass_kg"]),
+        (&["sun_mesh", "ring_mesh"], &["stiffness"]),
+    ];
+    for (parts, keys) in parts {
+        for part in parts {
+            let Some(Value::Object(part)) = base.get_mut(*part) else { continue };
+            keys.iter().for_each(|key| drop(part.remove(*key)));
+        }
+    }
 }
 
 /// Writes what all meshes of a gearbox have in common into each of them.

@@ -42,7 +42,8 @@ impl Gearbox {
             libm::hypot(a[0] - b[0], a[1] - b[1])
         };
         let of_gears = |i: usize, loose: bool| {
-            let mut own = (0..self.gears.len()).filter(|g| self.gears[*g].shaft == i && self.gears[*g].is_loose == loose);
+            let mut own =
+                (0..self.gears.len()).filter(|g| self.gears[*g].shaft == i && self.gears[*g].is_loose == loose);
             own.find_map(base)
         };
         let of_pins = |i: usize| {
@@ -67,7 +68,13 @@ impl Gearbox {
         let mut faults = Vec::new();
         for (i, shaft) in self.shafts.iter().enumerate() {
             let mut fault = |key, found: &str, allowed: &str, remedy: &str| {
-                faults.push(GearboxFault::new(Part::Shaft(i), key, format!("{}: {found}", shaft.name), allowed, remedy));
+                faults.push(GearboxFault::new(
+                    Part::Shaft(i),
+                    key,
+                    format!("{}: {found}", shaft.name),
+                    allowed,
+                    remedy,
+                ));
             };
             if self.turns(i) && self.inertia(i) <= 0.0 {
                 let remedy = "write inertia_kg_m2 on the shaft or a gear fixed on it";
@@ -77,13 +84,19 @@ impl Gearbox {
             for (key, support) in moves {
                 let Some(support) = support else { continue };
                 if self.mass(i) <= 0.0 {
-                    fault("mass_kg", "no mass", "a mass > 0 of a shaft that moves", "write mass_kg on the shaft or a gear on it");
+                    fault(
+                        "mass_kg",
+                        "no mass",
+                        "a mass > 0 of a shaft that moves",
+                        "write mass_kg on the shaft or a gear on it",
+                    );
                 }
                 let joined = |c: &&super::Coupling| {
                     c.shafts.contains(&i) && if key == "axial" { c.axial.is_some() } else { c.translation.is_some() }
                 };
                 if support.stiffness <= 0.0 && !self.couplings.iter().any(|c| joined(&c)) {
-                    let remedy = "write its stiffness, couple it to a shaft that is held, or leave the key out to hold it fast";
+                    let remedy =
+                        "write its stiffness, couple it to a shaft that is held, or leave the key out to hold it fast";
                     fault(key, "a shaft that nothing holds", "a stiffness > 0 of its bearings", remedy);
                 }
             }
@@ -98,19 +111,39 @@ impl Gearbox {
                     fault("translation", found, allowed, "leave translation out");
                 }
             }
-            if !shaft.motion.is_empty() && (shaft.is_fixed || shaft.torque != Torque::Given(0.0) || !shaft.orders.is_empty()) {
+            if !shaft.motion.is_empty()
+                && (shaft.is_fixed || shaft.torque != Torque::Given(0.0) || !shaft.orders.is_empty())
+            {
                 let found = "a given motion beside torques or \"fixed\"";
-                fault("motion", found, "either motion or torques: a given motion takes any torque", "remove one of them");
+                fault(
+                    "motion",
+                    found,
+                    "either motion or torques: a given motion takes any torque",
+                    "remove one of them",
+                );
             }
             let standing = layout.speed(i) == 0.0;
             if standing && !(shaft.motion.is_empty() && shaft.orders.is_empty()) {
-                fault("orders", "orders of a shaft that stands still", "orders of a shaft that turns", "give a speed, or remove them");
+                fault(
+                    "orders",
+                    "orders of a shaft that stands still",
+                    "orders of a shaft that turns",
+                    "give a speed, or remove them",
+                );
             }
         }
-        faults.extend(self.gears.iter().enumerate().filter(|(_, gear)| gear.is_loose && gear.inertia <= 0.0).map(|(i, gear)| {
-            let found = format!("{}: a loose gear without inertia", gear.name);
-            GearboxFault::new(Part::Gear(i), "inertia_kg_m2", found, "an inertia > 0", "write inertia_kg_m2 on the gear")
-        }));
+        faults.extend(self.gears.iter().enumerate().filter(|(_, gear)| gear.is_loose && gear.inertia <= 0.0).map(
+            |(i, gear)| {
+                let found = format!("{}: a loose gear without inertia", gear.name);
+                GearboxFault::new(
+                    Part::Gear(i),
+                    "inertia_kg_m2",
+                    found,
+                    "an inertia > 0",
+                    "write inertia_kg_m2 on the gear",
+                )
+            },
+        ));
         faults.extend(self.unbalanced(layout));
         faults
     }
@@ -157,13 +190,16 @@ impl Gearbox {
     }
 
     fn unbalanced(&self, layout: &Layout) -> Option<GearboxFault> {
-        let balance: Vec<usize> = (0..self.shafts.len()).filter(|i| self.shafts[*i].torque == Torque::Balance).collect();
+        let balance: Vec<usize> =
+            (0..self.shafts.len()).filter(|i| self.shafts[*i].torque == Torque::Balance).collect();
         let allowed = "torques that keep the mean speed";
         match balance[..] {
             [] => {
                 let (power, size) = self.power(layout);
                 let held = self.shafts.iter().any(|shaft| !shaft.motion.is_empty() || shaft.rotation.stiffness > 0.0);
-                let found = format!("torques that do not balance: {power:.6} N m, counted on the shaft of the given speed, are left over");
+                let found = format!(
+                    "torques that do not balance: {power:.6} N m, counted on the shaft of the given speed, are left over"
+                );
                 let remedy = "write \"torque_nm\": \"balance\" on the shaft that takes off the rest";
                 (!held && power.abs() > BALANCED * size)
                     .then(|| GearboxFault::new(Part::Train, "shafts", found, allowed, remedy))
@@ -330,7 +366,8 @@ impl Gearbox {
         }
         for coupling in &self.couplings {
             let [a, b] = coupling.shafts;
-            let across = |k: usize, scale: [f64; 2]| one(&[(OF_SHAFT * a + k, scale[0]), (OF_SHAFT * b + k, -scale[1])]);
+            let across =
+                |k: usize, scale: [f64; 2]| one(&[(OF_SHAFT * a + k, scale[0]), (OF_SHAFT * b + k, -scale[1])]);
             let reduced = |[x, y]: [f64; 2]| if x + y > 0.0 { x * y / (x + y) } else { 0.0 };
             let mass = reduced(coupling.shafts.map(|i| self.mass(i)));
             if let Some(support) = coupling.rotation {
@@ -377,7 +414,13 @@ impl Gearbox {
     }
 
     /// Radial and tangential stretch of the bearing of carried shaft `i`.
-    fn bearing(&self, layout: &Layout, radii: &[f64], i: usize, (carrier, psi): (usize, f64)) -> [Vec<(usize, f64)>; 2] {
+    fn bearing(
+        &self,
+        layout: &Layout,
+        radii: &[f64],
+        i: usize,
+        (carrier, psi): (usize, f64),
+    ) -> [Vec<(usize, f64)>; 2] {
         let (sin, cos) = libm::sincos(psi);
         let [centre, pin] = [layout.centres[carrier], layout.centres[i]];
         let lever = libm::hypot(pin[0] - centre[0], pin[1] - centre[1]) / radii[carrier];

@@ -263,6 +263,7 @@ impl Gearbox {
                 found.map_err(|error| faults.push(teeth_fault(i, &error.to_string()))).ok()
             })
             .collect();
+        faults.extend(self.meshes.iter().enumerate().filter_map(|(i, mesh)| self.second_rack(i, mesh)));
         let free: Vec<MeshGeometry> = free.into_iter().flatten().collect();
         if !faults.is_empty() {
             return Err(faults);
@@ -331,6 +332,26 @@ impl Gearbox {
             });
         }
         if faults.is_empty() { Ok((centres, lines)) } else { Err(faults) }
+    }
+
+    /// A gear of mesh `i` that has another rack in a mesh before.
+    fn second_rack(&self, i: usize, mesh: &super::GearMesh) -> Option<GearboxFault> {
+        let teeth = |mesh: &super::GearMesh| [mesh.rack.module, mesh.rack.pressure_angle, mesh.rack.helix_angle];
+        let other = self.meshes[..i].iter().find_map(|other| {
+            let gear = other.gears.iter().find(|gear| mesh.gears.contains(gear))?;
+            (teeth(other) != teeth(mesh)).then_some((other, *gear))
+        });
+        other.map(|(other, gear)| {
+            let found = format!("{}: another rack than {} gives to {}", mesh.name, other.name, self.gears[gear].name);
+            let allowed = "one module, pressure angle and helix angle for each gear";
+            GearboxFault::new(
+                Part::Mesh(i),
+                "rack",
+                found,
+                allowed,
+                "write the same rack, or use two gears on the shaft",
+            )
+        })
     }
 
     /// Centres as given, else from the meshes and axes that lead to them.
