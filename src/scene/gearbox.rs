@@ -240,7 +240,7 @@ impl<'a> Reading<'a> {
                 GearMesh { name, gears, rack, angle, phase: None }
             };
             meshes[0].push(mesh("sun", [sun, planet], Some(position)));
-            meshes[1].push(mesh("ring", [planet, ring], None));
+            meshes[1].push(mesh("ring", [planet, ring], Some(position + std::f64::consts::PI)));
         }
         for (own, key) in meshes.into_iter().zip(["sun_mesh", "ring_mesh"]) {
             for mesh in own {

@@ -1,6 +1,7 @@
 //! Random scenes, one function a class. The letters are those of the project's list of what must hold.
 
 pub mod derivatives;
+mod gearboxes;
 mod laws;
 mod masses;
 mod pairs;
@@ -40,7 +41,7 @@ const fn class(letter: &'static str, about: &'static str, make: fn(&mut Random) 
 }
 
 /// All classes.
-pub static CLASSES: [Class; 16] = [
+pub static CLASSES: [Class; 17] = [
     class("A", "rest and release", masses::rest_and_release),
     class("B", "pair from rest, errors at phase 0", pairs::from_rest),
     class("C", "pair started on a flank", pairs::on_flank),
@@ -56,6 +57,7 @@ pub static CLASSES: [Class; 16] = [
     class("P", "scan of phases", special::phases),
     class("Q", "detached modes", special::detached),
     class("V", "ill-conditioned mass matrices", masses::ill_conditioned),
+    class("Y", "gearboxes", gearboxes::gearboxes),
     class("S", "symmetric soft stages, simultaneous events", stages::symmetric),
 ];
 
