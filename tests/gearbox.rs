@@ -6,9 +6,12 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use approx::assert_relative_eq;
 use flank::{
+    Task,
     gear::{BasicRack, Gear, Stiffness},
+    orbit::Kind,
     scene::{Built, Scene},
     simulation::Simulation,
+    study::steady::{Rule, steady},
     system::{Spec, bonded_modes, equilibrium},
 };
 use serde_json::{Value, json};
@@ -396,6 +399,24 @@ fn the_rattle_threshold_of_a_loose_gear() {
     });
     // Resonance of the mesh raises the force by (ω/ω_n)², in proportion to 1/k.
     assert!(errors[0] > 5.0 * errors[1] && errors[1] > 5.0 * errors[2] && errors[2] < 1e-4, "{errors:?}");
+}
+
+/// A cycle of 15,606 mesh periods is not waited for: neighbours come together, so the motion is a torus, and the reason says so.
+#[test]
+fn a_long_common_cycle_is_a_torus() {
+    let mut scene = example("three-shaft-box");
+    scene["train"]["shafts"][0]["speed_rpm"] = json!(1000);
+    let scene = Scene::from_json(&scene.to_string(), "box").unwrap();
+    let rule = Rule { irregular_cycles: 10, ..Rule::default() };
+    let found = steady(scene, None, &rule, Task::default()).unwrap();
+    assert_eq!((found.motion.kind, found.motion.period, found.measured_cycles), (Kind::QuasiPeriodic, None, 10));
+    assert!(found.motion.reason.unwrap().contains("15606 cycles"));
+    // The slowest decay is that of the speed, by the viscous drag of the lay shaft over all inertias: c/ΣI i².
+    let [exponent, band] = found.motion.exponent.unwrap();
+    let (i, j) = (27.0 / 51.0, 27.0 / 51.0 * 23.0 / 34.0);
+    let inertia = 0.0045 + 0.0063 * i * i + 0.0214 * j * j;
+    let rate = 0.5 * 0.002 * i * i / inertia;
+    assert!((exponent + 2.0 * rate).abs() < 1e-3 * rate + 3.0 * band, "{exponent} {band} {rate}");
 }
 
 /// Trains that cannot be are refused with the names of what is at fault, and everything at once.

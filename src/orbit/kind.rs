@@ -92,12 +92,12 @@ impl Default for Watching {
 
 /// Digits of a weighted average from which a motion is regular, and up to which it may be chaotic (Sander and Meiss 2020; thresholds by
 /// computation on a chaotic pair and a circle map).
-const REGULAR: f64 = 6.0;
+pub(super) const REGULAR: f64 = 6.0;
 const IRREGULAR: f64 = 4.0;
 /// Share of its mean below which an observable does not change.
 const STAYS: f64 = 1e-8;
 /// Bands within which an exponent counts as zero.
-const BANDS: f64 = 3.0;
+pub(super) const BANDS: f64 = 3.0;
 /// Growth of the state, in the largest state of the first cycles, that is an escape.
 const ESCAPED: f64 = 1e6;
 /// Share to which returns fall in each of the last quarters of a run that still decays.
@@ -109,10 +109,10 @@ const CLEARLY: f64 = 10.0;
 /// Exponent times period that rounding makes of zero.
 const ROUNDED: f64 = 1e-9;
 /// Logarithm of a growth of rounding up to which an orbit is known at all.
-const DETERMINED: f64 = 32.0;
+pub(super) const DETERMINED: f64 = 32.0;
 /// Logarithm of a growth below which neighbours have not parted: those on a torus part in proportion to time, some hundred times in as many
 /// cycles, which looks like an exponent.
-const PARTED: f64 = 10.0;
+pub(super) const PARTED: f64 = 10.0;
 /// Distance of two sections, in scales, below which a run stands on an orbit.
 const STANDS: f64 = 1e-9;
 /// Push away from an unstable orbit, in sizes of the state.
@@ -123,6 +123,9 @@ pub(crate) const CLOSES: f64 = 1e-6;
 const SHORT: usize = 16;
 /// Periods up to which an orbit is looked for once neighbours are known to come together.
 pub(crate) const LONG: u32 = 64;
+
+/// Why a motion is undecided whose tangent is not known.
+pub(super) const UNRESOLVED: &str = "the derivative along a step of its motion cannot be resolved";
 
 /// Why a motion is transient.
 pub(crate) fn still_closing(cycles: u64) -> String {
@@ -190,15 +193,15 @@ fn digits(values: &[f64]) -> f64 {
 }
 
 /// Further cycles of a motion, and what they tell of it.
-struct Watched<'m, 's> {
+pub(super) struct Watched<'m, 's> {
     map: &'m SectionMap<'s>,
     drift: &'m Drift,
-    frame: Frame<'m>,
+    pub frame: Frame<'m>,
     /// Logarithms of the growth of the column, a row for each cycle.
-    rows: Vec<Vec<f64>>,
+    pub rows: Vec<Vec<f64>>,
     /// In which cycles rest has taken its rank.
     lost: Vec<bool>,
-    sections: Vec<Section>,
+    pub sections: Vec<Section>,
     observables: [Vec<f64>; 4],
     is_settled: bool,
 }
@@ -261,7 +264,7 @@ impl Figures {
 }
 
 impl<'m, 's> Watched<'m, 's> {
-    fn new(map: &'m SectionMap<'s>, drift: &'m Drift, state: &State, is_settled: bool) -> Self {
+    pub fn new(map: &'m SectionMap<'s>, drift: &'m Drift, state: &State, is_settled: bool) -> Self {
         let simulation = map.simulation();
         let mut frame = Frame::single(simulation, drift);
         frame.start(state);
@@ -270,7 +273,7 @@ impl<'m, 's> Watched<'m, 's> {
     }
 
     /// Runs one cycle more. Whether it ended.
-    fn cycle(&mut self, engine: &mut Engine<'s>, observer: &mut dyn Observer) -> Result<bool, SimulationError> {
+    pub fn cycle(&mut self, engine: &mut Engine<'s>, observer: &mut dyn Observer) -> Result<bool, SimulationError> {
         let at = self.map.simulation().clock().at(engine.state().at.cycle + 1, 0.0);
         if engine.run(at, &mut (&mut self.frame, observer))? != Outcome::ReachedEnd {
             return Ok(false);
@@ -283,7 +286,7 @@ impl<'m, 's> Watched<'m, 's> {
         Ok(true)
     }
 
-    fn figures(&self, period: f64) -> Figures {
+    pub fn figures(&self, period: f64) -> Figures {
         let half = if self.is_settled { 0 } else { self.rows.len() / 2 };
         let figures = Figures::new(&self.rows[half..], self.observables.iter().map(|values| &values[half..]), period);
         let is_lost = self.lost[half..].contains(&true);
@@ -397,8 +400,7 @@ pub fn decide<'s>(
             }
         }
         if watched.frame.is_unresolved() {
-            let reason = "the derivative along a step of its motion cannot be resolved";
-            return ends(motion, Kind::Undecided, Some(reason.to_owned()));
+            return ends(motion, Kind::Undecided, Some(UNRESOLVED.to_owned()));
         }
         let figures = watched.figures(period);
         motion.exponent = Some([figures.exponent, figures.band]).filter(|e| e.iter().all(|e| e.is_finite()));

@@ -18,6 +18,7 @@ pub(crate) mod rest;
 mod search;
 mod section;
 mod shooting;
+mod torus;
 pub(crate) mod unknowns;
 pub mod words;
 
@@ -31,5 +32,6 @@ pub use newton::{Missed, Orbit};
 pub use report::components;
 pub use search::{Found, LONGEST, Search, Searched};
 pub use section::{Image, Section, SectionMap};
+pub use torus::decide_on_torus;
 pub use unknowns::Drift;
 pub(crate) use unknowns::Unknowns;

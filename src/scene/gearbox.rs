@@ -304,7 +304,8 @@ fn read_drag(node: &Node) -> Drag {
 /// Orders from a list of them, or from columns.
 fn read_orders(node: &Node) -> Vec<Order> {
     const RPM: f64 = std::f64::consts::TAU / 60.0;
-    let kinds: [(&str, fn(f64) -> Amplitude); 4] = [
+    type Kind = (&'static str, fn(f64) -> Amplitude);
+    let kinds: [Kind; 4] = [
         ("torque_nm", Amplitude::Torque),
         ("angle_rad", Amplitude::Angle),
         ("speed_rpm", |rpm| Amplitude::Speed(rpm * RPM)),

@@ -7,7 +7,7 @@ use crate::{
     analysis::{ContactReport, Contacts, Grid, Sample, Spectrum, Trajectory, Window, cycles_later},
     engine::{Engine, Observer, Outcome, State},
     hybrid::{Clock, ContactMode, ContactView},
-    orbit::{Approach, Motion, Section, SectionMap, Watching, decide},
+    orbit::{Approach, Approached, Motion, Section, SectionMap, Watching, decide, decide_on_torus},
     scene::Scene,
     simulation::Simulation,
     system::Structure,
@@ -106,6 +106,9 @@ const PER_CYCLE: u32 = 256;
 /// Cycles that are run at least where a cycle is several periods of the scene's clock: until an orbit is found, and for a first average.
 const COMMON_CYCLES: u64 = 8;
 const WATCHED_COMMON_CYCLES: u64 = 200;
+/// Periods of the clock up to which a common cycle of all forcing is waited for. Longer ones are treated as a torus: an orbit needs several
+/// cycles to be found, and its word and sections fill the row.
+const LONGEST: u64 = 1000;
 /// Harmonics kept.
 const HARMONICS: usize = 8;
 
@@ -118,6 +121,9 @@ const HARMONICS: usize = 8;
 /// [`StudyError`]; [`StudyError::Interrupted`] once `task` is cancelled.
 pub fn steady(scene: impl Into<Scene>, seed: Option<&Seed>, rule: &Rule, task: Task<'_>) -> Result<Steady, StudyError> {
     let scene = Simulation::from_scene(scene)?;
+    if let Some(why) = long_cycle(&scene) {
+        return on_torus(&scene, seed, rule, &why, task);
+    }
     let common = scene.clone().in_common_cycles()?;
     let (start, seeded) = start(&common, seed)?;
     let verifier = |state: &State| common.settings.verify.then(|| common.verifier(state));
@@ -141,6 +147,38 @@ pub fn steady(scene: impl Into<Scene>, seed: Option<&Seed>, rule: &Rule, task: T
         check.and_then(|check| check.difference()).map_or(measured, |difference| Err(difference.into()))
     });
     // A difference breaks the run off: it is the reason for what else went wrong.
+    check.and_then(|check| check.difference()).map_or(steady, |difference| Err(difference.into()))
+}
+
+/// Why no cycle of all forcing is waited for, if it is long.
+fn long_cycle(simulation: &Simulation) -> Option<String> {
+    let periods = simulation.structure.common_cycle().ok().filter(|periods| *periods > LONGEST)?;
+    Some(format!("all forcing repeats after {periods} cycles only, more than {LONGEST}: its cycle is not waited for"))
+}
+
+/// The steady motion under forcing that repeats too late to be followed over its cycle.
+fn on_torus(
+    simulation: &Simulation,
+    seed: Option<&Seed>,
+    rule: &Rule,
+    why: &str,
+    task: Task<'_>,
+) -> Result<Steady, StudyError> {
+    let (start, seeded) = start(simulation, seed)?;
+    let mut check = simulation.settings.verify.then(|| simulation.verifier(&start));
+    let map = SectionMap::new(simulation)?;
+    let mut engine = simulation.engine(start)?;
+    let steady = (|| {
+        go_on(&mut engine, simulation.clock(), rule.approach.most_cycles, &mut check, task)?;
+        let mut motion = if rule.decides {
+            let decided = decide_on_torus(&map, &mut engine, why, Watching::default(), &mut check, task)?;
+            decided.ok_or_else(|| broken(&engine, task))?
+        } else {
+            Motion { reason: Some(why.to_owned()), ..Motion::of(&Approached::default()) }
+        };
+        motion.cycles += rule.approach.most_cycles;
+        measure(simulation, &mut engine, motion, (seeded, rule), &mut check, task)
+    })();
     check.and_then(|check| check.difference()).map_or(steady, |difference| Err(difference.into()))
 }
 
@@ -257,7 +295,7 @@ fn measure(
     let structure = &simulation.structure;
     let count = structure.contact_count();
     // The motion counts cycles after which all forcing repeats.
-    let whole = structure.common_cycle().unwrap_or(1);
+    let whole = structure.common_cycle().ok().filter(|periods| *periods <= LONGEST).unwrap_or(1);
     let cycles = match motion.period {
         Some(period) => rule.measured_cycles.max(1).next_multiple_of(period * whole),
         None => rule.irregular_cycles.max(1).next_multiple_of(whole),

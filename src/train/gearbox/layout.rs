@@ -52,6 +52,11 @@ pub struct Layout {
     pub lines: Vec<Line>,
 }
 
+/// The given speed, rad/s, and the speeds of shafts and gears relative to it.
+type Turning = (f64, Vec<Speed>, Vec<Speed>);
+/// Centres of the shafts, and the meshes between them.
+type Placed = (Vec<[f64; 2]>, Vec<Line>);
+
 impl Layout {
     /// Mean speed of shaft `i`, rad/s, counter-clockwise positive.
     #[must_use]
@@ -108,8 +113,7 @@ impl Gearbox {
     }
 
     /// The given speed, rad/s, and the speeds of shafts and gears relative to it.
-    #[allow(clippy::type_complexity)]
-    fn solve_speeds(&self) -> Result<(f64, Vec<Speed>, Vec<Speed>), Vec<GearboxFault>> {
+    fn solve_speeds(&self) -> Result<Turning, Vec<GearboxFault>> {
         let given: Vec<usize> = (0..self.shafts.len()).filter(|i| self.shafts[*i].rpm.is_some()).collect();
         let [driver] = given[..] else {
             let names = given.iter().map(|i| self.shafts[*i].name.as_str()).collect::<Vec<_>>().join(", ");
@@ -253,7 +257,7 @@ impl Gearbox {
     }
 
     /// Centres of the shafts, and the meshes where they stand; senses, hands and phases are set later.
-    fn place(&self) -> Result<(Vec<[f64; 2]>, Vec<Line>), Vec<GearboxFault>> {
+    fn place(&self) -> Result<Placed, Vec<GearboxFault>> {
         let mut faults = Vec::new();
         let free: Vec<Option<MeshGeometry>> = (0..self.meshes.len())
             .map(|i| {

@@ -25,6 +25,7 @@
 mod assemble;
 mod kinematics;
 mod layout;
+mod loads;
 mod phases;
 
 pub use layout::{Layout, Line};

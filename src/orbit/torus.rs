@@ -1,0 +1,74 @@
+//! The kind of a motion whose forcing repeats too late to wait for.
+
+use super::{
+    Approached, Kind, Motion, SectionMap, Watching,
+    kind::{BANDS, DETERMINED, Figures, PARTED, REGULAR, UNRESOLVED, Watched},
+    unknowns::ACCELERATES,
+};
+use crate::{
+    engine::{Engine, Observer},
+    simulation::SimulationError,
+    task::Task,
+};
+
+/// Doublings beyond those of a motion whose sections are compared too: a period of the clock is short against the cycle of the forcing.
+const MORE: u32 = 2;
+
+/// Decides the kind of a motion whose forcing has no cycle that could be waited for, as `why` tells, by the largest exponent and weighted
+/// averages over periods of the clock. Neighbours that come together follow the forcing: the motion is a torus. `None` if the run is
+/// broken off.
+///
+/// # Errors
+/// [`SimulationError`] if the run fails.
+pub fn decide_on_torus<'s>(
+    map: &SectionMap<'s>,
+    engine: &mut Engine<'s>,
+    why: &str,
+    watching: Watching,
+    observer: &mut dyn Observer,
+    task: Task<'_>,
+) -> Result<Option<Motion>, SimulationError> {
+    let (simulation, drift) = (map.simulation(), map.drift());
+    let period = simulation.period()?;
+    let mut motion = Motion { distance: 0.0, ..Motion::of(&Approached::default()) };
+    let ends = |motion: Motion, kind, reason: String| Ok(Some(Motion { kind, reason: Some(reason), ..motion }));
+    if drift.accelerates(simulation) {
+        return ends(motion, Kind::Transient, ACCELERATES.to_owned());
+    }
+    let mut watched = Watched::new(map, &drift, engine.state(), watching.is_settled);
+    let doublings = watching.doublings + MORE;
+    for doubled in 0..=doublings {
+        while (watched.rows.len() as u64) < watching.cycles << doubled {
+            if !watched.cycle(engine, observer)? || task.is_cancelled() {
+                return Ok(None);
+            }
+            // The averages are of observables; sections are not compared.
+            watched.sections.clear();
+            motion.cycles += 1;
+        }
+        if watched.frame.is_unresolved() {
+            return ends(motion, Kind::Undecided, UNRESOLVED.to_owned());
+        }
+        let figures = watched.figures(period);
+        let Figures { exponent, band, .. } = figures;
+        motion.exponent = Some([exponent, band]).filter(|e| e.iter().all(|e| e.is_finite()));
+        let closes = exponent + BANDS * band < 0.0;
+        // A slow decay of a speed that moves no contact may last longer than any run: averages tell that the rest has settled.
+        let has_settled = exponent * period * watched.rows.len() as f64 <= -PARTED || figures.digits >= REGULAR;
+        if closes && has_settled || figures.is_regular(period) {
+            return ends(motion, Kind::QuasiPeriodic, why.to_owned());
+        }
+        // Neighbours on a torus part in proportion to time, never by so much: the averages of intermittent chaos need not scatter.
+        let parts = doubled == doublings && figures.parts() && figures.whole > DETERMINED;
+        if parts || figures.is_chaotic(period, doubled == doublings) {
+            return ends(motion, Kind::Chaotic, why.to_owned());
+        }
+        if closes && doubled == doublings {
+            let reason =
+                format!("neighbours still come together after {} cycles, and averages have not settled", motion.cycles);
+            return ends(motion, Kind::Transient, reason);
+        }
+    }
+    let reason = watched.figures(period).reason(motion.cycles, Some(why.to_owned()));
+    ends(motion, Kind::Undecided, reason)
+}

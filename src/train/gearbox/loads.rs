@@ -1,0 +1,238 @@
+//! Masses, torques and frictions of a gearbox, and what is wrong with them.
+
+use super::{Drag, GearMesh, Gearbox, GearboxFault, Layout, Order, Part, Torque, layout::ratio};
+
+/// Mass of what does not give way, kg: far above all others, with products that a double holds.
+const FRAME: f64 = 1e30;
+/// Torques balance to rounding of the numbers in a scene.
+const BALANCED: f64 = 1e-6;
+
+pub(super) fn sign(x: f64) -> f64 {
+    if x < 0.0 { -1.0 } else { 1.0 }
+}
+
+impl Gearbox {
+    /// What cannot be about masses, supports, torques and orders.
+    #[must_use]
+    pub fn faults(&self, layout: &Layout) -> Vec<GearboxFault> {
+        let mut faults = Vec::new();
+        for (i, shaft) in self.shafts.iter().enumerate() {
+            let mut fault = |key, found: &str, allowed: &str, remedy: &str| {
+                faults.push(GearboxFault::new(
+                    Part::Shaft(i),
+                    key,
+                    format!("{}: {found}", shaft.name),
+                    allowed,
+                    remedy,
+                ));
+            };
+            if self.turns(i) && self.inertia(i) <= 0.0 {
+                let remedy = "write inertia_kg_m2 on the shaft or a gear fixed on it";
+                fault("inertia_kg_m2", "no inertia", "a shaft with inertia > 0", remedy);
+            }
+            let moves = [("translation", shaft.translation), ("axial", shaft.axial)];
+            for (key, support) in moves {
+                let Some(support) = support else { continue };
+                if self.mass(i) <= 0.0 {
+                    fault(
+                        "mass_kg",
+                        "no mass",
+                        "a mass > 0 of a shaft that moves",
+                        "write mass_kg on the shaft or a gear on it",
+                    );
+                }
+                let joined = |c: &&super::Coupling| {
+                    c.shafts.contains(&i) && if key == "axial" { c.axial.is_some() } else { c.translation.is_some() }
+                };
+                if support.stiffness <= 0.0 && !self.couplings.iter().any(|c| joined(&c)) {
+                    let remedy =
+                        "write its stiffness, couple it to a shaft that is held, or leave the key out to hold it fast";
+                    fault(key, "a shaft that nothing holds", "a stiffness > 0 of its bearings", remedy);
+                }
+            }
+            if shaft.translation.is_some() && shaft.carried.is_none() {
+                let is_here = |mesh: &&GearMesh| mesh.gears.iter().any(|gear| self.gears[*gear].shaft == i);
+                let mut frames = self.meshes.iter().filter(is_here).map(|mesh| self.frame_of(mesh.gears));
+                let first = frames.next();
+                if frames.any(|frame| Some(frame) != first) {
+                    let found = "a shaft that moves sideways and meshes with planets and with other gears";
+                    let allowed = "meshes in one frame: equations with a turning and a fixed frame are not of constant coefficients";
+                    fault("translation", found, allowed, "leave translation out");
+                }
+            }
+            if !shaft.motion.is_empty()
+                && (shaft.is_fixed || shaft.torque != Torque::Given(0.0) || !shaft.orders.is_empty())
+            {
+                let found = "a given motion beside torques or \"fixed\"";
+                fault(
+                    "motion",
+                    found,
+                    "either motion or torques: a given motion takes any torque",
+                    "remove one of them",
+                );
+            }
+            let standing = layout.speed(i) == 0.0;
+            if standing && !(shaft.motion.is_empty() && shaft.orders.is_empty()) {
+                fault(
+                    "orders",
+                    "orders of a shaft that stands still",
+                    "orders of a shaft that turns",
+                    "give a speed, or remove them",
+                );
+            }
+        }
+        faults.extend(self.gears.iter().enumerate().filter(|(_, gear)| gear.is_loose && gear.inertia <= 0.0).map(
+            |(i, gear)| {
+                let found = format!("{}: a loose gear without inertia", gear.name);
+                GearboxFault::new(
+                    Part::Gear(i),
+                    "inertia_kg_m2",
+                    found,
+                    "an inertia > 0",
+                    "write inertia_kg_m2 on the gear",
+                )
+            },
+        ));
+        faults.extend(self.unbalanced(layout));
+        faults
+    }
+
+    /// Tells that the rotation of a shaft is a freedom.
+    pub(super) fn turns(&self, i: usize) -> bool {
+        let shaft = &self.shafts[i];
+        shaft.motion.is_empty() && !(shaft.is_fixed && shaft.rotation.stiffness == 0.0)
+    }
+
+    /// Speeds of a body and of what its friction acts against, relative to the given speed: `(body, other)`.
+    pub(super) fn slip(&self, layout: &Layout, part: Part) -> f64 {
+        let (own, other) = match part {
+            Part::Gear(i) if self.gears[i].is_loose => (layout.gears[i], Some(self.gears[i].shaft)),
+            Part::Gear(i) => (layout.gears[i], None),
+            Part::Shaft(i) => (layout.shafts[i], self.shafts[i].carried.map(|(carrier, _)| carrier)),
+            _ => return 0.0,
+        };
+        layout.rate(own) - other.map_or(0.0, |shaft| layout.speed(shaft))
+    }
+
+    /// All frictions.
+    pub(super) fn drags(&self) -> impl Iterator<Item = (Part, Drag)> {
+        let shafts = self.shafts.iter().enumerate().map(|(i, shaft)| (Part::Shaft(i), shaft.drag));
+        let gears = self.gears.iter().enumerate().map(|(i, gear)| (Part::Gear(i), gear.drag));
+        shafts.chain(gears).filter(|(_, drag)| *drag != Drag::default())
+    }
+
+    /// Power that enters by given torques and leaves by friction, over the given speed, N m, and the sum of the sizes of all parts.
+    fn power(&self, layout: &Layout) -> (f64, f64) {
+        // At rest the ratios of speeds still tell which torque balances which.
+        let scale = if layout.omega > 0.0 { layout.omega } else { 1.0 };
+        let speed = |i: usize| ratio(layout.shafts[i]).abs();
+        let given = self.shafts.iter().enumerate().map(|(i, shaft)| match shaft.torque {
+            Torque::Given(torque) => torque * speed(i),
+            Torque::Balance => 0.0,
+        });
+        let lost = self.drags().map(|(part, drag)| {
+            let slip = self.slip(layout, part).abs();
+            -(drag.constant + drag.viscous * slip) * slip / scale
+        });
+        let parts: Vec<f64> = given.chain(lost).collect();
+        (parts.iter().sum(), parts.iter().map(|x| x.abs()).sum())
+    }
+
+    fn unbalanced(&self, layout: &Layout) -> Option<GearboxFault> {
+        let balance: Vec<usize> =
+            (0..self.shafts.len()).filter(|i| self.shafts[*i].torque == Torque::Balance).collect();
+        let allowed = "torques that keep the mean speed";
+        match balance[..] {
+            [] => {
+                let (power, size) = self.power(layout);
+                let held = self.shafts.iter().any(|shaft| !shaft.motion.is_empty() || shaft.rotation.stiffness > 0.0);
+                let found = format!(
+                    "torques that do not balance: {power:.6} N m, counted on the shaft of the given speed, are left over"
+                );
+                let remedy = "write \"torque_nm\": \"balance\" on the shaft that takes off the rest";
+                (!held && power.abs() > BALANCED * size)
+                    .then(|| GearboxFault::new(Part::Train, "shafts", found, allowed, remedy))
+            }
+            [one] if ratio(layout.shafts[one]) == 0.0 => Some(GearboxFault::new(
+                Part::Shaft(one),
+                "torque_nm",
+                "\"balance\" on a shaft that stands still",
+                allowed,
+                "write it on a shaft that turns",
+            )),
+            [_] => None,
+            [_, second, ..] => Some(GearboxFault::new(
+                Part::Shaft(second),
+                "torque_nm",
+                format!("\"balance\" on {} shafts", balance.len()),
+                "one shaft that takes off the rest",
+                "give the torques of all shafts but one",
+            )),
+        }
+    }
+
+    /// Mean torque from outside on shaft `i`, N m, counter-clockwise positive.
+    #[must_use]
+    pub fn torque(&self, layout: &Layout, i: usize) -> f64 {
+        let speed = ratio(layout.shafts[i]);
+        let along = match self.shafts[i].torque {
+            Torque::Given(torque) => torque,
+            Torque::Balance => -self.power(layout).0 / speed.abs(),
+        };
+        along * sign(speed)
+    }
+
+    /// Rotary mass of a gear with all that turns with it, on its base circle, kg; one whose motion is given is as heavy as the frame.
+    #[must_use]
+    pub fn rotary_mass(&self, layout: &Layout, gear: usize) -> f64 {
+        let (own, base) = (&self.gears[gear], self.base_radius(layout, gear));
+        let inertia = if own.is_loose { own.inertia } else { self.inertia(own.shaft) };
+        if own.is_loose || self.turns(own.shaft) { inertia / (base * base) } else { FRAME }
+    }
+
+    /// Moment of inertia of a shaft with its fixed gears, kg m².
+    pub(super) fn inertia(&self, i: usize) -> f64 {
+        let fixed = self.gears.iter().filter(|gear| gear.shaft == i && !gear.is_loose);
+        self.shafts[i].inertia + fixed.map(|gear| gear.inertia).sum::<f64>()
+    }
+
+    /// Mass of a shaft with its gears, kg.
+    pub(super) fn mass(&self, i: usize) -> f64 {
+        self.shafts[i].mass + self.gears.iter().filter(|gear| gear.shaft == i).map(|gear| gear.mass).sum::<f64>()
+    }
+
+    /// What a run of this gearbox would leave out: friction that changes its sign.
+    #[must_use]
+    pub fn warnings(&self, layout: &Layout) -> Vec<(Part, String)> {
+        let moved = |shaft: usize| {
+            let orders = &self.shafts[shaft].motion;
+            let speed = |order: &Order| {
+                let harmonic = order.harmonic(order.order * layout.speed(shaft).abs());
+                harmonic.amplitude.abs() * harmonic.omega
+            };
+            orders.iter().map(speed).sum::<f64>()
+        };
+        let of = |(part, drag): (Part, Drag)| {
+            let Part::Gear(i) = part else { return None };
+            let gear = &self.gears[i];
+            let (slip, least) = (self.slip(layout, part).abs(), moved(gear.shaft));
+            // The partner moves the loose gear; its speed fluctuates by the ratio of teeth.
+            let partner = self.meshes.iter().filter(|mesh| mesh.gears.contains(&i)).map(|mesh| {
+                let [one, two] = mesh.gears;
+                let other = if one == i { two } else { one };
+                let ratio = f64::from(self.gears[other].teeth.teeth) / f64::from(gear.teeth.teeth);
+                ratio * moved(self.gears[other].shaft)
+            });
+            let fluctuation = least + partner.fold(0.0, f64::max);
+            (gear.is_loose && drag.constant > 0.0 && fluctuation >= slip).then(|| {
+                let text = format!(
+                    "the speed of {} on its shaft, {slip:.4} rad/s, is less than its fluctuation, up to {fluctuation:.4} rad/s: its \
+                     constant drag would change its sign, which this model leaves out",
+                    gear.name
+                );
+                (part, text)
+            })
+        };
+        self.drags().filter_map(of).collect()
+    }
+}
