@@ -215,7 +215,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("output", 450),
     ("plot", 2000),
     ("poly", 1400),
-    ("scene", 3300),
+    ("scene", 3350),
     ("simulation", 1560),
     ("study", 6950),
     ("sweep", 1250),

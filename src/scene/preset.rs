@@ -2,6 +2,11 @@
 
 use serde_json::{Map, Value};
 
+use crate::{
+    gear::{BasicRack, Gear},
+    train::StageGeometry,
+};
+
 macro_rules! presets {
     ($($name:literal),*) => { [$(($name, include_str!(concat!("presets/", $name, ".json")))),*] };
 }
@@ -24,6 +29,9 @@ const ALTERNATIVES: [&[&str]; 10] = [
     &["ring_pressure_angle_rad", "ring_pressure_angle_deg"],
 ];
 
+/// Relative difference of numbers in a preset that are rounded.
+const SAME: f64 = 1e-9;
+
 /// A scene with its preset, if it names one, replaced by what the preset stands for.
 pub(super) fn expand(scene: &Value) -> Value {
     let mut scene = scene.clone();
@@ -44,13 +52,47 @@ pub(super) fn expand(scene: &Value) -> Value {
     // A preset that does not exist is one fault, not one for each key it would have brought.
     let (_, text) = known.unwrap_or(&PRESETS[0]);
     if let Ok(Value::Object(mut base)) = serde_json::from_str(text).map(|mut file: Value| file["train"].take()) {
-        if train.get("rack").is_some() || train.get("teeth").is_some_and(|teeth| base.get("teeth") != Some(teeth)) {
+        if has_other_teeth(&base, train) {
             drop_what_teeth_give(&mut base);
         }
         overlay(&mut base, train);
         *train = base;
     }
     scene
+}
+
+/// Tells that the teeth written over a preset are not its own: other numbers, or a rack that gives other radii, angles or phases.
+fn has_other_teeth(base: &Map<String, Value>, train: &Map<String, Value>) -> bool {
+    if train.get("teeth").is_some_and(|teeth| base.get("teeth") != Some(teeth)) {
+        return true;
+    }
+    let Some(rack) = train.get("rack").filter(|rack| !rack.is_null()) else { return false };
+    let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+    let degrees = rack.get("pressure_angle_deg").map(|angle| number(angle).to_radians());
+    let gear = |name: &str| Gear {
+        teeth: base["teeth"][name].as_u64().and_then(|teeth| u32::try_from(teeth).ok()).unwrap_or(0),
+        shift: number(&rack["profile_shift"][name]),
+    };
+    let stage = StageGeometry {
+        rack: BasicRack {
+            module: number(&rack["module_m"]),
+            pressure_angle: degrees.unwrap_or_else(|| number(&rack["pressure_angle_rad"])),
+            helix_angle: rack.get("helix_angle_deg").map_or(0.0, number).to_radians(),
+            addendum: 1.0,
+            dedendum: 1.25,
+        },
+        sun: gear("sun"),
+        planet: gear("planet"),
+        ring: gear("ring"),
+        face_width: 1.0,
+    };
+    let (Ok(sun), Ok(ring)) = (stage.sun_mesh(), stage.ring_mesh()) else { return true };
+    let same = |value: &Value, own: f64| (number(value) - own).abs() <= SAME * own.abs();
+    let are_same = same(&base["sun"]["radius_m"], sun.base_radii[0])
+        && same(&base["sun_pressure_angle_rad"], sun.pressure_angle)
+        && same(&base["ring_pressure_angle_rad"], ring.pressure_angle)
+        && same(&base["ring_phase"], stage.ring_phase());
+    !are_same
 }
 
 /// Removes the numbers of a preset that follow from its teeth: other teeth bring their own, or are asked for them.
