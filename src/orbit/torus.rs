@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// Doublings beyond those of a motion whose sections are compared too: a period of the clock is short against the cycle of the forcing.
-const MORE: u32 = 2;
+const MORE: u32 = 3;
 
 /// Decides the kind of a motion whose forcing has no cycle that could be waited for, as `why` tells, by the largest exponent and weighted
 /// averages over periods of the clock. Neighbours that come together follow the forcing: the motion is a torus. `None` if the run is

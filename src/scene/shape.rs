@@ -131,12 +131,14 @@ pub(super) enum Presence {
 }
 
 pub(super) fn scene(units: Units) -> &'static Shape {
-    static SHAPES: LazyLock<[Shape; 2]> = LazyLock::new(|| {
+    fn read(units: Units) -> Shape {
         let all: Value = serde_json::from_str(include_str!("shapes.json")).expect("the shapes are JSON");
-        let read = |units| Reader { all: &all, units }.shape(&all["scene"]).expect("the shapes are whole");
-        [read(Units::Si), read(Units::None)]
-    });
-    &SHAPES[usize::from(units == Units::None)]
+        Reader { all: &all, units }.shape(&all["scene"]).expect("the shapes are whole")
+    }
+    // A run needs one of them.
+    static SI: LazyLock<Shape> = LazyLock::new(|| read(Units::Si));
+    static NONE: LazyLock<Shape> = LazyLock::new(|| read(Units::None));
+    if units == Units::None { &NONE } else { &SI }
 }
 
 /// Reads `shapes.json`, shapes by name. A shape is
