@@ -680,3 +680,89 @@ fn drag_of_planets_enters_the_balance() {
         assert_relative_eq!(braked[i] - braked[4 + i], 0.1 / base, max_relative = 1e-6);
     }
 }
+
+/// An eccentric gear is one whose centre goes round: its error is what that motion would do to the deflection. So are pin errors.
+#[test]
+fn runout_and_pin_errors_are_motions_of_centres() {
+    let bearing = json!({ "stiffness_n_per_m": 1e8 });
+    for (rpm, helix, internal) in [(600.0, 0.0, false), (-600.0, 18.0, false), (600.0, 18.0, true)] {
+        let mut train = row(&[(24, 0.1, false), (70, 0.0, internal)], &[50.0]);
+        train["rack"]["helix_angle_deg"] = json!(helix);
+        train["mesh"]["stiffness"] = json!(3e8);
+        train["mesh"]["error"] = json!([]);
+        train["shafts"][0]["speed_rpm"] = json!(rpm);
+        for (i, (runout, angle)) in [(2e-5, 30.0), (5e-5, 200.0)].into_iter().enumerate() {
+            train["shafts"][i]["mass_kg"] = json!(1);
+            train["shafts"][i]["translation"] = bearing.clone();
+            train["shafts"][i]["gears"][0]["runout_m"] = json!(runout);
+            train["shafts"][i]["gears"][0]["runout_deg"] = json!(angle);
+        }
+        let spec = spec(&train);
+        assert_eq!(spec.freedoms, ["x_s0", "y_s0", "u_s0", "x_s1", "y_s1", "u_s1"]);
+        let speed = rpm * TAU / 60.0;
+        let driven = if internal { speed } else { -speed } * 24.0 / 70.0;
+        for t in [0.0, 0.0123, 0.077] {
+            let centres = [(0, speed, 1e-5, 30f64), (3, driven, 2.5e-5, 200f64)];
+            let moved = centres.map(|(k, omega, size, angle)| {
+                let g = &spec.contacts[0].direction;
+                let at = omega * t + angle.to_radians();
+                size * (g[k] * at.cos() + g[k + 1] * at.sin())
+            });
+            assert!((spec.contacts[0].error_at(t)[0] + moved[0] + moved[1]).abs() < 1e-18, "{rpm} {helix} {internal}");
+        }
+    }
+    let mut train = example("four-planets")["train"].clone();
+    train["stages"][0]["pin_errors_m"] = json!([0, 3e-6, 0, 0]);
+    let spec = spec(&train);
+    let eta = spec.freedoms.iter().position(|name| name == "eta_stage planet 2").unwrap();
+    for contact in &spec.contacts {
+        assert!((contact.error_offset + 3e-6 * contact.direction[eta]).abs() < 1e-20, "{}", contact.name);
+    }
+}
+
+/// A damping ratio between a shaft of given motion and another one refers to the other one alone; a damper carries the given speed.
+#[test]
+fn couplings_to_given_motions() {
+    let train = |motion: Value| {
+        json!({ "kind": "gearbox", "rack": { "module_m": 0.002, "pressure_angle_deg": 20 }, "shafts": [
+            { "name": "engine", "speed_rpm": 600, "motion": motion, "radius_m": 0.05 },
+            { "name": "input", "inertia_kg_m2": 0.01, "torque_nm": -5, "radius_m": 0.05 }],
+            "couplings": [{ "shafts": ["engine", "input"], "rotation": { "stiffness_nm_per_rad": 400, "damping_ratio": 0.1 } }] })
+    };
+    let text =
+        json!({ "flank": 1, "train": train(json!([{ "order": 1, "angle_rad": 0.02 }])), "run": { "t_end_s": 1 } });
+    let spec = Scene::from_json(&text.to_string(), "clutch").unwrap().build().unwrap().spec;
+    let (k, c) = (400.0 / 0.0025, 2.0 * 0.1 * (400.0f64 * 0.01).sqrt() / 0.0025);
+    assert_relative_eq!(spec.stiffness[(0, 0)], k, max_relative = 1e-14);
+    assert_relative_eq!(spec.damping[(0, 0)], c, max_relative = 1e-14);
+    // k u + c u' of the given motion u = 0.05 · 0.02 cos ω t.
+    let omega = TAU * 10.0;
+    for t in [0.0f64, 0.013, 0.04] {
+        let got: f64 = spec.load_harmonics.iter().map(|l| l.vector[0] * (l.omega * t + l.phase).cos()).sum();
+        let want = 1e-3 * (k * (omega * t).cos() - c * omega * (omega * t).sin());
+        assert!((got - want).abs() < 1e-12 * k * 1e-3, "{t}: {got} {want}");
+    }
+}
+
+/// A fluctuation that could reverse the slip of a loose gear is warned of, by motion and by torque.
+#[test]
+fn slip_that_could_reverse() {
+    let warnings = |key: &str, order: Value| {
+        let mut train = example("loose-gear")["train"].clone();
+        train["shafts"][0]["motion"] = json!([]);
+        train["shafts"][0]["torque_nm"] = json!("balance");
+        train["shafts"][0]["inertia_kg_m2"] = json!(0.01);
+        if key == "motion" {
+            train["shafts"][0]["torque_nm"] = json!(0);
+        }
+        train["shafts"][0][key] = json!([order]);
+        let warnings = built(&train).warnings;
+        warnings.iter().any(|warning| warning.message.contains("could change its sign"))
+    };
+    for (share, wanted) in [(0.9, false), (1.1, true)] {
+        assert_eq!(warnings("motion", json!({ "order": 2, "speed_rpm": 800.0 * share })), wanted);
+        let (omega, i) = (800.0 * TAU / 60.0, 35.0 / 38.0);
+        let torque = share * (0.01 + 0.0008 * i * i) * 2.0 * omega * omega;
+        assert_eq!(warnings("orders", json!({ "order": 2, "torque_nm": torque })), wanted);
+    }
+}

@@ -15,6 +15,11 @@ use nalgebra::{DMatrix, dmatrix};
 use presets::reference_geometry;
 use proptest::prelude::*;
 
+/// Spur teeth of 20°.
+fn rack(module: f64) -> BasicRack {
+    BasicRack { module, pressure_angle: 20.0f64.to_radians(), helix_angle: 0.0, addendum: 1.0, dedendum: 1.25 }
+}
+
 /// Expected values to all digits of double precision; 1e-13 leaves room for the order of operations.
 #[test]
 fn reference_stage() {
@@ -75,13 +80,7 @@ fn contact_of_the_ring(gears: &StageGeometry, sun: &MeshGeometry, ring: &MeshGeo
 
 #[test]
 fn the_ring_phase_is_that_of_drawn_involutes() {
-    let rack = BasicRack {
-        module: 2.0e-3,
-        pressure_angle: 20.0f64.to_radians(),
-        helix_angle: 0.0,
-        addendum: 1.0,
-        dedendum: 1.25,
-    };
+    let rack = rack(2.0e-3);
     let mut largest: f64 = 0.0;
     for (teeth, shifts) in [
         ([34, 31, 96], [0.0, 0.0, 0.0]),
@@ -108,13 +107,7 @@ fn the_ring_phase_is_that_of_drawn_involutes() {
 /// A textbook pair: the working angle must satisfy its own equation, and the shifts widen the centre distance.
 #[test]
 fn profile_shift() {
-    let rack = BasicRack {
-        module: 2.0e-3,
-        pressure_angle: 20.0f64.to_radians(),
-        helix_angle: 0.0,
-        addendum: 1.0,
-        dedendum: 1.25,
-    };
+    let rack = rack(2.0e-3);
     let (pinion, wheel) = (Gear { teeth: 20, shift: 0.3 }, Gear { teeth: 40, shift: 0.2 });
     let mesh = MeshGeometry::new(&rack, pinion, wheel, MeshKind::External).unwrap();
     let want = involute(rack.pressure_angle) + 2.0 * rack.pressure_angle.tan() * 0.5 / 60.0;
@@ -277,13 +270,7 @@ fn lines_of_contact_of_whole_ratios() {
 /// 17 and 38 teeth with 20° and 15° by formulas of the transverse rack, worked out with 30 digits.
 #[test]
 fn helical_teeth() {
-    let spur = BasicRack {
-        module: 3.0e-3,
-        pressure_angle: 20.0f64.to_radians(),
-        helix_angle: 0.0,
-        addendum: 1.0,
-        dedendum: 1.25,
-    };
+    let spur = rack(3.0e-3);
     let helical = BasicRack { helix_angle: 15.0f64.to_radians(), ..spur };
     let near = |got: f64, want: f64| assert_relative_eq!(got, want, max_relative = 4.0e-15);
     let [pinion, wheel] = [(17, 0.3), (38, -0.1)].map(|(teeth, shift)| Gear { teeth, shift });

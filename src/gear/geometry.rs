@@ -110,7 +110,7 @@ pub enum MeshKind {
     Internal,
 }
 
-/// Where a tooth pair is in contact, in base pitches about the pitch point: in each transverse section for `−A ≤ τ ≤ R`.
+/// Path of contact of a tooth pair, in base pitches about the pitch point: each transverse section is in contact for `−A ≤ τ ≤ R`.
 ///
 /// The clock τ is that of the section in the middle of the face width. Helical teeth meet at the first end of the face width
 /// `ε_β/2` earlier and leave at the other end as much later.

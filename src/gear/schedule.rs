@@ -4,7 +4,7 @@
 //! pitch-point contact). Equal stiffness of every pair gives `k = k̄ · (number of pairs)/ε`, whose mean is
 //! k̄ since the number of pairs has the mean ε = A + R.
 //!
-//! Of helical teeth, with the overlap ratio ε_β, the stiffness is in proportion to the length of the lines of contact. A pair has at
+//! Helical teeth have an overlap ratio ε_β. Their stiffness is in proportion to the length of the lines of contact. A pair has at
 //! `φ = τ + A + ε_β/2`, in base pitches since its first contact, the length `b/(ε_β cos β_b) · min(φ, ε, ε_β, ε + ε_β − φ)`. The sum
 //! over all pairs has the mean `ε b/cos β_b`, and is constant where ε or ε_β is whole.
 

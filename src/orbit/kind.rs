@@ -124,7 +124,7 @@ const SHORT: usize = 16;
 /// Periods up to which an orbit is looked for once neighbours are known to come together.
 pub(crate) const LONG: u32 = 64;
 
-/// Why a motion is undecided whose tangent is not known.
+/// Reason of a motion that stays undecided, as its tangent is not known.
 pub(super) const UNRESOLVED: &str = "the derivative along a step of its motion cannot be resolved";
 
 /// Why a motion is transient.

@@ -150,7 +150,7 @@ pub fn steady(scene: impl Into<Scene>, seed: Option<&Seed>, rule: &Rule, task: T
     check.and_then(|check| check.difference()).map_or(steady, |difference| Err(difference.into()))
 }
 
-/// Why no cycle of all forcing is waited for, if it is long.
+/// Reason not to wait for the cycle of all forcing, if it is long.
 fn long_cycle(simulation: &Simulation) -> Option<String> {
     let periods = simulation.structure.common_cycle().ok().filter(|periods| *periods > LONGEST)?;
     Some(format!("all forcing repeats after {periods} cycles only, more than {LONGEST}: its cycle is not waited for"))

@@ -128,7 +128,7 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, EquilibriumError> {
 /// with which it changes, `(K + Σ k_j g_j g_jᵀ) q̇ = Σ k_j g_j ė_j` with the [`tangent_stiffness`] k_j. Loads keep their means.
 ///
 /// # Errors
-/// As for [`equilibrium`].
+/// [`EquilibriumError`], for the same causes as [`equilibrium`].
 pub fn quasi_static(spec: &Spec, t: f64) -> Result<(Equilibrium, Vec<f64>), EquilibriumError> {
     let mut moved = spec.clone();
     moved.contacts.iter_mut().for_each(|contact| contact.error_offset += contact.error_at(t)[0]);

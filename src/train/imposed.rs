@@ -9,7 +9,7 @@ use crate::{
 
 /// The train without the freedoms behind the named ones, of which number `i` moves by the sum of `motions[i]`, each `a cos(ω t + φ)`.
 ///
-/// What is left receives `−M_k ü − C_k u̇ − K_k u` of each freedom k that goes, and each contact the error `−g_k u`.
+/// The other freedoms receive `−M_k ü − C_k u̇ − K_k u` of each freedom k that goes, and each contact the error `−g_k u`.
 pub(super) fn impose(mut spec: Spec, motions: &[Vec<Harmonic>]) -> Spec {
     let n = spec.freedoms.len();
     let mut loads = Vec::new();

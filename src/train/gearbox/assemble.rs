@@ -2,7 +2,11 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Gearbox, Layout, Part, loads::sign};
+use super::{
+    Gearbox, Layout, Part,
+    kinematics::Speed,
+    loads::{FRAME, sign},
+};
 use crate::{
     gear::Harmonic,
     system::{LoadHarmonic, Spec},
@@ -23,12 +27,6 @@ impl Gearbox {
     /// fixed gear, that of a shaft coupled to it, or the base radius of its first loose gear.
     #[must_use]
     pub fn radii(&self, layout: &Layout) -> Vec<f64> {
-        let base = |gear: usize| {
-            layout.lines.iter().find_map(|line| {
-                let k = line.gears.iter().position(|g| *g == gear)?;
-                Some(line.geometry.base_radii[k])
-            })
-        };
         let distance = |one: usize, two: usize| {
             let [a, b] = [layout.centres[one], layout.centres[two]];
             libm::hypot(a[0] - b[0], a[1] - b[1])
@@ -36,7 +34,7 @@ impl Gearbox {
         let of_gears = |i: usize, loose: bool| {
             let mut own =
                 (0..self.gears.len()).filter(|g| self.gears[*g].shaft == i && self.gears[*g].is_loose == loose);
-            own.find_map(base)
+            own.find_map(|gear| layout.base_radius(gear))
         };
         let of_pins = |i: usize| {
             let carried = |shaft: &super::Shaft| shaft.carried.is_some_and(|(carrier, _)| carrier == i);
@@ -135,20 +133,23 @@ impl Gearbox {
             let [a, b] = coupling.shafts;
             let across =
                 |k: usize, scale: [f64; 2]| one(&[(OF_SHAFT * a + k, scale[0]), (OF_SHAFT * b + k, -scale[1])]);
-            let reduced = |[x, y]: [f64; 2]| if x + y > 0.0 { x * y / (x + y) } else { 0.0 };
-            let mass = reduced(coupling.shafts.map(|i| self.mass(i)));
+            // An end that is no freedom does not give way.
+            let reduced = |k: usize, own: &dyn Fn(usize) -> f64| {
+                let [x, y] = coupling.shafts.map(|i| if self.moves(i, k) { own(i) } else { FRAME });
+                x * y / (x + y)
+            };
             if let Some(support) = coupling.rotation {
-                let inertia = reduced(coupling.shafts.map(|i| self.inertia(i)));
+                let inertia = reduced(ROTATION, &|i| self.inertia(i));
                 assembly.join(&across(ROTATION, coupling.shafts.map(|i| 1.0 / radii[i])), support, inertia);
             }
             for (k, support) in [(0, coupling.translation), (1, coupling.translation), (AXIAL, coupling.axial)] {
                 if let Some(support) = support {
-                    assembly.join(&across(k, [1.0; 2]), support, mass);
+                    assembly.join(&across(k, [1.0; 2]), support, reduced(k, &|i| self.mass(i)));
                 }
             }
         }
         for (i, gear) in self.gears.iter().enumerate().filter(|(_, gear)| gear.is_loose) {
-            let base = self.base_radius(layout, i);
+            let base = layout.base_radius(i).unwrap_or(1.0);
             let (row, _) = self.rotation(i, base, radii);
             assembly.mass[(row, row)] += gear.inertia / (base * base);
         }
@@ -157,7 +158,7 @@ impl Gearbox {
             let shaft = |i: usize| (OF_SHAFT * i + ROTATION, radii[i]);
             let (own, other) = match part {
                 Part::Gear(i) if self.gears[i].is_loose => {
-                    let base = self.base_radius(layout, i);
+                    let base = layout.base_radius(i).unwrap_or(1.0);
                     ((self.rotation(i, base, radii).0, base), Some(shaft(self.gears[i].shaft)))
                 }
                 Part::Gear(i) => (shaft(self.gears[i].shaft), None),
@@ -173,11 +174,6 @@ impl Gearbox {
             assembly.load -= mean * &relative;
             assembly.join(&relative, Support::viscous(0.0, drag.viscous), 1.0);
         }
-    }
-
-    pub(super) fn base_radius(&self, layout: &Layout, gear: usize) -> f64 {
-        let of = |line: &super::Line| Some(line.geometry.base_radii[line.gears.iter().position(|g| *g == gear)?]);
-        layout.lines.iter().find_map(of).unwrap_or(1.0)
     }
 
     /// Radial and tangential stretch of the bearing of carried shaft `i`.
@@ -232,7 +228,7 @@ impl Gearbox {
         let contact = assembly.mesh(self.meshes[i].name.clone(), &direction, &own, frequency)?;
         let [nx, ny] = action.normal(0.0);
         let normal = libm::cos(geometry.base_helix);
-        let carrier = self.frame_of(line.gears).map_or(0.0, |carrier| layout.speed(carrier));
+        let carrier = self.frame_of(line.gears).map_or_else(Speed::default, |carrier| layout.shafts[carrier]);
         for (k, side) in [(0, 1.0), (1, -1.0)] {
             let gear = line.gears[k];
             let shaft = &self.shafts[self.gears[gear].shaft];
@@ -243,12 +239,21 @@ impl Gearbox {
                 continue;
             }
             // The centre of the teeth moves by size (cos, sin) of the angle: δ gains side n·x, and e loses it.
-            let turning = layout.rate(layout.gears[gear]) - carrier;
+            let turning = layout.rate(layout.gears[gear] - carrier);
             let towards = libm::atan2(ny, nx);
             let phase = sign(turning) * (angle - towards);
             contact.error.push(Harmonic { omega: turning.abs(), amplitude: -side * normal * size, phase });
         }
         Ok(())
+    }
+
+    /// Tells that freedom `k` of shaft `i` is kept.
+    fn moves(&self, i: usize, k: usize) -> bool {
+        match k {
+            ROTATION => self.turns(i),
+            AXIAL => self.shafts[i].axial.is_some(),
+            _ => self.shafts[i].translation.is_some(),
+        }
     }
 
     /// The freedoms that are kept, the given motions by their places behind them, and P of `q_all = P q`.
@@ -258,13 +263,8 @@ impl Gearbox {
         radii: &[f64],
         all: &[String],
     ) -> (Vec<String>, Vec<Vec<Harmonic>>, DMatrix<f64>) {
-        let moves = |i: usize, k: usize| match k {
-            ROTATION => self.turns(i),
-            AXIAL => self.shafts[i].axial.is_some(),
-            _ => self.shafts[i].translation.is_some(),
-        };
         let shafts = OF_SHAFT * self.shafts.len();
-        let mut kept: Vec<usize> = (0..shafts).filter(|row| moves(row / OF_SHAFT, row % OF_SHAFT)).collect();
+        let mut kept: Vec<usize> = (0..shafts).filter(|row| self.moves(row / OF_SHAFT, row % OF_SHAFT)).collect();
         kept.extend(shafts..all.len());
         let names = kept.iter().map(|row| all[*row].clone()).collect();
         let mut motions = Vec::new();

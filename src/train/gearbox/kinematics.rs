@@ -16,7 +16,7 @@ pub(super) struct Condition {
     pub value: i128,
 }
 
-/// Why conditions do not give the speeds.
+/// Cause for which conditions do not give the speeds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Undetermined {
     /// No condition fixes these bodies.

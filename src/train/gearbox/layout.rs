@@ -70,6 +70,12 @@ impl Layout {
         self.rate(self.lines[i].orders) / TAU
     }
 
+    /// Base radius of a gear, m, if it is in mesh.
+    pub(super) fn base_radius(&self, gear: usize) -> Option<f64> {
+        let of = |line: &Line| Some(line.geometry.base_radii[line.gears.iter().position(|g| *g == gear)?]);
+        self.lines.iter().find_map(of)
+    }
+
     /// A speed in rad/s. Its ratio to another one is exact to rounding.
     pub(super) fn rate(&self, speed: Speed) -> f64 {
         self.omega * ratio(speed)
@@ -320,10 +326,10 @@ impl Gearbox {
                     continue;
                 }
             };
-            // A pinion that drives a ring looks away from the centre of the ring; so does one that the ring drives.
-            let (out, driven) = (free[i].kind == MeshKind::Internal, gears[0] != mesh.gears[0]);
+            // The pitch point of a ring lies beyond the pinion, seen from the centre of the ring.
+            let is_from_pinion = free[i].kind == MeshKind::Internal && gears[0] == mesh.gears[0];
             let written = mesh.angle.unwrap_or(direction);
-            let pitch = if out && !driven { turned_back(written) } else { written };
+            let pitch = if is_from_pinion { turned_back(written) } else { written };
             lines.push(Line {
                 gears,
                 geometry,

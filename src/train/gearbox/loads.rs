@@ -1,9 +1,9 @@
 //! Masses, torques and frictions of a gearbox, and what is wrong with them.
 
-use super::{Drag, GearMesh, Gearbox, GearboxFault, Layout, Order, Part, Torque, layout::ratio};
+use super::{Drag, GearMesh, Gearbox, GearboxFault, Layout, Order, Part, Shaft, Torque, layout::ratio};
 
 /// Mass of what does not give way, kg: far above all others, with products that a double holds.
-const FRAME: f64 = 1e30;
+pub(super) const FRAME: f64 = 1e30;
 /// Torques balance to rounding of the numbers in a scene.
 const BALANCED: f64 = 1e-6;
 
@@ -12,7 +12,7 @@ pub(super) fn sign(x: f64) -> f64 {
 }
 
 impl Gearbox {
-    /// What cannot be about masses, supports, torques and orders.
+    /// Faults of masses, supports, torques and orders.
     #[must_use]
     pub fn faults(&self, layout: &Layout) -> Vec<GearboxFault> {
         let mut faults = Vec::new();
@@ -93,6 +93,13 @@ impl Gearbox {
                 )
             },
         ));
+        for (i, gear) in self.gears.iter().enumerate().filter(|(_, gear)| gear.is_loose) {
+            if self.shafts.iter().any(|shaft| shaft.name == gear.name) {
+                let found = format!("a loose gear and a shaft called \"{}\"", gear.name);
+                let remedy = "rename one of them: both name a rotation";
+                faults.push(GearboxFault::new(Part::Gear(i), "name", found, "a name of its own", remedy));
+            }
+        }
         faults.extend(self.unbalanced(layout));
         faults
     }
@@ -103,7 +110,7 @@ impl Gearbox {
         shaft.motion.is_empty() && !(shaft.is_fixed && shaft.rotation.stiffness == 0.0)
     }
 
-    /// Speeds of a body and of what its friction acts against, relative to the given speed: `(body, other)`.
+    /// Speed of a body against the one that its friction acts against, rad/s.
     pub(super) fn slip(&self, layout: &Layout, part: Part) -> f64 {
         let (own, other) = match part {
             Part::Gear(i) if self.gears[i].is_loose => (layout.gears[i], Some(self.gears[i].shaft)),
@@ -111,7 +118,7 @@ impl Gearbox {
             Part::Shaft(i) => (layout.shafts[i], self.shafts[i].carried.map(|(carrier, _)| carrier)),
             _ => return 0.0,
         };
-        layout.rate(own) - other.map_or(0.0, |shaft| layout.speed(shaft))
+        layout.rate(other.map_or(own, |shaft| own - layout.shafts[shaft]))
     }
 
     /// All frictions.
@@ -185,7 +192,7 @@ impl Gearbox {
     /// Rotary mass of a gear with all that turns with it, on its base circle, kg; one whose motion is given is as heavy as the frame.
     #[must_use]
     pub fn rotary_mass(&self, layout: &Layout, gear: usize) -> f64 {
-        let (own, base) = (&self.gears[gear], self.base_radius(layout, gear));
+        let (own, base) = (&self.gears[gear], layout.base_radius(gear).unwrap_or(1.0));
         let inertia = if own.is_loose { own.inertia } else { self.inertia(own.shaft) };
         if own.is_loose || self.turns(own.shaft) { inertia / (base * base) } else { FRAME }
     }
@@ -201,33 +208,36 @@ impl Gearbox {
         self.shafts[i].mass + self.gears.iter().filter(|gear| gear.shaft == i).map(|gear| gear.mass).sum::<f64>()
     }
 
-    /// What a run of this gearbox would leave out: friction that changes its sign.
+    /// Fluctuation of the speeds over their means, by given motions and torques, of the train as one rigid body.
+    fn fluctuation(&self, layout: &Layout) -> f64 {
+        let shafts = (0..self.shafts.len()).map(|i| self.inertia(i) * ratio(layout.shafts[i]).powi(2));
+        let loose = self.gears.iter().zip(&layout.gears).filter(|(gear, _)| gear.is_loose);
+        let inertia = shafts.chain(loose.map(|(gear, speed)| gear.inertia * ratio(*speed).powi(2))).sum::<f64>();
+        let of_shaft = |(i, shaft): (usize, &Shaft)| {
+            let (speed, share) = (layout.speed(i).abs(), ratio(layout.shafts[i]).abs());
+            let harmonic = |order: &Order| order.harmonic(order.order * speed);
+            let motion = shaft.motion.iter().map(harmonic).map(|h| h.amplitude.abs() * h.omega / speed);
+            let torque = shaft.orders.iter().map(harmonic);
+            let torque = torque.map(|h| h.amplitude.abs() * share / (inertia * h.omega * layout.omega));
+            motion.chain(torque).sum::<f64>()
+        };
+        self.shafts.iter().enumerate().map(of_shaft).sum()
+    }
+
+    /// Frictions of loose gears that may change their sign, which a run leaves out.
     #[must_use]
     pub fn warnings(&self, layout: &Layout) -> Vec<(Part, String)> {
-        let moved = |shaft: usize| {
-            let orders = &self.shafts[shaft].motion;
-            let speed = |order: &Order| {
-                let harmonic = order.harmonic(order.order * layout.speed(shaft).abs());
-                harmonic.amplitude.abs() * harmonic.omega
-            };
-            orders.iter().map(speed).sum::<f64>()
-        };
+        let share = self.fluctuation(layout);
         let of = |(part, drag): (Part, Drag)| {
             let Part::Gear(i) = part else { return None };
             let gear = &self.gears[i];
-            let (slip, least) = (self.slip(layout, part).abs(), moved(gear.shaft));
-            // The partner moves the loose gear; its speed fluctuates by the ratio of teeth.
-            let partner = self.meshes.iter().filter(|mesh| mesh.gears.contains(&i)).map(|mesh| {
-                let [one, two] = mesh.gears;
-                let other = if one == i { two } else { one };
-                let ratio = f64::from(self.gears[other].teeth.teeth) / f64::from(gear.teeth.teeth);
-                ratio * moved(self.gears[other].shaft)
-            });
-            let fluctuation = least + partner.fold(0.0, f64::max);
-            (gear.is_loose && drag.constant > 0.0 && fluctuation >= slip).then(|| {
+            let slip = self.slip(layout, part).abs();
+            // A gear that has left its flank does not follow the shaft: both may fluctuate against each other.
+            let most = share * (layout.rate(layout.gears[i]).abs() + layout.speed(gear.shaft).abs());
+            (gear.is_loose && drag.constant > 0.0 && most >= slip).then(|| {
                 let text = format!(
-                    "the speed of {} on its shaft, {slip:.4} rad/s, is less than its fluctuation, up to {fluctuation:.4} rad/s: its \
-                     constant drag would change its sign, which this model leaves out",
+                    "{} turns at {slip:.4} rad/s on its shaft, and this speed fluctuates by up to {most:.4} rad/s: the constant drag \
+                     could change its sign, which this model leaves out",
                     gear.name
                 );
                 (part, text)

@@ -53,7 +53,7 @@ impl Hand {
 pub enum Torque {
     /// Given, N m: positive drives, negative brakes.
     Given(f64),
-    /// As much as keeps the mean speed.
+    /// The torque that keeps the mean speed.
     Balance,
 }
 
@@ -111,11 +111,11 @@ pub struct Shaft {
     pub inertia: f64,
     /// Radius on which its rotation is counted, m, where it is given.
     pub radius: Option<f64>,
-    /// What holds its centre; without it, it does not move sideways.
+    /// Bearing of its centre; without one the shaft does not move sideways.
     pub translation: Option<Support>,
-    /// What holds it along the axis; without it, it does not move there.
+    /// Bearing along the axis; without one the shaft does not move there.
     pub axial: Option<Support>,
-    /// What holds its rotation about the mean one: N m/rad, N m s/rad.
+    /// Spring and damper that hold its rotation about the mean one: N m/rad, N m s/rad.
     pub rotation: Support,
     /// Torque from outside.
     pub torque: Torque,
@@ -221,11 +221,11 @@ pub struct GearboxFault {
     pub part: Part,
     /// The key there, if one is at fault.
     pub key: &'static str,
-    /// What stands there.
+    /// The value or fact found there.
     pub found: String,
-    /// What may.
+    /// The range or facts allowed.
     pub allowed: String,
-    /// What to write.
+    /// The remedy.
     pub remedy: String,
 }
 

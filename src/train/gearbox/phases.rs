@@ -55,7 +55,7 @@ impl End {
     }
 }
 
-/// What turns as one: a shaft with its fixed gears, or a loose gear.
+/// Number of the body that turns as one with a gear: a shaft with its fixed gears, or a loose gear.
 fn rotor(gearbox: &Gearbox, gear: usize) -> usize {
     let ShaftGear { shaft, is_loose, .. } = gearbox.gears[gear];
     if is_loose { gearbox.shafts.len() + gear } else { shaft }
