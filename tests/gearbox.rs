@@ -766,3 +766,63 @@ fn slip_that_could_reverse() {
         assert_eq!(warnings("orders", json!({ "order": 2, "torque_nm": torque })), wanted);
     }
 }
+
+/// A stage of three planets between a sun, a carrier and a ring, one of which is `fixed` and one of which `drives`.
+fn three_planets(drives: &str, fixed: &str) -> Value {
+    let shaft = |name: &str| {
+        let mut shaft = json!({ "name": name, "inertia_kg_m2": 0.002 });
+        if name == fixed {
+            shaft["fixed"] = json!(true);
+        } else if name == drives {
+            shaft["speed_rpm"] = json!(900);
+            shaft["torque_nm"] = json!(30);
+        } else {
+            shaft["torque_nm"] = json!("balance");
+        }
+        shaft
+    };
+    json!({ "kind": "gearbox", "rack": { "module_m": 0.002, "pressure_angle_deg": 20 }, "mesh": mesh(),
+            "shafts": [shaft("sun"), shaft("carrier"), shaft("ring")],
+            "stages": [{ "name": "stage", "carrier": "carrier", "planets": 3, "sun": { "shaft": "sun", "teeth": 24 },
+                         "planet": { "teeth": 24, "mass_kg": 0.2, "inertia_kg_m2": 1e-4 }, "ring": { "shaft": "ring", "teeth": 72 } }] })
+}
+
+/// Planets at multiples of the tooth pitch are equal to the last bit: they strike at one instant, and `--verify` agrees.
+#[test]
+fn planets_in_phase_are_equal() {
+    let train = three_planets("ring", "sun");
+    let contacts = spec(&train).contacts;
+    for first in [0, 3] {
+        for other in 1..3 {
+            let (one, two) = (&contacts[first], &contacts[first + other]);
+            assert_eq!(one.error, two.error);
+            // Ring and carrier, which come first, feel all planets alike.
+            assert_eq!(one.direction[..2], two.direction[..2], "{} and {}", one.name, two.name);
+        }
+    }
+    let mut scene = scene(&train, &json!("rest"));
+    scene["run"]["verify"] = json!(true);
+    let simulation = Simulation::from_scene(Scene::from_json(&scene.to_string(), "planets").unwrap()).unwrap();
+    let strikes = simulation.run().unwrap().events.iter().filter(|event| event.contacts.len() == 3).count();
+    assert!(strikes > 10, "{strikes}");
+}
+
+/// A stage that its ring drives rests on its back flanks: `"static"` and `"quasi-static"` start there, without a warning.
+#[test]
+fn starts_on_the_flank_that_the_load_presses() {
+    for (drives, fixed, sign) in
+        [("sun", "ring", 1.0), ("ring", "sun", -1.0), ("ring", "carrier", -1.0), ("carrier", "ring", -1.0)]
+    {
+        let train = three_planets(drives, fixed);
+        for initial in ["static", "quasi-static"] {
+            let built =
+                Scene::from_json(&scene(&train, &json!(initial)).to_string(), "planets").unwrap().build().unwrap();
+            assert_eq!(built.warnings, [], "{drives} drives, {fixed} is fixed");
+            for contact in &built.spec.contacts {
+                let error = if initial == "static" { 0.0 } else { contact.error_at(0.0)[0] };
+                let deflection = contact.direction.iter().zip(&built.q0).map(|(g, q)| g * q).sum::<f64>() - error;
+                assert!(sign * deflection > contact.half_backlash, "{} at {deflection}", contact.name);
+            }
+        }
+    }
+}

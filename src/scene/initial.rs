@@ -3,7 +3,7 @@
 use super::node::Node;
 use crate::{
     gear::contact::Law,
-    system::{ContactSpec, Flanks, Spec, equilibrium, quasi_static},
+    system::{Flanks, Spec, pressed, quasi_static},
 };
 
 /// What coordinates and velocities do not say of a start.
@@ -93,15 +93,15 @@ fn at_equilibrium(node: &Node, spec: &Spec, start: f64) -> (Vec<f64>, Vec<f64>) 
         return (zero(), zero());
     }
     let is_static = node.text() == "static";
-    let found = if is_static { equilibrium(spec).map(|at| (at, zero())) } else { quasi_static(spec, start) };
+    let found =
+        if is_static { pressed(spec).map(|(at, is_back)| (at, is_back, zero())) } else { quasi_static(spec, start) };
     match found {
-        Ok((found, velocity)) => {
-            let pulls = |(force, c): (&f64, &ContactSpec)| *force < 0.0 && !c.law.is_bilateral();
-            if found.forces.iter().zip(&spec.contacts).any(pulls) {
+        Ok((found, is_back, velocity)) => {
+            if (0..is_back.len()).any(|j| found.pulls(spec, &is_back, j)) {
                 node.warn("not every contact is pressed in the static state: the run starts from where all are closed");
             }
             if is_static {
-                on_other_flanks(node, spec, &found.position, start);
+                on_other_flanks(node, spec, (&found.position, &is_back), start);
             }
             (found.position, velocity)
         }
@@ -116,15 +116,17 @@ fn at_equilibrium(node: &Node, spec: &Spec, start: f64) -> (Vec<f64>, Vec<f64>) 
     }
 }
 
-/// Warns of contacts that the errors at the start press on their back flanks, as the static state knows their means only.
-fn on_other_flanks(node: &Node, spec: &Spec, q: &[f64], start: f64) {
-    for contact in spec.contacts.iter().filter(|c| c.flanks == Flanks::Both && !c.law.is_bilateral()) {
+/// Warns of contacts that the errors at the start press on their other flanks, as the static state knows their means only.
+fn on_other_flanks(node: &Node, spec: &Spec, (q, is_back): (&[f64], &[bool]), start: f64) {
+    let contacts = spec.contacts.iter().zip(is_back);
+    for (contact, is_back) in contacts.filter(|(c, _)| c.flanks == Flanks::Both && !c.law.is_bilateral()) {
         let error = contact.error_offset + contact.error_at(start)[0];
         let deflection = contact.direction.iter().zip(q).map(|(g, x)| g * x).sum::<f64>() - error;
-        let depth = -contact.half_backlash - deflection;
+        let (flank, towards) = if *is_back { ("drive", deflection) } else { ("back", -deflection) };
+        let depth = towards - contact.half_backlash;
         if depth > 0.0 {
             node.warn(format!(
-                "{} starts {depth:.3e} m inside its back flank, as \"static\" leaves the error at the start out; \
+                "{} starts {depth:.3e} m inside its {flank} flank, as \"static\" leaves the error at the start out; \
                  \"quasi-static\" includes it",
                 contact.name
             ));

@@ -157,7 +157,12 @@ impl<'a> Node<'a> {
 
     /// Notes a fault found here, in words.
     pub fn fault(&self, found: impl Into<String>, allowed: impl Into<String>, remedy: impl Into<String>) {
-        self.findings.faults.borrow_mut().push(Fault::new(&self.pointer, found, allowed).remedy(remedy));
+        // Planets share one mesh: a fault of it is one.
+        let (fault, mut faults) =
+            (Fault::new(&self.pointer, found, allowed).remedy(remedy), self.findings.faults.borrow_mut());
+        if !faults.contains(&fault) {
+            faults.push(fault);
+        }
     }
 
     /// Notes a fault of the start with this train.

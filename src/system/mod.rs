@@ -37,7 +37,8 @@ pub(crate) use contact_mode::{ContactMode, Watch};
 pub use contact_mode::{contact_mode, guard_id, guard_of, piece, set_contact};
 pub use spec::{ContactSpec, Flanks, LoadHarmonic, Spec};
 pub use statics::{
-    Equilibrium, EquilibriumError, bonded_modes, bonded_stiffness, equilibrium, quasi_static, tangent_stiffness,
+    Equilibrium, EquilibriumError, bonded_modes, bonded_stiffness, equilibrium, pressed, quasi_static,
+    tangent_stiffness,
 };
 pub(crate) use sticking::Sticking;
 pub use tangent::{Columns, Saltation};

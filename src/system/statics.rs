@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::{ContactSpec, Spec};
+use super::{ContactSpec, Flanks, Spec};
 use crate::{
     gear::contact::{Law, PowerLaw},
     linalg::{EigenError, Modes, natural_modes},
@@ -37,6 +37,16 @@ pub struct Equilibrium {
     pub position: Vec<f64>,
     /// Contact forces, N, one per contact; a negative one means this contact would have to pull.
     pub forces: Vec<f64>,
+}
+
+impl Equilibrium {
+    /// Tells that contact `j` would have to pull on its flank, by more than 1e-9 of the largest force.
+    #[must_use]
+    pub fn pulls(&self, spec: &Spec, is_back: &[bool], j: usize) -> bool {
+        let largest = self.forces.iter().fold(0.0, |m: f64, force| m.max(force.abs()));
+        let push = if is_back[j] { -self.forces[j] } else { self.forces[j] };
+        !spec.contacts[j].law.is_bilateral() && push < -1e-9 * largest
+    }
 }
 
 /// Why there is no [`Equilibrium`].
@@ -124,22 +134,49 @@ pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, EquilibriumError> {
     }
 }
 
-/// The state that follows the errors at time `t`, s, without inertia: the [`equilibrium`] with the errors of that time, and the velocities
+/// The [`equilibrium`] with each contact on the flank that the load presses, and whether that is its back flank. A contact that pulls on one
+/// flank is tried on the other one. Where that does not end, all are on their drive flanks, and some pull.
+///
+/// # Errors
+/// [`EquilibriumError`], for the same causes as [`equilibrium`].
+pub fn pressed(spec: &Spec) -> Result<(Equilibrium, Vec<bool>), EquilibriumError> {
+    let on_drive = equilibrium(spec)?;
+    let mut turned = spec.clone();
+    let mut is_back = vec![false; spec.contacts.len()];
+    let mut at = on_drive.clone();
+    for _ in 0..=spec.contacts.len() {
+        let pulling: Vec<usize> = (0..is_back.len())
+            .filter(|j| turned.contacts[*j].flanks == Flanks::Both && at.pulls(&turned, &is_back, *j))
+            .collect();
+        if pulling.is_empty() {
+            return Ok((at, is_back));
+        }
+        for j in pulling {
+            is_back[j] = !is_back[j];
+            turned.contacts[j].half_backlash *= -1.0;
+        }
+        at = equilibrium(&turned)?;
+    }
+    let len = is_back.len();
+    Ok((on_drive, vec![false; len]))
+}
+
+/// The state that follows the errors at time `t`, s, without inertia: the flanks [`pressed`] with the errors of that time, and the velocities
 /// with which it changes, `(K + Σ k_j g_j g_jᵀ) q̇ = Σ k_j g_j ė_j` with the [`tangent_stiffness`] k_j. Loads keep their means.
 ///
 /// # Errors
 /// [`EquilibriumError`], for the same causes as [`equilibrium`].
-pub fn quasi_static(spec: &Spec, t: f64) -> Result<(Equilibrium, Vec<f64>), EquilibriumError> {
+pub fn quasi_static(spec: &Spec, t: f64) -> Result<(Equilibrium, Vec<bool>, Vec<f64>), EquilibriumError> {
     let mut moved = spec.clone();
     moved.contacts.iter_mut().for_each(|contact| contact.error_offset += contact.error_at(t)[0]);
-    let at = equilibrium(&moved)?;
+    let (at, is_back) = pressed(&moved)?;
     let stiffness = tangent_stiffness(&moved, &at);
     let mut push = DVector::zeros(spec.freedoms.len());
     for (contact, k) in spec.contacts.iter().zip(&stiffness) {
         push += k * contact.error_at(t)[1] * DVector::from_column_slice(&contact.direction);
     }
     let velocity = least_solution(&bonded_stiffness(&moved, Some(&stiffness)), &push);
-    Ok((at, velocity.iter().copied().collect()))
+    Ok((at, is_back, velocity.iter().copied().collect()))
 }
 
 /// Stiffness of every contact for small motions about an equilibrium, N/m: the mean stiffness of a linear law,

@@ -93,6 +93,15 @@ impl<'a> Arc<'a> {
         touches.into_iter().any(|touch| holds(touch) && !(&touch.fired & set).is_empty())
     }
 
+    /// Tells that each guard in `set` falls within a time `margin` after `record`, s, to first order.
+    pub fn is_close(&self, set: &GuardSet, record: &EventRecord, margin: f64) -> bool {
+        let mut rate = vec![0.0; record.x_minus.len()];
+        self.field().eval(&self.lane.last.jump.mode, record.at, 0.0, &record.x_minus, &mut rate);
+        let after: Vec<f64> = record.x_minus.iter().zip(&rate).map(|(x, f)| x + margin * f).collect();
+        let falls = |g: usize| self.guard(g, self.length, &record.x_minus) * self.guard(g, self.length, &after) <= 0.0;
+        set.iter().all(|id| self.guards.iter().position(|own| *own == id).is_some_and(falls))
+    }
+
     /// Rounding of the two instants that the arc lies between, s.
     fn resolution(&self) -> f64 {
         8.0 * f64::EPSILON * f64::EPSILON * self.system.clock().time(self.lane.last.at).hi.abs()

@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::{
     Gearbox, Layout, Part,
     kinematics::Speed,
+    layout::is_rounding,
     loads::{FRAME, sign},
 };
 use crate::{
@@ -187,6 +188,7 @@ impl Gearbox {
         let (sin, cos) = libm::sincos(psi);
         let [centre, pin] = [layout.centres[carrier], layout.centres[i]];
         let lever = libm::hypot(pin[0] - centre[0], pin[1] - centre[1]) / radii[carrier];
+        let lever = if is_rounding(lever - 1.0) { 1.0 } else { lever };
         let (own, of) = (OF_SHAFT * i, OF_SHAFT * carrier);
         [
             vec![(own, 1.0), (of, -cos), (of + 1, -sin)],

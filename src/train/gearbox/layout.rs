@@ -330,6 +330,9 @@ impl Gearbox {
             let is_from_pinion = free[i].kind == MeshKind::Internal && gears[0] == mesh.gears[0];
             let written = mesh.angle.unwrap_or(direction);
             let pitch = if is_from_pinion { turned_back(written) } else { written };
+            // In the axes of every planet of a stage the mesh then lies the same, to the last bit.
+            let carried = mesh.gears.iter().filter_map(|gear| self.shafts[self.gears[*gear].shaft].carried);
+            let pitch = carried.map(|(_, psi)| psi).find(|psi| is_rounding(psi - pitch)).unwrap_or(pitch);
             lines.push(Line {
                 gears,
                 geometry,
@@ -404,6 +407,11 @@ impl Gearbox {
 /// A fraction as a number.
 pub(super) fn ratio(speed: Speed) -> f64 {
     *speed.numer() as f64 / *speed.denom() as f64
+}
+
+/// Tells that a difference of angles, periods or ratios near one comes from rounding.
+pub(super) fn is_rounding(difference: f64) -> bool {
+    difference.abs() <= 64.0 * f64::EPSILON
 }
 
 fn turned_back(angle: f64) -> f64 {

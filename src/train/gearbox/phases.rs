@@ -14,7 +14,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::{Gearbox, GearboxFault, Line, Part, ShaftGear};
+use super::{Gearbox, GearboxFault, Line, Part, ShaftGear, layout::is_rounding};
 use crate::gear::MeshKind;
 
 /// Teeth fit to this part of a pitch: angles in a scene are rounded.
@@ -89,6 +89,12 @@ pub(super) fn set(gearbox: &Gearbox, lines: &mut [Line]) -> Result<(), Vec<Gearb
         lines[i].phase = fraction(phase);
     }
     let faults: Vec<GearboxFault> = open.into_iter().filter_map(|i| close(gearbox, lines, &ends, &angles, i)).collect();
+    // Teeth in phase stay so to the last bit.
+    for i in 1..lines.len() {
+        let (before, own) = lines.split_at_mut(i);
+        let equal = before.iter().map(|line| line.phase).find(|phase| is_rounding(phase - own[0].phase));
+        own[0].phase = equal.unwrap_or(own[0].phase);
+    }
     if faults.is_empty() { Ok(()) } else { Err(faults) }
 }
 
