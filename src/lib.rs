@@ -63,6 +63,8 @@ pub mod ensemble;
 pub mod event;
 pub mod gear;
 pub mod hybrid;
+#[cfg(feature = "import")]
+pub mod import;
 pub mod integrate;
 mod kernel;
 pub mod map;

@@ -4,6 +4,7 @@ use std::{fmt, process::ExitCode};
 
 use flank::{
     accuracy::AccuracyError,
+    import::ImportError,
     map::PlaneError,
     output::{Fault, OutputError},
     scene::SceneError,
@@ -43,6 +44,12 @@ pub enum CliError {
     /// The comparison cannot be made.
     #[error(transparent)]
     Accuracy(#[from] AccuracyError),
+    /// No scene can be made of a gearbox file.
+    #[error("{0}")]
+    Import(ImportError),
+    /// A file cannot be read.
+    #[error("{0} cannot be read: {1}")]
+    Unread(String, std::io::Error),
     /// A file cannot be written.
     #[error("{0}: {1}")]
     File(String, std::io::Error),
@@ -79,6 +86,12 @@ impl Diagnostic for CliError {
             _ => return None,
         };
         Some(Box::new(help))
+    }
+}
+
+impl From<ImportError> for CliError {
+    fn from(error: ImportError) -> Self {
+        Self::Import(error)
     }
 }
 

@@ -9,6 +9,7 @@ mod continuation;
 mod diagram;
 mod error;
 mod identify;
+mod import;
 mod lyapunov;
 mod map;
 mod orbit;
@@ -72,6 +73,8 @@ enum Command {
     Stability(stability::Arguments),
     /// Find numbers of a scene from natural frequencies and static contact forces
     Identify(identify::Arguments),
+    /// Make a scene of a gearbox file that another program wrote, with the origin of each number
+    Import(import::Arguments),
     /// Print the JSON Schema of scenes
     Schema,
     /// Look at scenes
@@ -136,6 +139,7 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
         Command::Stability(arguments) => return stability::execute(&arguments),
         Command::Identify(arguments) => return identify::execute(&arguments),
         Command::Check(arguments) => check::execute(&arguments)?,
+        Command::Import(arguments) => import::execute(&arguments)?,
         Command::Schema => print(&format!("{:#}\n", scene::schema()))?,
         Command::Scene(Look::Show { scene }) => print(&format!("{:#}\n", read_scene(scene.as_deref())?.resolved()))?,
     }

@@ -29,10 +29,11 @@ pub(super) fn build(resolved: &Value) -> Result<Built, Vec<Fault>> {
     let findings = Findings::default();
     let root = Node::root(resolved, &findings, units_of(resolved));
     let built = read(&root);
-    let (meshes, start_faults) = (findings.meshes.take(), findings.start_faults.take());
+    let (meshes, speeds) = (findings.meshes.take(), findings.speeds.take());
+    let start_faults = findings.start_faults.take();
     let (faults, warnings) = findings.into_parts();
     match built {
-        Some(built) if faults.is_empty() => Ok(Built { warnings, meshes, start_faults, ..built }),
+        Some(built) if faults.is_empty() => Ok(Built { warnings, meshes, speeds, start_faults, ..built }),
         _ => Err(faults),
     }
 }
@@ -65,6 +66,7 @@ fn read(root: &Node) -> Option<Built> {
         memory,
         run,
         meshes: vec![],
+        speeds: vec![],
         warnings: vec![],
         start_faults: vec![],
     })

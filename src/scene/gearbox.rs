@@ -63,6 +63,12 @@ impl<'a> Reading<'a> {
         for (part, text) in gearbox.warnings(&layout) {
             self.place(node, part).warn(text);
         }
+        for (i, shaft) in gearbox.shafts.iter().enumerate() {
+            node.turns(&shaft.name, layout.speed(i));
+        }
+        for (i, gear) in gearbox.gears.iter().enumerate().filter(|(_, gear)| gear.is_loose) {
+            node.turns(&gear.name, layout.gear_speed(i));
+        }
         let mut meshes = Vec::new();
         for (i, line) in layout.lines.iter().enumerate() {
             let [place, contact] = &self.meshes[i];
@@ -166,6 +172,7 @@ impl<'a> Reading<'a> {
             gears: [one, two],
             rack: mesh::read_rack(&node.at("rack")),
             angle: node.at("angle_deg").written().map(|angle| angle.number().to_radians()),
+            distance: node.at("centre_distance_m").written().map(|distance| distance.number()),
             phase: node.at("phase").written().map(|phase| phase.number()),
         });
         self.meshes.push([node.clone(), node.clone()]);
@@ -209,6 +216,7 @@ impl<'a> Reading<'a> {
         let ring = self.gear(&ring_node, format!("{stage} ring"), ring_shaft, [false, true]);
         let rack = mesh::read_rack(&node.at("rack"));
         let mut meshes = [Vec::new(), Vec::new()];
+        let distance = node.at("centre_distance_m").written().map(|distance| distance.number());
         for (i, position) in positions.into_iter().enumerate() {
             let name = format!("{stage} planet {}", i + 1);
             unique_name(node, &name, "shaft", self.gearbox.shafts.iter().map(|shaft| shaft.name.as_str()));
@@ -237,7 +245,7 @@ impl<'a> Reading<'a> {
             self.gearbox.gears[planet].drag = Drag::default();
             let mesh = |stem: &str, gears, angle| {
                 let name = format!("{stage} {stem}-planet {}", i + 1);
-                GearMesh { name, gears, rack, angle, phase: None }
+                GearMesh { name, gears, rack, angle, distance, phase: None }
             };
             meshes[0].push(mesh("sun", [sun, planet], Some(position)));
             meshes[1].push(mesh("ring", [planet, ring], Some(position + std::f64::consts::PI)));

@@ -100,6 +100,8 @@ pub struct Built {
     pub carrier_speed: Option<f64>,
     /// Geometry of the meshes whose teeth are given, by name.
     pub meshes: Vec<(String, MeshGeometry)>,
+    /// Mean speeds of the shafts and the loose gears of a gearbox, rad/s, by name.
+    pub speeds: Vec<(String, f64)>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
     /// Why the start does not fit the train: a run from it is refused, a run from elsewhere is not.

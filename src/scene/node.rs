@@ -20,6 +20,8 @@ pub(super) struct Findings {
     warnings: RefCell<Vec<Warning>>,
     /// Geometry of the meshes whose teeth are given, by name.
     pub meshes: RefCell<Vec<(String, MeshGeometry)>>,
+    /// Mean speeds of shafts and loose gears, rad/s, by name.
+    pub speeds: RefCell<Vec<(String, f64)>>,
 }
 
 impl Findings {
@@ -172,6 +174,10 @@ impl<'a> Node<'a> {
 
     pub fn engaged(&self, name: &str, geometry: MeshGeometry) {
         self.findings.meshes.borrow_mut().push((name.to_owned(), geometry));
+    }
+
+    pub fn turns(&self, name: &str, speed: f64) {
+        self.findings.speeds.borrow_mut().push((name.to_owned(), speed));
     }
 
     pub fn warn(&self, message: impl Into<String>) {

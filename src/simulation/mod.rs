@@ -61,6 +61,8 @@ pub struct Simulation {
     pub carrier_speed: Option<f64>,
     /// Geometry of the meshes whose teeth are given, by name.
     pub meshes: Vec<(String, MeshGeometry)>,
+    /// Mean speeds of the shafts and the loose gears of a gearbox, rad/s, by name.
+    pub speeds: Vec<(String, f64)>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
     /// Why the start does not fit the train.
@@ -117,6 +119,7 @@ impl Simulation {
             dimensionless: built.dimensionless,
             carrier_speed: built.carrier_speed,
             meshes: built.meshes,
+            speeds: built.speeds,
             warnings: built.warnings,
             start_faults: built.start_faults,
             common: None,
@@ -141,7 +144,7 @@ impl Simulation {
                 "its run has no end after its start and transient; give it a time or a period, and more cycles";
             return Err(SimulationError::missing(name, missing));
         }
-        let (meshes, warnings, start_faults) = (Vec::new(), Vec::new(), Vec::new());
+        let (meshes, speeds, warnings, start_faults) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Self::from_built(
             name,
             Built {
@@ -153,6 +156,7 @@ impl Simulation {
                 dimensionless: false,
                 carrier_speed: None,
                 meshes,
+                speeds,
                 warnings,
                 start_faults,
             },

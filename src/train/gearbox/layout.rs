@@ -70,6 +70,12 @@ impl Layout {
         self.rate(self.lines[i].orders) / TAU
     }
 
+    /// Mean speed of a gear, rad/s.
+    #[must_use]
+    pub fn gear_speed(&self, gear: usize) -> f64 {
+        self.rate(self.gears[gear])
+    }
+
     /// Base radius of a gear, m, if it is in mesh.
     pub(super) fn base_radius(&self, gear: usize) -> Option<f64> {
         let of = |line: &Line| Some(line.geometry.base_radii[line.gears.iter().position(|g| *g == gear)?]);
@@ -390,7 +396,7 @@ impl Gearbox {
             }
             for (mesh, geometry) in self.meshes.iter().zip(geometry) {
                 let (sin, cos) = libm::sincos(mesh.angle.unwrap_or(0.0));
-                let distance = geometry.centre_distance;
+                let distance = mesh.distance.unwrap_or(geometry.centre_distance);
                 set(&mut centres, mesh.gears.map(|gear| self.gears[gear].shaft), [distance * cos, distance * sin]);
             }
             if is_done {

@@ -165,6 +165,8 @@ pub struct GearMesh {
     pub rack: BasicRack,
     /// Direction from the centre of the driving gear to that of the driven one, rad, where it is given.
     pub angle: Option<f64>,
+    /// Distance of the centres, m; that of the teeth without backlash if left out.
+    pub distance: Option<f64>,
     /// Mesh phase, periods, where it is given.
     pub phase: Option<f64>,
 }

@@ -1,0 +1,161 @@
+//! The content of a file of the exchange format REXS: components with attributes, relations between them, load cases.
+
+use std::collections::BTreeMap;
+
+/// Value of an attribute.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// One word: a text, a number or a truth value as it is written.
+    Word(String),
+    /// Words of a list.
+    Words(Vec<String>),
+    /// Numbers, as JSON or base64 has them.
+    Numbers(Vec<f64>),
+}
+
+/// An attribute of a component.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Attribute {
+    /// Unit as it is written.
+    pub unit: String,
+    /// Value.
+    pub value: Value,
+}
+
+/// A component: a part of the gearbox, or data about one.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Component {
+    /// Number in the file.
+    pub id: String,
+    /// Type.
+    pub kind: String,
+    /// Name that a user gave, possibly empty.
+    pub name: String,
+    /// Attributes by name. Of two with one name the last one counts.
+    pub attributes: BTreeMap<String, Attribute>,
+}
+
+/// A relation between components.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Relation {
+    /// Type.
+    pub kind: String,
+    /// Roles and numbers of the components.
+    pub refs: Vec<(String, String)>,
+}
+
+/// A load case: attributes that replace those of components.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LoadCase {
+    /// Number in the file.
+    pub id: String,
+    /// Components with the attributes to replace.
+    pub components: Vec<Component>,
+}
+
+/// A gearbox as a file has it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Model {
+    /// Version of the format.
+    pub version: String,
+    /// Program that wrote the file.
+    pub application: String,
+    /// Components in the order of the file.
+    pub components: Vec<Component>,
+    /// Relations in the order of the file.
+    pub relations: Vec<Relation>,
+    /// Load cases in the order of the file.
+    pub load_cases: Vec<LoadCase>,
+}
+
+impl Value {
+    /// The one number, if it is one.
+    #[must_use]
+    pub fn number(&self) -> Option<f64> {
+        match self {
+            Self::Word(word) => word.trim().parse().ok().filter(|x: &f64| x.is_finite()),
+            Self::Numbers(numbers) => <[f64; 1]>::try_from(numbers.as_slice()).ok().map(|[x]| x),
+            Self::Words(_) => None,
+        }
+    }
+
+    /// The numbers of a list.
+    #[must_use]
+    pub fn numbers(&self) -> Option<Vec<f64>> {
+        match self {
+            Self::Numbers(numbers) => Some(numbers.clone()),
+            Self::Words(words) => words.iter().map(|word| Self::Word(word.clone()).number()).collect(),
+            Self::Word(_) => None,
+        }
+    }
+
+    /// The truth value; of a list its first one.
+    #[must_use]
+    pub fn flag(&self) -> Option<bool> {
+        let word = match self {
+            Self::Word(word) => word,
+            Self::Words(words) => words.first()?,
+            Self::Numbers(numbers) => return numbers.first().map(|x| *x != 0.0),
+        };
+        match word.trim() {
+            "true" | "1" => Some(true),
+            "false" | "0" => Some(false),
+            _ => None,
+        }
+    }
+
+    /// The value as it is shown.
+    #[must_use]
+    pub fn text(&self) -> String {
+        match self {
+            Self::Word(word) => word.trim().to_owned(),
+            Self::Words(words) => words.join(" "),
+            Self::Numbers(numbers) => numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" "),
+        }
+    }
+}
+
+impl Component {
+    /// The component as it is named in lists: type, number and name.
+    #[must_use]
+    pub fn place(&self) -> String {
+        if self.name.is_empty() {
+            format!("{} {}", self.kind, self.id)
+        } else {
+            format!("{} {} \"{}\"", self.kind, self.id, self.name)
+        }
+    }
+
+    /// The truth value of an attribute.
+    #[must_use]
+    pub fn flag(&self, name: &str) -> Option<bool> {
+        self.attributes.get(name)?.value.flag()
+    }
+}
+
+impl Relation {
+    /// Number of the component with a role.
+    #[must_use]
+    pub fn of(&self, role: &str) -> Option<&str> {
+        self.refs.iter().find(|(own, _)| own == role).map(|(_, id)| id.as_str())
+    }
+}
+
+impl Model {
+    /// The component with a number.
+    #[must_use]
+    pub fn component(&self, id: &str) -> Option<&Component> {
+        self.components.iter().find(|component| component.id == id)
+    }
+
+    /// Replaces the attributes that a load case names. Tells if there is such a load case.
+    pub fn apply(&mut self, case: &str) -> bool {
+        let Some(case) = self.load_cases.iter().find(|own| own.id == case).cloned() else { return false };
+        for changed in case.components {
+            if let Some(own) = self.components.iter_mut().find(|own| own.id == changed.id) {
+                own.attributes.extend(changed.attributes);
+            }
+        }
+        true
+    }
+}
