@@ -28,6 +28,7 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
     ("gear", &[]),
     ("output", &[]),
     ("sweep", &[("task", All), ("output", All)]),
+    ("import", &[("gear", All), ("scene", Only(&["Scene"])), ("output", Only(&["Fault"]))]),
     ("poly", &[("vectors", All)]),
     ("system", &[("gear", All), ("hybrid", All), ("linalg", All), ("vectors", All)]),
     ("kernel", &[("system", All), ("gear", All), ("hybrid", All), ("poly", All), ("vectors", All)]),

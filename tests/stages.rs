@@ -310,10 +310,8 @@ fn phases_and_assembly() {
         if (nearest[1].to_degrees() - 119.076_923_076_923_08).abs() < 1e-12
             && (nearest[2].to_degrees() - 240.923_076_923_076_92).abs() < 1e-12));
     // Sun, ring and three planets: inertias no such body can have.
-    assert_eq!(warnings.len(), 6);
-    assert!(warnings.iter().skip(1).all(|w| matches!(w, Warning::Gyration { .. })));
-    let strict = Planetary { strict: true, ..stage.clone() };
-    assert!(matches!(strict.assemble(&Freedoms::Full), Err(TrainError::Implausible(list)) if list.len() == 6));
+    assert_eq!(warnings.len(), 2);
+    assert!(matches!(&warnings[1], Warning::Gyration { bodies } if bodies.len() == 5));
     let placed = stage.clone().phased(&Phasing::Assemblable).unwrap();
     assert!(!placed.warnings().iter().any(|w| matches!(w, Warning::NotAssemblable { .. })));
     for (planet, want) in placed.planets.iter().zip([0.0, 0.753_846_153_846_154_7, 0.246_153_846_153_845_28]) {

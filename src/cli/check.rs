@@ -2,23 +2,17 @@
 
 use std::{fmt::Write, path::PathBuf};
 
+use super::{CliError, open, print};
 use flank::{
     Simulation,
-    gear::{
-        MeshGeometry,
-        contact::{Law, Release},
-        phase,
-    },
+    gear::contact::{Law, Release},
     hybrid::{ContactMode, HybridSystem, Mode},
     integrate::PerMode,
     linalg::multiplicities,
     output::{Table, five_digits as number},
-    scene::Duration,
+    scene::{Duration, ToothMesh},
     system::{ContactSpec, Flanks, bonded_modes, contact_mode, set_contact},
 };
-use serde_json::Value;
-
-use super::{CliError, open, print};
 
 /// Arguments of `flank check`.
 #[derive(Debug, clap::Args)]
@@ -57,7 +51,8 @@ fn text(simulation: &Simulation, start: &Mode, why: &str) -> Result<String, std:
     contacts(&mut out, simulation, start)?;
     let mut warnings = simulation.warnings_in_words();
     frequencies(&mut out, simulation, &mut warnings)?;
-    out.push_str(&geometry(simulation.resolved(), &simulation.meshes)?);
+    out.push_str(&speeds(simulation)?);
+    out.push_str(&geometry(&simulation.meshes)?);
     integrators(&mut out, simulation, start, why)?;
     writeln!(out)?;
     if warnings.is_empty() {
@@ -158,43 +153,37 @@ fn integrators(out: &mut String, simulation: &Simulation, start: &Mode, why: &st
     write!(out, "{}", Table::new(head).with(rows))
 }
 
-/// Geometry and phases of the meshes of a resolved scene; nothing for trains without teeth.
-fn geometry(scene: &Value, meshes: &[(String, MeshGeometry)]) -> Result<String, std::fmt::Error> {
+/// Mean speeds of the shafts of a gearbox, with the frequencies of their rotation.
+fn speeds(simulation: &Simulation) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
-    if !meshes.is_empty() {
-        let head = ["mesh", "working angle deg", "centre distance mm", "base radii mm", "contact ratio"];
-        let rows = meshes.iter().map(|(name, g)| {
-            let [one, two] = g.base_radii.map(|r| number(1e3 * r));
-            let [angle, distance] = [g.pressure_angle.to_degrees(), 1e3 * g.centre_distance].map(number);
-            vec![(*name).to_owned(), angle, distance, format!("{one} {two}"), number(g.path.contact_ratio())]
+    if !simulation.speeds.is_empty() {
+        let rows = simulation.speeds.iter().map(|(name, speed)| {
+            vec![name.clone(), number(speed * 30.0 / std::f64::consts::PI), number(speed.abs() / std::f64::consts::TAU)]
         });
-        write!(out, "\nMesh geometry\n{}", Table::new(head).with(rows))?;
+        write!(out, "\nSpeeds, counter-clockwise positive\n{}", Table::new(["shaft", "rev/min", "Hz"]).with(rows))?;
     }
-    let train = &scene["train"];
-    Ok(if train["kind"] == "planetary" { out + &phases(train)? } else { out })
+    Ok(out)
 }
 
-/// Positions of the planets and mesh phases as the scene has them.
-fn phases(train: &Value) -> Result<String, std::fmt::Error> {
+/// Clocks of the meshes, and their geometry as far as the teeth are given.
+fn geometry(meshes: &[ToothMesh]) -> Result<String, std::fmt::Error> {
     let mut out = String::new();
-    let listed = |key: &str| train[key].as_array().map(|l| l.iter().filter_map(Value::as_f64).collect::<Vec<f64>>());
-    let degrees = listed("positions_deg").map(|l| l.into_iter().map(f64::to_radians).collect());
-    let count = train["planets"].as_u64().and_then(|n| usize::try_from(n).ok());
-    let positions = listed("positions_rad").or(degrees).or(count.map(phase::equally_spaced)).unwrap_or_default();
     let words = |values: &[f64]| values.iter().map(|v| number(*v)).collect::<Vec<_>>().join(" ");
-    let turned: Vec<f64> = positions.iter().map(|p| p.to_degrees()).collect();
-    writeln!(out, "\nPlanets at {} deg, {} planets", words(&turned), positions.len())?;
-    match train["phases"].as_str() {
-        Some(how) => writeln!(out, "Mesh phases: {how}")?,
-        None => writeln!(out, "Mesh phases: sun {}, ring {}", train["phases"]["sun"], train["phases"]["ring"])?,
+    if meshes.iter().any(|mesh| mesh.frequency > 0.0) {
+        let rows = meshes.iter().map(|mesh| vec![mesh.name.clone(), number(mesh.frequency), words(&mesh.phases)]);
+        write!(out, "\nMesh clocks\n{}", Table::new(["mesh", "frequency Hz", "phases, periods"]).with(rows))?;
     }
-    if train["phases"] == "teeth" {
-        let teeth = |name: &str| train["teeth"][name].as_u64().and_then(|z| u32::try_from(z).ok()).unwrap_or(0);
-        let offset = train["ring_phase"].as_f64();
-        writeln!(out, "  sun meshes  {} periods", words(&phase::sun_phases(teeth("sun"), &positions)))?;
-        let ring = phase::ring_phases(teeth("ring"), &positions, offset.unwrap_or(0.0));
-        let note = if offset.is_some() { "" } else { ", plus the phase between a planet's two meshes" };
-        writeln!(out, "  ring meshes {} periods{note}", words(&ring))?;
+    let given: Vec<&ToothMesh> = meshes.iter().filter(|mesh| mesh.is_given).collect();
+    if !given.is_empty() {
+        let head =
+            ["mesh", "working angle deg", "centre distance mm", "base radii mm", "contact ratio", "overlap ratio"];
+        let rows = given.into_iter().map(|mesh| {
+            let g = &mesh.geometry;
+            let radii = words(&g.base_radii.map(|r| 1e3 * r));
+            let [angle, distance] = [g.pressure_angle.to_degrees(), 1e3 * g.centre_distance].map(number);
+            vec![mesh.name.clone(), angle, distance, radii, number(g.path.contact_ratio()), number(g.path.overlap)]
+        });
+        write!(out, "\nMesh geometry\n{}", Table::new(head).with(rows))?;
     }
     Ok(out)
 }

@@ -7,7 +7,7 @@ use flank::{
     analysis::ContactReport,
     hybrid::Clock,
     output::{Table, five_digits as number, label},
-    scene::Duration,
+    scene::{Duration, strict},
     simulation::{Ended, Summary},
 };
 
@@ -33,6 +33,9 @@ pub struct Arguments {
     /// Check every event, and that there are no others, by two other ways; exit code 1 if one does not agree
     #[arg(long)]
     verify: bool,
+    /// Refuse a scene with warnings; exit code 2
+    #[arg(long)]
+    strict: bool,
     /// Write into a folder that is not empty
     #[arg(long, requires = "out")]
     force: bool,
@@ -44,6 +47,9 @@ pub struct Arguments {
 /// Runs a scene.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let simulation = open(arguments.scene.as_deref())?;
+    if arguments.strict && !simulation.warnings.is_empty() {
+        return Err(CliError::Arguments(strict(&simulation.warnings, "--strict")));
+    }
     let ([from, _, end], run) = (simulation.instants(), &simulation.settings);
     let cycles = run.period.map(|period| Clock::between(simulation.clock(), from, end) / period);
     if let Some(warning) = simulation.budget_warning().filter(|_| !arguments.quiet) {

@@ -4,12 +4,16 @@
 //! JSON or zip, and makes a scene of it: cylindrical gears on shafts, spur and helical, planetary stages of one sun, one ring and
 //! simple planets. Each number of the scene has an [`Origin`]: an attribute of the file, a rule, or a usual value.
 
+mod bodies;
 mod gearbox;
 mod json;
 mod ledger;
+mod loads;
 mod model;
+mod pair;
 mod quantity;
 mod read;
+mod stage;
 mod teeth;
 mod writer;
 mod xml;

@@ -31,7 +31,7 @@ impl Unit {
     /// Factor to the unit of the scene.
     fn factor(self, written: &str) -> Option<f64> {
         let written: String = written.chars().filter(|c| !c.is_whitespace()).collect();
-        let written = written.replace('µ', "mu").replace('μ', "mu").replace('·', "").replace('^', "");
+        let written = written.replace(['µ', 'μ'], "mu").replace(['·', '^'], "");
         let table: &[(&str, f64)] = match self {
             Self::Length => &[("mm", 1e-3), ("m", 1.0), ("mum", 1e-6), ("mumm", 1e-6)],
             Self::Angle => &[("deg", 1.0), ("°", 1.0), ("rad", 180.0 / std::f64::consts::PI)],

@@ -29,8 +29,8 @@ pub(super) fn read(text: &str) -> Result<Model, ImportError> {
             Event::Start(element) => file.open(&element),
             Event::Empty(element) => file.open(&element).and_then(|()| file.close()),
             Event::End(_) => file.close(),
-            Event::Text(words) => Ok(file.words(&words.xml10_content())),
-            Event::CData(words) => Ok(file.words(&words)),
+            Event::Text(words) => file.words(&words.xml10_content()),
+            Event::CData(words) => file.words(&words),
             Event::GeneralRef(name) => file.entity(&name, name.resolve_char_ref().ok().flatten()),
             Event::DocType(_) => Err("a document type; files with one are refused".to_owned()),
             Event::Eof => break,
@@ -125,16 +125,17 @@ impl File {
         Ok(())
     }
 
-    fn words(&mut self, words: &str) {
+    fn words(&mut self, words: &str) -> Result<(), String> {
         if self.attribute.is_some() {
             self.text.push_str(words);
         }
+        Ok(())
     }
 
     fn entity(&mut self, name: &str, character: Option<char>) -> Result<(), String> {
         let known = character.map(String::from).or_else(|| resolve_predefined_entity(name).map(str::to_owned));
         match known {
-            Some(words) => Ok(self.words(&words)),
+            Some(words) => self.words(&words),
             None => Err(format!("the entity &{name}; files with their own entities are refused")),
         }
     }

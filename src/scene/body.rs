@@ -1,6 +1,6 @@
 //! Rigid bodies and what holds them.
 
-use super::node::Node;
+use super::{node::Node, plausible};
 use crate::train::{Body, Damping, Support};
 
 /// The body written here; `radius` is the one its geometry gives, if that is known.
@@ -22,6 +22,7 @@ pub(super) fn read(node: &Node, radius: Option<f64>) -> Body {
 }
 
 pub(super) fn read_support(node: &Node) -> Support {
+    plausible::support(node);
     let viscous = node.at("damping_n_s_per_m").written().map_or(0.0, |damping| damping.number());
     let ratio = node.at("damping_ratio").written().map(|ratio| Damping::Ratio(ratio.number()));
     Support { stiffness: node.at("stiffness_n_per_m").number(), damping: ratio.unwrap_or(Damping::Viscous(viscous)) }

@@ -139,9 +139,6 @@ pub(super) fn assembled<T>(node: &Node, result: Result<T, TrainError>) -> Option
             TrainError::Standing { .. } => {
                 ("speed_rpm", "a speed > 0 where something varies", "give a speed, or leave the variation out")
             }
-            TrainError::Implausible(_) => {
-                ("strict", "plausible data in strict mode", "mend what it says, or set strict to false")
-            }
             _ => ("", "data that make a train", "change the value it names"),
         };
         let place = if key.is_empty() { node.clone() } else { node.at(key) };

@@ -5,6 +5,7 @@ use super::{
     build, fault,
     mesh::{self, Engaged},
     node::Node,
+    plausible,
 };
 use crate::{
     gear::{Gear, phase::equally_spaced},
@@ -12,7 +13,8 @@ use crate::{
     train::{
         Damping, Support,
         gearbox::{
-            Amplitude, Coupling, Drag, GearMesh, Gearbox, GearboxFault, Hand, Order, Part, Shaft, ShaftGear, Torque,
+            Amplitude, Coupling, Drag, GearMesh, Gearbox, GearboxFault, Hand, Layout, Order, Part, Shaft, ShaftGear,
+            Torque,
         },
     },
 };
@@ -26,6 +28,8 @@ struct Reading<'a> {
     /// Place of each mesh, and of what its contact is.
     meshes: Vec<[Node<'a>; 2]>,
     couplings: Vec<Node<'a>>,
+    /// Place of each stage, and the shafts of its planets.
+    stages: Vec<(Node<'a>, Vec<usize>)>,
 }
 
 pub(super) fn read(node: &Node) -> Option<Spec> {
@@ -69,19 +73,54 @@ impl<'a> Reading<'a> {
         for (i, gear) in gearbox.gears.iter().enumerate().filter(|(_, gear)| gear.is_loose) {
             node.turns(&gear.name, layout.gear_speed(i));
         }
-        let mut meshes = Vec::new();
+        let (mut meshes, mut toothed_meshes) = (Vec::new(), Vec::new());
         for (i, line) in layout.lines.iter().enumerate() {
             let [place, contact] = &self.meshes[i];
             let (own, teeth) = (&gearbox.meshes[i], line.gears.map(|gear| gearbox.gears[gear].teeth));
             let [pinion, wheel] = line.gears.map(|gear| &self.gears[gear]);
-            let engaged = Engaged::with(place, &own.name, own.rack, teeth, line.geometry, [pinion, wheel]);
+            let engaged = Engaged::with(own.rack, teeth, line.geometry, [pinion, wheel]);
             let masses = line.gears.map(|gear| gearbox.rotary_mass(&layout, gear));
-            meshes.push(mesh::read(contact, masses, Some(&engaged)));
+            let read = mesh::read(contact, masses, Some(&engaged));
+            let toothed = engaged.mesh(&own.name, layout.mesh_frequency(i), vec![line.phase]);
+            plausible::mesh(contact, &place.at("rack"), &read, &toothed);
+            for (k, gear) in line.gears.into_iter().enumerate().filter(|(_, gear)| !gearbox.gears[*gear].is_ring) {
+                let (own, node) = (&gearbox.gears[gear], &self.gears[gear]);
+                plausible::inertia(node, (own.mass, own.inertia), &toothed, k, 1.0);
+                plausible::drag(node, own.drag.constant, &toothed, k);
+                plausible::drag(&self.shafts[own.shaft], gearbox.shafts[own.shaft].drag.constant, &toothed, k);
+                plausible::runout(&node.at("runout_m"), 2.0 * own.eccentricity.0, toothed.rack.module);
+            }
+            toothed_meshes.push(toothed);
+            meshes.push(read);
         }
         if !faults.is_empty() {
             return None;
         }
-        build::assembled(node, gearbox.assemble(&layout, &meshes))
+        for (place, planets) in &self.stages {
+            self.overlap(place, planets, &layout);
+        }
+        let spec = build::assembled(node, gearbox.assemble(&layout, &meshes))?;
+        plausible::train(node, &spec, &toothed_meshes);
+        node.meshes(toothed_meshes);
+        Some(spec)
+    }
+
+    /// Warns of planets of one stage that overlap; `planets` are their shafts.
+    fn overlap(&self, place: &Node<'a>, planets: &[usize], layout: &Layout) {
+        let Some(planet) = planets.first().copied() else { return };
+        let Some((carrier, _)) = self.gearbox.shafts[planet].carried else { return };
+        let [axis, centre] = [carrier, planet].map(|shaft| layout.centres[shaft]);
+        let positions: Vec<f64> = planets.iter().filter_map(|i| self.gearbox.shafts[*i].carried).map(|c| c.1).collect();
+        let teeth = self.gearbox.gears.iter().position(|gear| gear.shaft == planet);
+        let mesh = teeth.and_then(|gear| self.gearbox.meshes.iter().find(|mesh| mesh.gears.contains(&gear)));
+        if let (Some(gear), Some(mesh)) = (teeth, mesh) {
+            let distance = libm::hypot(centre[0] - axis[0], centre[1] - axis[1]);
+            let errors = place.at("pin_errors_m");
+            for error in errors.items() {
+                plausible::runout(&errors, error.number(), mesh.rack.module);
+            }
+            plausible::planets(place, &positions, distance, self.gearbox.gears[gear].teeth.tip_radius(&mesh.rack));
+        }
     }
 
     fn place(&self, node: &Node<'a>, part: Part) -> Node<'a> {
@@ -99,6 +138,11 @@ impl<'a> Reading<'a> {
         // The meshes of a stage are not written one by one.
         let is_own = !matches!(fault.part, Part::Mesh(_)) || place.at(fault.key).written().is_some();
         let place = if fault.key.is_empty() || !is_own { place } else { place.at(fault.key) };
+        // Planets share one mesh: a fault of it is told of the first one.
+        let is_told = !is_own && place.has_fault(&fault.allowed);
+        if is_told {
+            return;
+        }
         place.fault(fault.found.clone(), fault.allowed.clone(), fault.remedy.clone());
     }
 
@@ -217,6 +261,8 @@ impl<'a> Reading<'a> {
         let rack = mesh::read_rack(&node.at("rack"));
         let mut meshes = [Vec::new(), Vec::new()];
         let distance = node.at("centre_distance_m").written().map(|distance| distance.number());
+        let first = self.gearbox.shafts.len();
+        self.stages.push((node.clone(), (first..first + positions.len()).collect()));
         for (i, position) in positions.into_iter().enumerate() {
             let name = format!("{stage} planet {}", i + 1);
             unique_name(node, &name, "shaft", self.gearbox.shafts.iter().map(|shaft| shaft.name.as_str()));
@@ -299,6 +345,7 @@ fn both(node: &Node, what: &str, names: &[&str]) -> Option<[usize; 2]> {
 }
 
 fn read_torsion(node: &Node) -> Support {
+    plausible::support(node);
     let viscous = node.at("damping_nm_s_per_rad").written().map_or(0.0, |damping| damping.number());
     let ratio = node.at("damping_ratio").written().map(|ratio| Damping::Ratio(ratio.number()));
     let stiffness = node.at("stiffness_nm_per_rad").written().map_or(0.0, |stiffness| stiffness.number());

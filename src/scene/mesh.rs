@@ -23,6 +23,27 @@ fn read_harmonics(node: &Node, amplitude: &str) -> Vec<MeshHarmonic> {
         .collect()
 }
 
+/// Two gears in mesh, as a train has them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ToothMesh {
+    /// Its name; that of the contact where there is one.
+    pub name: String,
+    /// Reference rack.
+    pub rack: BasicRack,
+    /// Pinion and wheel, or pinion and ring.
+    pub gears: [Gear; 2],
+    /// Whether the rack is given; else it is the one that base radii and working angle have without profile shift.
+    pub is_given: bool,
+    /// Geometry in its position.
+    pub geometry: MeshGeometry,
+    /// Common face width, m, if one is given.
+    pub face_width: Option<f64>,
+    /// Mesh frequency, Hz; 0 of a standing train.
+    pub frequency: f64,
+    /// Mesh phases, periods, one for each of its contacts.
+    pub phases: Vec<f64>,
+}
+
 /// Two gears in mesh, where a scene gives their teeth.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Engaged {
@@ -35,32 +56,23 @@ pub(super) struct Engaged {
 
 impl Engaged {
     /// Two gears brought into mesh, pinion first, with the face widths written for them; gears that cannot mesh are a fault at `node`.
-    pub fn new(
-        node: &Node,
-        name: &str,
-        rack: BasicRack,
-        gears: [Gear; 2],
-        kind: MeshKind,
-        widths: [&Node; 2],
-    ) -> Option<Self> {
+    pub fn new(node: &Node, rack: BasicRack, gears: [Gear; 2], kind: MeshKind, widths: [&Node; 2]) -> Option<Self> {
         let geometry = MeshGeometry::new(&rack, gears[0], gears[1], kind).map_err(TrainError::from);
-        Some(Self::with(node, name, rack, gears, build::assembled(node, geometry)?, widths))
+        Some(Self::with(rack, gears, build::assembled(node, geometry)?, widths))
     }
 
     /// The same in a position of its own.
-    pub fn with(
-        node: &Node,
-        name: &str,
-        rack: BasicRack,
-        gears: [Gear; 2],
-        mut geometry: MeshGeometry,
-        widths: [&Node; 2],
-    ) -> Self {
+    pub fn with(rack: BasicRack, gears: [Gear; 2], mut geometry: MeshGeometry, widths: [&Node; 2]) -> Self {
         let written = widths.map(|gear| gear.at("face_width_m").written().map(|width| width.number()));
         let face_width = written.into_iter().flatten().reduce(f64::min);
         geometry.path.overlap = face_width.map_or(0.0, |width| rack.overlap(width));
-        node.engaged(name, geometry);
         Self { rack, gears, geometry, face_width }
+    }
+
+    /// The mesh with the clock of its contacts: mesh frequency, Hz, and a phase for each of them, periods.
+    pub fn mesh(&self, name: &str, frequency: f64, phases: Vec<f64>) -> ToothMesh {
+        let Self { rack, gears, geometry, face_width } = *self;
+        ToothMesh { name: name.to_owned(), rack, is_given: true, gears, geometry, face_width, frequency, phases }
     }
 }
 

@@ -48,6 +48,7 @@ mod mesh;
 mod node;
 mod pair;
 mod planetary;
+mod plausible;
 mod preset;
 mod run;
 mod schedule;
@@ -64,7 +65,8 @@ pub use fault::{Fault, SceneError, Warning};
 pub use initial::Memory;
 pub use run::{Duration, Frame, Run};
 
-use crate::{gear::MeshGeometry, system::Spec};
+pub use self::mesh::ToothMesh;
+use crate::system::Spec;
 
 /// A scene that has been read, checked and resolved.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,8 +100,8 @@ pub struct Built {
     pub dimensionless: bool,
     /// Speed of the frame the train is written in, rad/s, if it turns.
     pub carrier_speed: Option<f64>,
-    /// Geometry of the meshes whose teeth are given, by name.
-    pub meshes: Vec<(String, MeshGeometry)>,
+    /// Meshes whose teeth are given, in the order of the contacts.
+    pub meshes: Vec<ToothMesh>,
     /// Mean speeds of the shafts and the loose gears of a gearbox, rad/s, by name.
     pub speeds: Vec<(String, f64)>,
     /// What the user should know.
@@ -144,8 +146,21 @@ impl Scene {
         let resolved = check::check(&expanded, shape::scene(build::units_of(&expanded)), "", &mut faults);
         if faults.is_empty() {
             match build::build(&resolved) {
-                Ok(built) => return Ok(Self { name: name.to_owned(), given, resolved, built }),
-                Err(found) => faults = found,
+                Ok(mut built) => {
+                    built
+                        .warnings
+                        .iter_mut()
+                        .for_each(|warning| warning.pointer = as_written(&given, &warning.pointer));
+                    if resolved["train"]["strict"] != true || built.warnings.is_empty() {
+                        return Ok(Self { name: name.to_owned(), given, resolved, built });
+                    }
+                    faults = strict(&built.warnings, "/train/strict");
+                }
+                Err(found) => {
+                    let written = |fault: Fault| Fault { pointer: as_written(&given, &fault.pointer), ..fault };
+                    faults = found.into_iter().map(written).collect();
+                    faults.dedup();
+                }
             }
         } else if resolved["train"].is_object() && !faults.iter().any(|fault| fault.pointer.starts_with("/train")) {
             faults.extend(build::faults_of_train(&resolved));
@@ -265,6 +280,35 @@ impl Scene {
     pub fn build_with<'a>(&self, numbers: impl IntoIterator<Item = (&'a str, f64)>) -> Result<Built, SceneError> {
         Variant::new(self).build(numbers)
     }
+}
+
+/// Warnings as faults, where `asked` wants a scene without any.
+#[must_use]
+pub fn strict(warnings: &[Warning], asked: &str) -> Vec<Fault> {
+    let fault = |warning: &Warning| {
+        let found = format!("a warning: {warning}");
+        Fault::new(asked, found, "a scene without warnings").remedy("mend what it says, or leave strict out")
+    };
+    warnings.iter().map(fault).collect()
+}
+
+/// The places of a pointer list as the user wrote them: what all meshes of a gearbox have in common stands under the train.
+fn as_written(given: &Value, pointers: &str) -> String {
+    let shared = |pointer: &str| {
+        let words: Vec<&str> = pointer.split('/').skip(1).collect();
+        let rest = match words.as_slice() {
+            ["train", "meshes", _, "rack", rest @ ..] | ["train", "stages", _, "rack", rest @ ..] => ("rack", rest),
+            ["train", "meshes", _, rest @ ..] => ("mesh", rest),
+            ["train", "stages", _, "sun_mesh" | "ring_mesh", rest @ ..] => ("mesh", rest),
+            _ => return None,
+        };
+        let place = std::iter::once(rest.0).chain(rest.1.iter().copied()).fold("/train".to_owned(), |p, w| p + "/" + w);
+        let is_shared = !rest.1.is_empty() && given.pointer(pointer).is_none() && given.pointer(&place).is_some();
+        is_shared.then_some(place)
+    };
+    let mut places: Vec<String> = pointers.split(", ").map(|p| shared(p).unwrap_or_else(|| p.to_owned())).collect();
+    places.dedup();
+    places.join(", ")
 }
 
 /// A scene whose numbers are set again and again.

@@ -5,11 +5,12 @@ use std::cell::RefCell;
 use nalgebra::DMatrix;
 use serde_json::Value;
 
+use super::mesh::ToothMesh;
 use super::{
     fault::{Fault, Warning, below, show},
     shape::Units,
 };
-use crate::{gear::MeshGeometry, hybrid::Wide};
+use crate::hybrid::Wide;
 
 /// What reading finds out beyond the shapes: conditions across keys.
 #[derive(Debug, Default)]
@@ -18,8 +19,8 @@ pub(super) struct Findings {
     /// Faults of the start with this train: of interest only where the start is used.
     pub start_faults: RefCell<Vec<Fault>>,
     warnings: RefCell<Vec<Warning>>,
-    /// Geometry of the meshes whose teeth are given, by name.
-    pub meshes: RefCell<Vec<(String, MeshGeometry)>>,
+    /// Meshes whose teeth are given.
+    pub meshes: RefCell<Vec<ToothMesh>>,
     /// Mean speeds of shafts and loose gears, rad/s, by name.
     pub speeds: RefCell<Vec<(String, f64)>>,
 }
@@ -167,13 +168,18 @@ impl<'a> Node<'a> {
         }
     }
 
+    /// Tells that a fault with this range is noted here.
+    pub fn has_fault(&self, allowed: &str) -> bool {
+        self.findings.faults.borrow().iter().any(|fault| fault.pointer == self.pointer && fault.allowed == allowed)
+    }
+
     /// Notes a fault of the start with this train.
     pub fn start_fault(&self, found: impl Into<String>, allowed: impl Into<String>, remedy: impl Into<String>) {
         self.findings.start_faults.borrow_mut().push(Fault::new(&self.pointer, found, allowed).remedy(remedy));
     }
 
-    pub fn engaged(&self, name: &str, geometry: MeshGeometry) {
-        self.findings.meshes.borrow_mut().push((name.to_owned(), geometry));
+    pub fn meshes(&self, meshes: Vec<ToothMesh>) {
+        self.findings.meshes.replace(meshes);
     }
 
     pub fn turns(&self, name: &str, speed: f64) {
@@ -182,6 +188,12 @@ impl<'a> Node<'a> {
 
     pub fn warn(&self, message: impl Into<String>) {
         let warning = Warning { pointer: self.pointer.clone(), message: message.into() };
-        self.findings.warnings.borrow_mut().push(warning);
+        let mut warnings = self.findings.warnings.borrow_mut();
+        // One line for each cause: what two meshes have in common is named once, with both places.
+        match warnings.iter_mut().find(|other| other.message == warning.message) {
+            Some(other) if other.pointer.split(", ").any(|place| place == warning.pointer) => {}
+            Some(other) => other.pointer = format!("{}, {}", other.pointer, warning.pointer),
+            None => warnings.push(warning),
+        }
     }
 }

@@ -4,6 +4,7 @@ use super::{
     body, build,
     mesh::{self, Engaged},
     node::Node,
+    plausible::{self, LUMPED},
 };
 use crate::{
     gear::{Gear, MeshKind},
@@ -16,11 +17,17 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
     let gear = |node: &Node| Gear { teeth: node.at("teeth").whole() as u32, shift: node.at("profile_shift").number() };
     let rack = node.at("rack");
     let gears = [gear(&driving), gear(&driven)];
-    let engaged = Engaged::new(&rack, "mesh", mesh::read_rack(&rack), gears, MeshKind::External, [&driving, &driven])?;
+    let engaged = Engaged::new(&rack, mesh::read_rack(&rack), gears, MeshKind::External, [&driving, &driven])?;
     let [first, second] = engaged.geometry.base_radii.map(Some);
     let (one, two) = (body::read(&driving, first), body::read(&driven, second));
     let mut mesh = mesh::read(&node.at("mesh"), [one.rotary_mass, two.rotary_mass], Some(&engaged));
     mesh.phase = node.at("mesh_phase").number();
+    let rpm = node.at("speed_rpm").number();
+    let teeth = engaged.mesh("mesh", rpm.abs() / 60.0 * f64::from(gears[0].teeth), vec![mesh.phase]);
+    plausible::mesh(&node.at("mesh"), &rack, &mesh, &teeth);
+    for (k, (gear, body)) in [(&driving, &one), (&driven, &two)].into_iter().enumerate() {
+        plausible::inertia(gear, (body.mass, body.inertia()), &teeth, k, LUMPED);
+    }
     let pair = GearPair {
         driving_teeth: gears[0].teeth,
         driving: one,
@@ -28,9 +35,12 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
         pressure_angle: engaged.geometry.pressure_angle,
         base_helix: engaged.rack.base_helix(),
         mesh,
-        rpm: node.at("speed_rpm").number(),
+        rpm,
         torque: node.at("torque_nm").number(),
     };
     let translational = node.at("freedoms").text() == "torsional-translational";
-    build::assembled(node, if translational { pair.translational() } else { pair.torsional() })
+    let spec = build::assembled(node, if translational { pair.translational() } else { pair.torsional() })?;
+    plausible::train(node, &spec, std::slice::from_ref(&teeth));
+    node.meshes(vec![teeth]);
+    Some(spec)
 }

@@ -2,20 +2,28 @@
 
 use super::{
     body, build,
-    mesh::{self, Engaged},
+    mesh::{self, Engaged, ToothMesh},
     node::Node,
+    plausible::{self, LUMPED},
 };
 use crate::{
-    gear::{Gear, MeshKind, phase::equally_spaced},
+    gear::{BasicRack, Gear, MeshGeometry, MeshKind, phase::equally_spaced},
     system::Spec,
-    train::{Freedoms, Load, Phasing, Planet, Planetary, StageGeometry, Teeth},
+    train::{Freedoms, Load, Phasing, Planet, Planetary, StageGeometry, Teeth, Warning},
 };
 
 /// The train written here, with its freedoms and its frame's speed, rad/s.
 pub(super) fn read(node: &Node) -> Option<(Spec, f64)> {
-    let stage = read_stage(node)?;
-    for warning in stage.warnings().iter().filter(|_| !stage.strict) {
-        node.warn(warning.to_string());
+    let (stage, meshes) = read_stage(node)?;
+    for warning in stage.warnings() {
+        match warning {
+            Warning::Teeth { .. } => {
+                let remedy =
+                    "change tooth numbers: ring = sun + 2 planets, up to two teeth that profile shifts make up";
+                node.at("teeth").fault(warning.to_string(), "teeth that mesh with sun and ring", remedy);
+            }
+            _ => node.warn(warning.to_string()),
+        }
     }
     let freedoms = node.at("freedoms");
     let kept = match freedoms.text() {
@@ -26,10 +34,12 @@ pub(super) fn read(node: &Node) -> Option<(Spec, f64)> {
         _ => Freedoms::Named(freedoms.items().iter().map(|name| name.text().to_owned()).collect()),
     };
     let spec = build::assembled(node, stage.assemble(&kept))?;
+    plausible::train(node, &spec, &meshes);
     Some((spec, stage.carrier_speed()))
 }
 
-fn read_stage(node: &Node) -> Option<Planetary> {
+/// The stage, with its meshes.
+fn read_stage(node: &Node) -> Option<(Planetary, Vec<ToothMesh>)> {
     let number = |key: &str| node.at(key).number();
     let teeth = |key: &str| node.at("teeth").at(key).whole() as u32;
     let teeth = Teeth { sun: teeth("sun"), planet: teeth("planet"), ring: teeth("ring") };
@@ -37,10 +47,10 @@ fn read_stage(node: &Node) -> Option<Planetary> {
     let (sun_engaged, ring_engaged, rack_phase) = match node.at("rack").written() {
         Some(rack) => {
             let gears = read_gears(&rack, teeth);
-            let engaged = |name, of, kind, widths| Engaged::new(&rack, name, gears.rack, of, kind, widths).map(Some);
+            let engaged = |of, kind, widths| Engaged::new(&rack, gears.rack, of, kind, widths).map(Some);
             (
-                engaged("sun mesh", [gears.sun, gears.planet], MeshKind::External, [&sun_node, &planet_node])?,
-                engaged("ring mesh", [gears.planet, gears.ring], MeshKind::Internal, [&planet_node, &ring_node])?,
+                engaged([gears.sun, gears.planet], MeshKind::External, [&sun_node, &planet_node])?,
+                engaged([gears.planet, gears.ring], MeshKind::Internal, [&planet_node, &ring_node])?,
                 gears.ring_phase(),
             )
         }
@@ -82,7 +92,6 @@ fn read_stage(node: &Node) -> Option<Planetary> {
             planet_drag: load("planet_drag_n"),
         },
         gyroscopic: node.at("gyroscopic").flag(),
-        strict: node.at("strict").flag(),
     };
     let phases = node.at("phases");
     let phasing = match phases.text() {
@@ -94,7 +103,51 @@ fn read_stage(node: &Node) -> Option<Planetary> {
             ring: phases.at("ring").vector(stage.planets.len()),
         },
     };
-    build::assembled(node, stage.phased(&phasing))
+    let stage = build::assembled(node, stage.phased(&phasing))?;
+    let phases: [Vec<f64>; 2] = [
+        stage.planets.iter().map(|planet| planet.sun_mesh.phase).collect(),
+        stage.planets.iter().map(|planet| planet.ring_mesh.phase).collect(),
+    ];
+    let frequency = stage.mesh_frequency().abs();
+    let is_given = sun_engaged.is_some();
+    // Radii and angles give a rack too, good enough for orders of magnitude.
+    let engaged = [sun_engaged, ring_engaged]
+        .into_iter()
+        .zip([true, false])
+        .map(|(given, is_sun)| given.or_else(|| guess(&stage, is_sun)));
+    let names = ["sun mesh", "ring mesh"].into_iter().zip(phases);
+    let meshes = engaged
+        .zip(names)
+        .map(|(engaged, (name, phases))| Some(ToothMesh { is_given, ..engaged?.mesh(name, frequency, phases) }));
+    let Some(meshes) = meshes.collect::<Option<Vec<_>>>() else { return Some((stage, vec![])) };
+    let rack = node.at("rack");
+    plausible::mesh(&node.at("sun_mesh"), &rack, &sun_mesh, &meshes[0]);
+    plausible::mesh(&node.at("ring_mesh"), &rack, &ring_mesh, &meshes[1]);
+    let tip = meshes[0].gears[1].tip_radius(&meshes[0].rack);
+    plausible::planets(&node.at("planets"), &stage.positions(), meshes[0].geometry.centre_distance, tip);
+    for (k, (node, body)) in [(&sun_node, &stage.sun), (&planet_node, &stage.planets[0].body)].into_iter().enumerate() {
+        plausible::inertia(node, (body.mass, body.inertia()), &meshes[0], k, LUMPED);
+    }
+    node.meshes(meshes.clone());
+    Some((stage, meshes))
+}
+
+/// The sun mesh or the ring mesh of a stage that is given by base radii.
+fn guess(stage: &Planetary, is_sun: bool) -> Option<Engaged> {
+    let (z, angle) = if is_sun {
+        (stage.teeth.sun, stage.sun_pressure_angle)
+    } else {
+        (stage.teeth.ring, stage.ring_pressure_angle)
+    };
+    let radius = if is_sun { stage.sun.radius } else { stage.ring.radius };
+    let module = 2.0 * radius / (f64::from(z) * libm::cos(angle));
+    let rack = BasicRack { module, pressure_angle: angle, helix_angle: 0.0, addendum: 1.0, dedendum: 1.25 };
+    let [one, two] =
+        if is_sun { [stage.teeth.sun, stage.teeth.planet] } else { [stage.teeth.planet, stage.teeth.ring] };
+    let kind = if is_sun { MeshKind::External } else { MeshKind::Internal };
+    let gears = [one, two].map(|teeth| Gear { teeth, shift: 0.0 });
+    let geometry = MeshGeometry::new(&rack, gears[0], gears[1], kind).ok()?;
+    Some(Engaged { rack, gears, geometry, face_width: None })
 }
 
 fn read_gears(rack: &Node, teeth: Teeth) -> StageGeometry {

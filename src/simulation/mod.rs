@@ -24,10 +24,10 @@ pub use summary::{Ended, IntegratorUsed, Provenance, RunEnd, Summary, TrainUsed}
 
 use crate::{
     engine::{Engine, Observer, Options, State},
-    gear::{MeshGeometry, contact::Law},
+    gear::contact::Law,
     hybrid::{Clock, HybridSystem, Instant, Watch, Wide},
     integrate::{Integrator, build},
-    scene::{Built, Duration, Fault, Memory, Run, Scene, SceneError, Warning, hash},
+    scene::{Built, Duration, Fault, Memory, Run, Scene, SceneError, ToothMesh, Warning, hash},
     system::{Contact, ContactMode, Spec, Structure, bonded_modes, contact_mode, guard_id, set_contact},
     verify::Verifier,
 };
@@ -59,8 +59,8 @@ pub struct Simulation {
     pub dimensionless: bool,
     /// Speed of the frame the train is written in, rad/s, if it turns.
     pub carrier_speed: Option<f64>,
-    /// Geometry of the meshes whose teeth are given, by name.
-    pub meshes: Vec<(String, MeshGeometry)>,
+    /// Meshes whose teeth are given, in the order of the contacts.
+    pub meshes: Vec<ToothMesh>,
     /// Mean speeds of the shafts and the loose gears of a gearbox, rad/s, by name.
     pub speeds: Vec<(String, f64)>,
     /// What the user should know.

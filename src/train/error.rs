@@ -4,7 +4,6 @@ use std::fmt;
 
 use thiserror::Error;
 
-use super::planetary::Warning;
 use crate::{gear::GeometryError, system::EquilibriumError};
 
 /// Why a train cannot be assembled.
@@ -50,9 +49,6 @@ pub enum TrainError {
         /// What varies.
         what: String,
     },
-    /// Strict mode: the data contradict themselves.
-    #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "))]
-    Implausible(Vec<Warning>),
     /// There is no state of rest.
     #[error(transparent)]
     Equilibrium(#[from] EquilibriumError),

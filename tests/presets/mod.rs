@@ -200,7 +200,6 @@ pub fn reference(stiffness: &ReferenceStiffness, damping: &ReferenceDamping) -> 
         rpm: 0.0,
         load: Load::default(),
         gyroscopic: false,
-        strict: false,
     })
 }
 
@@ -310,6 +309,5 @@ pub fn lin_parker(planets: usize) -> Planetary {
         rpm: 0.0,
         load: Load::default(),
         gyroscopic: false,
-        strict: false,
     }
 }

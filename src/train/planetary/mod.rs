@@ -133,8 +133,6 @@ pub struct Planetary {
     /// Whether Coriolis terms `2 m ω_c (−ẏ, ẋ)` and centripetal terms `−m ω_c² (x, y)` of the turning frame act;
     /// the constant centrifugal pull on the planets is left out, as their rest position takes it up.
     pub gyroscopic: bool,
-    /// Whether implausible data are an error.
-    pub strict: bool,
 }
 
 /// Where mesh phases come from.

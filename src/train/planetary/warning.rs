@@ -21,14 +21,10 @@ pub enum Warning {
         /// `Z_r − Z_s − 2 Z_p`.
         excess: i64,
     },
-    /// A body's radius of gyration lies beyond its outer radius.
+    /// Radii of gyration lie beyond outer radii.
     Gyration {
-        /// `sun`, `planet 1` …, `ring`, `carrier`.
-        body: String,
-        /// Radius of gyration.
-        gyration: f64,
-        /// Outer radius.
-        outer: f64,
+        /// `sun`, `planet 1` …, `ring`, `carrier`, with the radius of gyration and the outer radius, m.
+        bodies: Vec<(String, f64, f64)>,
     },
 }
 
@@ -46,12 +42,13 @@ impl fmt::Display for Warning {
             Self::Teeth { excess } => {
                 write!(f, "the ring has {excess:+} teeth against sun + 2 planets; no profile shift makes that up")
             }
-            Self::Gyration { body, gyration, outer } => write!(
-                f,
-                "{body}: radius of gyration {:.1} mm is beyond the outer radius {:.1} mm",
-                1.0e3 * gyration,
-                1.0e3 * outer
-            ),
+            Self::Gyration { bodies } => {
+                let words = |(body, gyration, outer): &(String, f64, f64)| {
+                    format!("{body} {:.1} beyond {:.1} mm", 1.0e3 * gyration, 1.0e3 * outer)
+                };
+                let words: Vec<String> = bodies.iter().map(words).collect();
+                write!(f, "radius of gyration beyond the outer radius, which no body has: {}", words.join(", "))
+            }
         }
     }
 }
@@ -75,10 +72,12 @@ impl Planetary {
         }
         let planets = self.planets.iter().enumerate().map(|(i, planet)| (format!("planet {}", i + 1), &planet.body));
         let bodies = [("sun".to_string(), &self.sun), ("ring".into(), &self.ring), ("carrier".into(), &self.carrier)];
-        for (body, data) in bodies.into_iter().chain(planets) {
-            if let Some((gyration, outer)) = data.impossible_gyration() {
-                warnings.push(Warning::Gyration { body, gyration, outer });
-            }
+        let impossible = |(body, data): (String, &super::Body)| {
+            data.impossible_gyration().map(|(gyration, outer)| (body, gyration, outer))
+        };
+        let bodies: Vec<_> = bodies.into_iter().chain(planets).filter_map(impossible).collect();
+        if !bodies.is_empty() {
+            warnings.push(Warning::Gyration { bodies });
         }
         warnings
     }
