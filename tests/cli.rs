@@ -332,7 +332,7 @@ fn check_tells_what_a_scene_builds() {
     }
     let done = flank(&folder, &["check"]).code(0);
     let told = text(&done.get_output().stdout);
-    for word in ["reference-light", "ring-planet 3", "Mesh phases", "warning: "] {
+    for word in ["reference-light", "ring-planet 3", "Mesh clocks", "Modes beside", "warning: "] {
         assert!(told.contains(word), "{word} in:\n{told}");
     }
 }

@@ -60,12 +60,11 @@ fn is_made(teeth: &ToothMesh) -> bool {
 /// Warns of the numbers of a mesh; `node` is where its contact is written, `rack` its rack.
 pub(super) fn mesh(node: &Node, rack: &Node, mesh: &Mesh, teeth: &ToothMesh) {
     let m = teeth.rack.module;
-    if let Some(width) = teeth.face_width.filter(|_| !is_made(teeth) && (MODULES[0]..=MODULES[1]).contains(&m)) {
-        node.warn(format!("a face width of {width} m; 6 to 30 modules are usual: is it in millimetres?"));
+    if !(MODULES[0]..=MODULES[1]).contains(&m) {
+        rack.at("module_m").warn(format!("a module of {m} m; 0.0001 to 0.05 m are made: is it in millimetres?"));
         return;
     }
     if !is_made(teeth) {
-        rack.at("module_m").warn(format!("a module of {m} m; 0.0001 to 0.05 m are made: is it in millimetres?"));
         return;
     }
     let helix = teeth.rack.helix_angle.to_degrees();
@@ -102,6 +101,13 @@ pub(super) fn mesh(node: &Node, rack: &Node, mesh: &Mesh, teeth: &ToothMesh) {
 /// Warns of a mass or an inertia that no gear of this size has. `k` says which gear of the mesh it is, `most` is 1 of a gear alone and
 /// [`LUMPED`] of one with all that is fixed to it. A mass of 0 is none.
 pub(super) fn inertia(node: &Node, (mass, inertia): (f64, f64), teeth: &ToothMesh, k: usize, most: f64) {
+    let m = teeth.rack.module;
+    let width = node.at("face_width_m").written().map(|width| width.number());
+    if let Some(width) = width.filter(|width| !(WIDTHS[0] * m..=WIDTHS[1] * m).contains(width) && m < MODULES[1]) {
+        let usual = format!("6 to 30 modules, {:.1e} to {:.1e} m, are usual", 6.0 * m, 30.0 * m);
+        node.at("face_width_m").warn(format!("a face width of {width} m; {usual}: is it in millimetres?"));
+        return;
+    }
     if !is_made(teeth) {
         return;
     }

@@ -8,6 +8,7 @@
 mod error;
 mod job;
 mod parameter;
+mod report;
 mod samples;
 mod summary;
 mod variation;
@@ -20,6 +21,7 @@ use serde_json::{Value, json};
 pub use error::SimulationError;
 pub use job::{Job, RunRecord};
 pub use parameter::Parameter;
+pub use report::{ContactAtStart, MeshOfTeeth, Mode, Order, Report, Share, Speed};
 pub use summary::{Ended, IntegratorUsed, Provenance, RunEnd, Summary, TrainUsed};
 
 use crate::{

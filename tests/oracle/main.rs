@@ -114,6 +114,21 @@ fn arcs_on_request() {
     }
 }
 
+/// The gearboxes that the oracle judges could be made: no number in them is warned of. Starts beside a flank, and drags whose sign the
+/// motion could change, are warned of rightly.
+#[test]
+fn random_gearboxes_are_plausible() {
+    let class = scenes::CLASSES.iter().find(|class| class.letter == "Y").unwrap();
+    for index in 0..200 {
+        let scene = class.scene(1, index);
+        let warnings = Scene::from_value(scene.clone(), "random").unwrap().build().unwrap().warnings;
+        let odd = |warning: &&flank::scene::Warning| {
+            warning.pointer != "/initial" && !warning.message.contains("the constant drag could change its sign")
+        };
+        assert_eq!(warnings.iter().find(odd), None, "{index}: {scene}");
+    }
+}
+
 /// A few scenes of every class. The oracle tells what is right; what Flank gets wrong is counted by `.ci/nightly`.
 #[test]
 fn sample() {

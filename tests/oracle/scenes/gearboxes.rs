@@ -7,10 +7,13 @@ use super::{
     random::{Random, round, scene},
 };
 
-/// Teeth, inertia, and now and then a runout.
-fn gear(r: &mut Random, name: &str, teeth: usize, width: f64) -> Value {
+/// Teeth of a module, the mass of about a disc of steel, and now and then a runout.
+fn gear(r: &mut Random, name: &str, teeth: usize, (module, width): (f64, f64)) -> Value {
+    let radius = 0.5 * module * teeth as f64;
+    let mass = round(7850.0 * std::f64::consts::PI * radius * radius * width * r.of(0.4, 1.5));
+    let inertia = round(mass * (radius * r.of(0.4, 0.9)).powi(2));
     let runout = if r.chance(0.3) { r.log(2e-6, 4e-5) } else { 0.0 };
-    json!({ "name": name, "teeth": teeth, "inertia_kg_m2": r.log(2e-4, 6e-3), "mass_kg": r.of(0.3, 3.0), "face_width_m": width,
+    json!({ "name": name, "teeth": teeth, "inertia_kg_m2": inertia, "mass_kg": mass, "face_width_m": width,
             "runout_m": runout, "runout_deg": r.of(0.0, 360.0) })
 }
 
@@ -31,7 +34,7 @@ fn orders(r: &mut Random, key: &str, low: f64, high: f64) -> Value {
 }
 
 /// Sun, planet and ring, and a number of planets that can be put in.
-fn stage(r: &mut Random, sun_shaft: &str) -> Value {
+fn stage(r: &mut Random, sun_shaft: &str, module: f64) -> Value {
     let planets = r.pick(&[3, 4]);
     let (sun, planet) = loop {
         let (sun, planet) = (20 + r.below(20), 18 + r.below(12));
@@ -40,7 +43,7 @@ fn stage(r: &mut Random, sun_shaft: &str) -> Value {
         }
     };
     let mut own = |teeth: usize, shaft: Option<&str>| {
-        let mut gear = gear(r, "", teeth, 0.02);
+        let mut gear = gear(r, "", teeth, (module, 0.02));
         let keys = gear.as_object_mut();
         keys.into_iter().for_each(|keys| drop(keys.remove("name")));
         if let Some(shaft) = shaft {
@@ -59,6 +62,7 @@ fn stage(r: &mut Random, sun_shaft: &str) -> Value {
 
 pub fn gearboxes(r: &mut Random) -> Value {
     let (count, helix) = (2 + r.below(4), if r.chance(0.5) { r.of(8.0, 28.0) } else { 0.0 });
+    let module = r.pick(&[0.0015, 0.002, 0.003]);
     let is_driven = r.chance(0.3);
     let speed = r.log(300.0, 3000.0) * r.sign();
     let mut shafts: Vec<Value> = (0..count).map(|i| json!({ "name": format!("s{i}"), "gears": [] })).collect();
@@ -79,7 +83,8 @@ pub fn gearboxes(r: &mut Random) -> Value {
         let angle = r.of(-180.0, 180.0);
         for k in 0..pairs {
             let [one, two] = [format!("a{i}{k}"), format!("b{i}{k}")];
-            let (driving, mut driven) = (gear(r, &one, a + 3 * k, width), gear(r, &two, b - 3 * k, width));
+            let (driving, mut driven) =
+                (gear(r, &one, a + 3 * k, (module, width)), gear(r, &two, b - 3 * k, (module, width)));
             if k > 0 {
                 driven["loose"] = json!(true);
                 driven["drag"] = json!({ "torque_nm": r.log(0.02, 0.5), "torque_nm_s_per_rad": r.pick(&[0.0, 1e-4]) });
@@ -117,7 +122,7 @@ pub fn gearboxes(r: &mut Random) -> Value {
         let last = format!("s{}", count - 1);
         // What moves sideways meshes in one frame only.
         shafts[count - 1]["translation"] = Value::Null;
-        stages.push(stage(r, &last));
+        stages.push(stage(r, &last, module));
         shafts.push(json!({ "name": "carrier", "inertia_kg_m2": r.log(1e-2, 1e-1), "torque_nm": rest }));
         shafts.push(json!({ "name": "housing", "fixed": true }));
     } else {
@@ -125,7 +130,7 @@ pub fn gearboxes(r: &mut Random) -> Value {
     }
     let train = json!({
         "kind": "gearbox", "shafts": shafts, "meshes": meshes, "couplings": couplings, "stages": stages,
-        "rack": { "module_m": r.pick(&[0.0015, 0.002, 0.003]), "pressure_angle_deg": 20, "addendum": 0.85, "helix_angle_deg": helix },
+        "rack": { "module_m": module, "pressure_angle_deg": 20, "addendum": 0.85, "helix_angle_deg": helix },
         "mesh": { "law": soft_mesh(r), "half_backlash_m": r.pick(&[2e-5, 5e-5, 1e-4]) },
     });
     let initial = json!(r.pick(&["quasi-static", "static", "rest"]));
