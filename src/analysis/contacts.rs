@@ -85,7 +85,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
     pub fn report(&self, j: usize) -> ContactReport {
         let time = self.time.value();
         let cycles = self.clock.period().map(|p| time / p.value()).filter(|c| *c > 0.0);
-        self.tracks[j].report(self.system.contact_name(j), time, cycles)
+        self.tracks[j].report(self.system.contact_name(j), time, cycles, self.system.is_rigid(j))
     }
 
     fn measures(&self, at: Instant) -> bool {
@@ -110,6 +110,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
                 if !is_closed {
                     track.no_force.add(length);
                     track.force.take([0.0; 2]);
+                    track.spread.open(length);
                 }
             }
             let in_spell = track.spell.as_mut().map(|spell| {
@@ -141,6 +142,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
                 Extent::extend([&mut track.deflection, &mut spell.deflection], deflection);
                 Extent::extend([&mut track.force, &mut spell.force], force);
                 track.impulse.add(impulse);
+                track.spread.take(piece, force);
                 track.lost.add(lost);
             } else {
                 Extent::extend([&mut spell.deflection], deflection);
@@ -191,6 +193,9 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
                 }
                 if measured && !system.is_rigid(j) {
                     track.counts.contacts[usize::from(after.side() < 0.0)] += 1;
+                    if before == ContactMode::Separated {
+                        track.struck(after.side(), after.side() * rate);
+                    }
                 }
             }
             None if before.is_closed() && !after.is_closed() => {
@@ -264,6 +269,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
         track.ended = Some(episode);
         if measured {
             track.counts.contacts[usize::from(side < 0.0)] += 1;
+            track.struck(side, approach);
             if track.episodes.len() < self.keep {
                 track.episodes.push(episode);
             }

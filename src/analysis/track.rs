@@ -3,7 +3,8 @@
 use super::{
     episode::{Blows, Episode, Separation, Spell},
     extent::Extent,
-    report::{ContactReport, Statistics},
+    piece::{Piece, Row},
+    report::{ContactReport, Impacts, Statistics},
     sum::Sum,
 };
 
@@ -21,6 +22,9 @@ pub(super) struct Track {
     pub apart: Sum,
     pub no_force: Sum,
     pub impulse: Sum,
+    pub spread: Spread,
+    /// Approach speeds of the impacts on the drive flank and on the back flank, m/s.
+    impacts: [Vec<f64>; 2],
     pub lost: Sum,
     pub deflection: Extent,
     /// Along the direction.
@@ -29,6 +33,39 @@ pub(super) struct Track {
     durations: Sum,
     shortest: f64,
     longest: f64,
+}
+
+/// Integrals of a force and of its square, of differences from its first value: a large mean costs no digits.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Spread {
+    origin: Option<f64>,
+    sum: Sum,
+    squares: Sum,
+}
+
+impl Spread {
+    /// Takes the force on a piece; it comes back unchanged.
+    pub fn take(&mut self, piece: &Piece, force: &mut Row) {
+        if force.is_empty() {
+            force.push(0.0);
+        }
+        let first = force[0];
+        force[0] -= *self.origin.get_or_insert(first);
+        self.sum.add(piece.integral(force));
+        self.squares.add(piece.square(force));
+        force[0] = first;
+    }
+
+    /// Takes a time without force, s.
+    pub fn open(&mut self, time: f64) {
+        let origin = *self.origin.get_or_insert(0.0);
+        self.sum.add(-origin * time);
+        self.squares.add(origin * origin * time);
+    }
+
+    fn deviation(&self, time: f64) -> f64 {
+        (self.squares.value() / time - (self.sum.value() / time).powi(2)).max(0.0).sqrt()
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -55,7 +92,14 @@ impl Track {
         }
     }
 
-    pub fn report(&self, name: &str, time: f64, cycles: Option<f64>) -> ContactReport {
+    /// An impact on the flank of `side`: contact begins out of the gap, with this approach speed, m/s.
+    pub fn struck(&mut self, side: f64, approach: f64) {
+        if approach > 0.0 {
+            self.impacts[usize::from(side < 0.0)].push(approach);
+        }
+    }
+
+    pub fn report(&self, name: &str, time: f64, cycles: Option<f64>, is_rigid: bool) -> ContactReport {
         let share = |part: &Sum| if time > 0.0 { part.value() / time } else { 0.0 };
         let any = self.whole > 0;
         let Counts { separations, contacts, sticks } = self.counts;
@@ -84,7 +128,10 @@ impl Track {
             force_min: Some(self.force.smallest).filter(|f| f.is_finite()),
             force_abs_max: self.force.largest.max(-self.force.smallest).max(0.0),
             force_mean: share(&self.impulse),
+            force_deviation: (!is_rigid && time > 0.0).then(|| self.spread.deviation(time)),
             energy_lost: self.lost.value(),
+            energy_loss_rate: share(&self.lost),
+            impacts: Impacts::new(&self.impacts, time, cycles),
         }
     }
 }

@@ -5,6 +5,7 @@ use std::{f64::consts::TAU, ops::ControlFlow};
 use serde::Serialize;
 
 use super::{
+    extent::Extent,
     piece::{Piece, Row, measured_parts},
     quadrature::Rule,
     sum::Sum,
@@ -49,6 +50,7 @@ struct Track {
     origin: Option<f64>,
     sum: Sum,
     squares: Sum,
+    extent: Extent,
     harmonics: Vec<[f64; 2]>,
 }
 
@@ -61,6 +63,8 @@ pub struct TransmissionReport {
     pub mean: f64,
     /// RMS value of the difference from the mean, m.
     pub rms: f64,
+    /// Largest less smallest value, m.
+    pub peak_to_peak: f64,
     /// The harmonics, m = 1, 2, …; none unless the measured time is a whole number of cycles.
     pub harmonics: Option<Vec<TransmissionHarmonic>>,
 }
@@ -93,6 +97,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> TransmissionError<'s, S> {
             origin: None,
             sum: Sum::default(),
             squares: Sum::default(),
+            extent: Extent::default(),
             harmonics: vec![[0.0; 2]; harmonics],
         };
         Self {
@@ -126,6 +131,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> TransmissionError<'s, S> {
                 name: self.system.contact_name(track.contact).to_owned(),
                 mean: track.origin? + mean,
                 rms: (track.squares.value() / time - mean * mean).max(0.0).sqrt(),
+                peak_to_peak: track.extent.largest - track.extent.smallest,
                 harmonics: is_whole.then(|| track.harmonics.iter().zip(1..).map(harmonic).collect()),
             })
         };
@@ -174,9 +180,10 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> TransmissionError<'s, S> {
         let mut weights = [0.0; NODES];
         piece.values(&rule.nodes, piece.rate(), &mut weights);
         weights.iter_mut().zip(&rule.weights).for_each(|(rate, weight)| *rate *= weight);
-        for Track { contact, origin, sum, squares, harmonics } in tracks {
+        for Track { contact, origin, sum, squares, extent, harmonics } in tracks {
             let j = *contact;
             piece.rows(step, [Shown::Transmission(j)], [row], |_, x, _| [system.transmission(j, x)]);
+            Extent::extend([&mut *extent], row);
             let mut values = [0.0; NODES];
             let start = *origin.get_or_insert(row.first().copied().unwrap_or(0.0));
             if let Some(first) = row.first_mut() {

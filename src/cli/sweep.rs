@@ -30,6 +30,9 @@ pub struct Arguments {
     /// Write into a folder that is not empty
     #[arg(long)]
     force: bool,
+    /// Measures of contacts in sweep.csv, by their names without unit; the usual ones if left out
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    columns: Vec<String>,
     /// Threads; as many as there are cores if left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -58,6 +61,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let scene = read_scene(arguments.scene.as_deref())?;
     let grid = Grid::parse(&arguments.vary)?;
     let sweep = SteadySweep::new(scene, Plan::new(grid, arguments.seed), rule(arguments))?;
+    let sweep = sweep.with_columns(&arguments.columns).map_err(CliError::Arguments)?;
     let begin = match (arguments.resume, arguments.force) {
         (true, _) => Begin::Resume,
         (_, true) => Begin::Replace,

@@ -159,7 +159,7 @@ impl<'m> Bodies<'m> {
         }
     }
 
-    /// What lies between two parts: a coupling, or a bearing.
+    /// Takes in a coupling or a bearing between two parts.
     fn side(&mut self, ledger: &mut Ledger<'_>, by: &'m Component, [a, b]: [usize; 2]) {
         if by.kind.contains("bearing") {
             self.bearings.push((by, [a, b]));

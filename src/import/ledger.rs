@@ -43,7 +43,7 @@ pub(super) struct Ledger<'o> {
     pub scene: Value,
     pub origins: Vec<Origin>,
     pub faults: Vec<Fault>,
-    /// What was read and not used, or used with a doubt.
+    /// Remarks on what was read and not used, or used with a doubt.
     pub notes: Vec<String>,
     options: &'o Options,
     set: BTreeSet<&'o str>,

@@ -36,7 +36,7 @@ pub struct Options {
     pub set: Vec<(String, Value)>,
     /// Names or numbers of shafts that stand still.
     pub fix: Vec<String>,
-    /// Whether to ask for what the file does not have, in place of usual values.
+    /// Asks for what the file does not have, in place of usual values.
     pub no_defaults: bool,
 }
 
@@ -47,17 +47,17 @@ pub struct Import {
     pub scene: Value,
     /// Origins of its numbers, in the order of their making.
     pub origins: Vec<Origin>,
-    /// What was read and not used, or used with a doubt.
+    /// Remarks on what was read and not used, or used with a doubt.
     pub notes: Vec<String>,
 }
 
-/// Why no scene is made of a file.
+/// Cause for which no scene is made of a file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImportError {
     /// The bytes are no file of the format.
     #[error("the file cannot be read: {0}")]
     Unreadable(String),
-    /// What is missing or wrong, all of it.
+    /// All that is missing or wrong.
     #[error("no scene can be made of the file{}", .0.iter().map(|fault| format!("\n{fault}")).collect::<String>())]
     Faults(Vec<Fault>),
 }

@@ -55,7 +55,7 @@ fn fault<T>(text: &str, at: u64, words: &str) -> Result<T, ImportError> {
     unreadable(format!("line {line}, column {column}: {words}"))
 }
 
-/// What was read so far, and the elements that are open.
+/// Content read so far, and the elements that are open.
 #[derive(Default)]
 struct File {
     model: Model,

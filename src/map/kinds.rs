@@ -11,7 +11,7 @@ use crate::{
     ensemble::in_order,
     output::{Fault, csv_line, in_a_line, number},
     scene::Scene,
-    study::{StudyError, contact_measure, contact_measures, measured, measures},
+    study::{StudyError, contact_measure, contact_measures, measured, measures, unknown_column},
     sweep::{Ending, GridError, Kept, Lines, SweepError},
     system::Structure,
     task::Task,
@@ -74,8 +74,7 @@ impl KindMap {
         columns: &[impl AsRef<str>],
     ) -> Result<Self, PlaneError> {
         let unknown = columns.iter().map(AsRef::as_ref).filter(|name| contact_measures().all(|other| other != *name));
-        let allowed = || contact_measures().collect::<Vec<_>>().join(", ");
-        let faults: Vec<Fault> = unknown.map(|name| Fault::new("--columns", format!("{name:?}"), allowed())).collect();
+        let faults: Vec<Fault> = unknown.map(unknown_column).collect();
         if !faults.is_empty() {
             return Err(GridError(faults).into());
         }

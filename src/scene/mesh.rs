@@ -32,7 +32,7 @@ pub struct ToothMesh {
     pub rack: BasicRack,
     /// Pinion and wheel, or pinion and ring.
     pub gears: [Gear; 2],
-    /// Whether the rack is given; else it is the one that base radii and working angle have without profile shift.
+    /// Tells that the rack is given; else it is the one that base radii and working angle have without profile shift.
     pub is_given: bool,
     /// Geometry in its position.
     pub geometry: MeshGeometry,

@@ -236,7 +236,7 @@ pub(super) fn train(train: &Node, spec: &Spec, meshes: &[ToothMesh]) {
     unheld(train, spec);
 }
 
-/// Where the load of a train is written.
+/// Place of the load of a train.
 fn load<'a>(train: &Node<'a>) -> Node<'a> {
     let shafts = train.at("shafts");
     let of_shafts = shafts
@@ -249,7 +249,7 @@ fn load<'a>(train: &Node<'a>) -> Node<'a> {
     of_shafts.or(direct).unwrap_or_else(|| train.clone())
 }
 
-/// Where the speed of a train is written.
+/// Place of the speed of a train.
 fn speed_of<'a>(train: &Node<'a>) -> Node<'a> {
     let of_shafts = train
         .at("shafts")

@@ -25,7 +25,7 @@ pub struct Report {
     pub sha256: Option<String>,
     /// Names of the freedoms.
     pub freedoms: Vec<String>,
-    /// Whether all numbers are in dimensionless form, whatever the units of their keys.
+    /// Tells that all numbers are in dimensionless form, without the units of their keys.
     pub is_dimensionless: bool,
     /// Length of a cycle, s.
     pub cycle_s: Option<f64>,
@@ -111,7 +111,7 @@ pub struct Share {
 /// A frequency that excites a train.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Order {
-    /// What excites, with its order.
+    /// Mesh, shaft or load that excites, with its order.
     pub of: String,
     /// Frequency, Hz.
     pub frequency_hz: f64,
@@ -120,7 +120,7 @@ pub struct Order {
 }
 
 impl Simulation {
-    /// What a scene holds.
+    /// Returns the contents of the scene.
     #[must_use]
     pub fn report(&self) -> Report {
         let spec = self.structure.spec();

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::{
     StudyError,
     steady::{Steady, of_orbit},
-    steady_sweep::{contact_cells, contact_columns, named},
+    steady_sweep::{contact_cells, contact_columns, named, usual},
 };
 #[cfg(feature = "plot")]
 use super::{figures::families, steady::ContactSteady};
@@ -104,7 +104,8 @@ impl Branches {
     #[must_use]
     pub fn table(&self) -> String {
         let head = ["branch", "parameter", "period_cycles", "word", "stable", "multiplier"].map(String::from);
-        let contacts = contact_columns(&self.contacts, self.dimensionless);
+        let usual: Vec<_> = usual().collect();
+        let contacts = contact_columns(&self.contacts, self.dimensionless, &usual);
         let mut text = csv_line(head.into_iter().chain(self.components.iter().cloned()).chain(contacts)) + "\n";
         for (i, (branch, measures)) in self.branches.iter().zip(&self.measures).enumerate() {
             for (point, steady) in branch.points.iter().zip(measures) {
@@ -117,7 +118,7 @@ impl Branches {
                     number(point.multiplier),
                 ];
                 cells.extend(point.section.x.iter().map(|x| number(*x)));
-                cells.extend(contact_cells(&self.contacts, steady.as_ref()));
+                cells.extend(contact_cells(&self.contacts, steady.as_ref(), &usual));
                 text += &(csv_line(cells) + "\n");
             }
         }

@@ -33,4 +33,4 @@ pub use figures::Context;
 pub use kind::Kind;
 pub(crate) use steady::measured;
 pub use steady_sweep::SteadySweep;
-pub(crate) use steady_sweep::{contact_measure, contact_measures, measures};
+pub(crate) use steady_sweep::{contact_measure, contact_measures, measures, unknown_column};

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::StudyError;
 use crate::{
-    analysis::{ContactReport, Contacts, Grid, Sample, Spectrum, Trajectory, Window, cycles_later},
+    analysis::{ContactReport, Contacts, Grid, Sample, Spectrum, Trajectory, TransmissionError, Window, cycles_later},
     engine::{Engine, Observer, Outcome, State},
     hybrid::{Clock, ContactMode, ContactView},
     orbit::{Approach, Approached, Motion, Section, SectionMap, Watching, decide, decide_on_torus},
@@ -79,6 +79,12 @@ pub struct ContactSteady {
     /// Measures over the measured cycles.
     #[serde(flatten)]
     pub report: ContactReport,
+    /// Mean of the dynamic transmission error, m.
+    pub transmission_mean: f64,
+    /// RMS value of its difference from the mean, m.
+    pub transmission_rms: f64,
+    /// Its largest less its smallest value, m.
+    pub transmission_peak_to_peak: f64,
     /// Half the difference of largest and smallest force, N.
     pub force_amplitude: f64,
     /// Amplitudes of the force at 1, 2, … times the forcing frequency, N.
@@ -303,6 +309,7 @@ fn measure(
     let from = engine.state().at;
     let before = engine.counters();
     let mut contacts = Contacts::new(structure, Some(from)).keep(0);
+    let mut transmission = TransmissionError::new(structure, 0..count, 0, Some(from));
     let mut forces = vec![Vec::with_capacity(cycles as usize * PER_CYCLE as usize); count];
     let mut sections = vec![Vec::with_capacity(cycles as usize); count];
     let mut samples = Trajectory::new(structure, Grid::Phases { per_cycle: PER_CYCLE }, from, |s: &Sample<'_>| {
@@ -314,14 +321,20 @@ fn measure(
         }
         task.flow()
     });
-    go_on(engine, simulation.clock(), cycles, &mut ((&mut contacts, &mut samples), check), task)?;
+    go_on(engine, simulation.clock(), cycles, &mut ((&mut contacts, (&mut samples, &mut transmission)), check), task)?;
     let after = engine.counters();
     let window = window(&motion);
+    let transmission = transmission.reports();
     let contacts = forces.iter().zip(sections).enumerate().map(|(j, (force, section))| {
         let spectrum = Spectrum::new(force, f64::from(PER_CYCLE), window);
         let report = contacts.report(j);
         let [low, high] = [report.force_min, report.force_max].map(Option::unwrap_or_default);
+        // Measured time began with the first step.
+        let [mean, rms, range] = transmission.get(j).map_or([0.0; 3], |t| [t.mean, t.rms, t.peak_to_peak]);
         ContactSteady {
+            transmission_mean: mean,
+            transmission_rms: rms,
+            transmission_peak_to_peak: range,
             force_amplitude: 0.5 * (high - low),
             force_harmonics: (1..=HARMONICS).map(|h| spectrum.at(h as f64)).collect(),
             section,

@@ -5,7 +5,7 @@ use super::{
     steady::{ContactSteady, Rule, Seed, Steady, steady},
 };
 use crate::{
-    output::{in_a_line, number},
+    output::{Fault, in_a_line, number},
     scene::{Scene, SceneError},
     simulation::Simulation,
     sweep::{Cell, Ending, Entry, Journal, Outcome, Plan, SweepError, Tally, run},
@@ -33,6 +33,8 @@ pub struct SteadySweep {
     dimensionless: bool,
     /// Vector instructions of its runs.
     instructions: &'static str,
+    /// Measures of contacts in the table.
+    columns: Vec<&'static Column>,
 }
 
 impl SteadySweep {
@@ -41,7 +43,7 @@ impl SteadySweep {
     /// # Errors
     /// [`StudyError::Simulation`]: faults of the scenes at all corners, or what the first corner that cannot run lacks.
     pub fn new(scene: Scene, plan: Plan, rule: Rule) -> Result<Self, StudyError> {
-        let mut sweep = Self { scene, plan, rule, dimensionless: false, instructions: "" };
+        let mut sweep = Self { scene, plan, rule, dimensionless: false, instructions: "", columns: usual().collect() };
         let mut corners = vec![Vec::new()];
         for axis in sweep.plan.grid().axes() {
             let ends = [0, axis.count() - 1].map(|i| axis.value(i));
@@ -69,6 +71,24 @@ impl SteadySweep {
             sweep.instructions = simulation.settings.instructions.name();
         }
         Ok(sweep)
+    }
+
+    /// The same with these measures of contacts in its table, by their names without unit; the usual ones if there are none.
+    ///
+    /// # Errors
+    /// Names that are none.
+    pub fn with_columns(mut self, names: &[impl AsRef<str>]) -> Result<Self, Vec<Fault>> {
+        let (mut faults, mut columns) = (Vec::new(), Vec::new());
+        for name in names {
+            match COLUMNS.iter().find(|(other, ..)| *other == name.as_ref()) {
+                Some(column) => columns.push(column),
+                None => faults.push(unknown_column(name.as_ref())),
+            }
+        }
+        if !columns.is_empty() {
+            self.columns = columns;
+        }
+        if faults.is_empty() { Ok(self) } else { Err(faults) }
     }
 
     /// The scene at a point of the grid.
@@ -131,9 +151,9 @@ impl SteadySweep {
                 }
             }
         }
-        let columns = columns(&contacts, self.dimensionless);
+        let columns = columns(&contacts, self.dimensionless, &self.columns);
         let picture = self.picture(&mut journal)?;
-        journal.finish(&self.plan, &columns, |steady| cells(&contacts, steady), picture.as_deref())
+        journal.finish(&self.plan, &columns, |steady| cells(&contacts, steady, &self.columns), picture.as_deref())
     }
 
     /// The picture of a sweep over one number that has rows.
@@ -171,9 +191,9 @@ pub(super) fn named(steady: &Steady) -> impl Iterator<Item = (String, &ContactSt
 }
 
 /// A column reported per contact: its name, its unit, the value.
-type Column = (&'static str, &'static str, fn(&ContactSteady) -> Option<f64>);
+pub(super) type Column = (&'static str, &'static str, fn(&ContactSteady) -> Option<f64>);
 
-const COLUMNS: [Column; 14] = [
+const COLUMNS: [Column; 28] = [
     ("apart_fraction", "", |c| Some(c.report.apart_fraction)),
     ("no_force_fraction", "", |c| Some(c.report.no_force_fraction)),
     ("separations_per_cycle", "", |c| c.report.separations_per_cycle),
@@ -188,10 +208,55 @@ const COLUMNS: [Column; 14] = [
     ("force_harmonic_2", "_n", |c| c.force_harmonics.get(1).copied()),
     ("deflection_min", "_m", |c| c.report.deflection_min),
     ("deflection_max", "_m", |c| c.report.deflection_max),
+    ("transmission_mean", "_m", |c| Some(c.transmission_mean)),
+    ("transmission_rms", "_m", |c| Some(c.transmission_rms)),
+    ("transmission_peak_to_peak", "_m", |c| Some(c.transmission_peak_to_peak)),
+    ("force_deviation", "_n", |c| c.report.force_deviation),
+    ("energy_loss_rate", "_w", |c| Some(c.report.energy_loss_rate)),
+    ("drive_impacts", "", |c| Some(c.report.impacts.drive as f64)),
+    ("back_impacts", "", |c| Some(c.report.impacts.back as f64)),
+    ("impacts_per_cycle", "", |c| c.report.impacts.per_cycle),
+    ("impact_speed_max", "_m_per_s", |c| c.report.impacts.speed_max),
+    ("impact_speed_mean", "_m_per_s", |c| c.report.impacts.speed_mean),
+    ("impact_speed_rms", "_m_per_s", |c| c.report.impacts.speed_rms),
+    ("impact_speed_50", "_m_per_s", |c| c.report.impacts.speed_50),
+    ("impact_speed_95", "_m_per_s", |c| c.report.impacts.speed_95),
+    ("impact_speed_99", "_m_per_s", |c| c.report.impacts.speed_99),
 ];
 
+/// Measures that a table has unless others are asked for.
+const USUAL: [&str; 17] = [
+    "apart_fraction",
+    "no_force_fraction",
+    "separations_per_cycle",
+    "contacts_per_cycle",
+    "no_force_mean",
+    "no_force_longest",
+    "force_mean",
+    "force_min",
+    "force_max",
+    "force_amplitude",
+    "force_harmonic_1",
+    "force_harmonic_2",
+    "deflection_min",
+    "deflection_max",
+    "transmission_rms",
+    "impacts_per_cycle",
+    "impact_speed_max",
+];
+
+pub(super) fn usual() -> impl Iterator<Item = &'static Column> {
+    COLUMNS.iter().filter(|(name, ..)| USUAL.contains(name))
+}
+
+/// The fault of a name that is no measure of contacts.
+pub(crate) fn unknown_column(name: &str) -> Fault {
+    let allowed = contact_measures().collect::<Vec<_>>().join(", ");
+    Fault::new("--columns", format!("{name:?}"), allowed).remedy("name one of them")
+}
+
 /// Columns of the table. A dimensionless train has no units.
-fn columns(contacts: &[String], dimensionless: bool) -> Vec<String> {
+fn columns(contacts: &[String], dimensionless: bool, measures: &[&'static Column]) -> Vec<String> {
     let with = |unit: &'static str| if dimensionless { "" } else { unit };
     let motion = [
         "seeded",
@@ -209,7 +274,7 @@ fn columns(contacts: &[String], dimensionless: bool) -> Vec<String> {
     ];
     let mut columns: Vec<String> = motion.map(String::from).to_vec();
     columns.extend([format!("cycle{}", with("_s")), "events".to_owned(), "grazes".to_owned()]);
-    columns.extend(contact_columns(contacts, dimensionless));
+    columns.extend(contact_columns(contacts, dimensionless, measures));
     columns
 }
 
@@ -231,24 +296,27 @@ pub(crate) fn measures(steady: &Steady, name: &str) -> Vec<Option<f64>> {
 }
 
 /// The columns of contacts.
-pub(super) fn contact_columns(contacts: &[String], dimensionless: bool) -> Vec<String> {
+pub(super) fn contact_columns(contacts: &[String], dimensionless: bool, measures: &[&'static Column]) -> Vec<String> {
     let with = |unit: &'static str| if dimensionless { "" } else { unit };
-    let of = |contact: &String| COLUMNS.map(|(name, unit, _)| format!("{contact} {name}{}", with(unit)));
+    let of = |contact: &String| {
+        measures.iter().map(move |(name, unit, _)| format!("{contact} {name}{}", with(unit))).collect::<Vec<_>>()
+    };
     contacts.iter().flat_map(of).collect()
 }
 
 /// Their cells of a row, empty where it has no such contact.
-pub(super) fn contact_cells(contacts: &[String], steady: Option<&Steady>) -> Vec<String> {
+pub(super) fn contact_cells(contacts: &[String], steady: Option<&Steady>, measures: &[&'static Column]) -> Vec<String> {
     let of = |name: &String| {
         let contact =
             steady.and_then(|steady| named(steady).find(|(other, _)| other == name)).map(|(_, contact)| contact);
-        COLUMNS.map(|(_, _, measure)| contact.and_then(measure).map_or_else(String::new, number))
+        let cell = |column: &&Column| contact.and_then(column.2).map_or_else(String::new, number);
+        measures.iter().map(cell).collect::<Vec<_>>()
     };
     contacts.iter().flat_map(of).collect()
 }
 
 /// A row of the table.
-fn cells(contacts: &[String], steady: &Steady) -> Vec<String> {
+fn cells(contacts: &[String], steady: &Steady, measures: &[&'static Column]) -> Vec<String> {
     let motion = &steady.motion;
     let optional = |value: Option<f64>| value.map_or_else(String::new, number);
     let mut cells = vec![
@@ -268,6 +336,6 @@ fn cells(contacts: &[String], steady: &Steady) -> Vec<String> {
         steady.events.to_string(),
         steady.grazes.to_string(),
     ];
-    cells.extend(contact_cells(contacts, Some(steady)));
+    cells.extend(contact_cells(contacts, Some(steady), measures));
     cells
 }

@@ -3,6 +3,7 @@
 
 mod contacts;
 mod extremes;
+mod impacts;
 mod ledger;
 mod rows;
 mod scaled;
