@@ -18,6 +18,7 @@ mod run;
 mod stability;
 mod study;
 mod sweep;
+mod threshold;
 
 use std::{
     io::Write,
@@ -53,6 +54,8 @@ enum Command {
     Advise(advise::Arguments),
     /// Measure the steady motion at every point of a grid of scene numbers
     Sweep(sweep::Arguments),
+    /// Find the load below which meshes lose contact: a graze to all digits, or a bracket where the motion jumps
+    Threshold(threshold::Arguments),
     /// Decide what the motion is in every cell over two numbers: periodic, chaotic, teeth apart, one flank or both
     Map(map::Arguments),
     /// Draw section points, impacts and exponents of motions against one number, on the way up and down
@@ -129,6 +132,7 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
         Command::Study(arguments) => return study::execute(&arguments),
         Command::Advise(arguments) => return advise::execute(&arguments),
         Command::Sweep(arguments) => return sweep::execute(&arguments),
+        Command::Threshold(arguments) => return threshold::execute(&arguments),
         Command::Diagram(arguments) => return diagram::execute(&arguments),
         Command::Basins(arguments) => return basins::execute(&arguments),
         Command::Map(arguments) => return map::execute(&arguments),

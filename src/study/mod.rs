@@ -17,6 +17,7 @@ mod kind;
 pub mod page;
 pub mod plan;
 mod published;
+pub mod rattle;
 mod record;
 pub mod steady;
 mod steady_sweep;

@@ -1,0 +1,121 @@
+//! `flank threshold`.
+
+use std::path::PathBuf;
+
+use flank::{
+    output::Fault,
+    scene::Scene,
+    study::{
+        rattle::{Loss, Rattle, Search, load_of},
+        steady::Rule,
+    },
+    sweep::GridError,
+};
+use serde_json::json;
+
+use super::{
+    CliError, Done, print,
+    progress::{cancellable, catch_interrupt, running},
+    read_scene,
+};
+
+/// Loads that are tried at most without a range, in loads of the scene.
+const MOST: f64 = 512.0;
+
+/// Arguments of `flank threshold`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Scene file; the reference scene if left out
+    scene: Option<PathBuf>,
+    /// The number to vary, by JSON pointer, from its end with loss of contact to the other one; from a thousandth of the load of the
+    /// scene to eight times it, or more, if left out
+    #[arg(long, value_name = "POINTER=FROM:TO")]
+    vary: Option<String>,
+    /// The event
+    #[arg(long, value_enum, default_value = "deflection")]
+    by: Loss,
+    /// Print the same as JSON
+    #[arg(long)]
+    json: bool,
+    /// Print nothing but the result
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+/// Finds a threshold.
+pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let scene = read_scene(arguments.scene.as_deref())?;
+    let (pointer, range) = range(arguments, &scene).map_err(GridError)?;
+    let search = Search { scene: &scene, pointer: &pointer, range, loss: arguments.by, rule: Rule::default() };
+    let bar = running(arguments.quiet);
+    let progress = |_| bar.tick();
+    let working = catch_interrupt();
+    let task = cancellable(&progress);
+    let mut search = search;
+    let mut found = search.run(task);
+    // Without a range the load grows until the teeth keep contact.
+    while let (None, Ok(Rattle::Always { value }), true) =
+        (&arguments.vary, &found, search.range[1] / search.range[0] < 1e3 * MOST)
+    {
+        search.range[1] = 8.0 * value;
+        found = search.run(task);
+    }
+    let range = search.range;
+    drop(working);
+    bar.finish_and_clear();
+    let found = match found {
+        Err(_) if task.is_cancelled() => return Ok(Done::Partly),
+        found => found?,
+    };
+    let result = json!({ "pointer": pointer, "range": range, "by": arguments.by, "threshold": found });
+    print(&if arguments.json { format!("{result:#}\n") } else { text(&pointer, range, arguments.by, &found) })?;
+    Ok(Done::Completely)
+}
+
+/// The number and its range: the end without loss of contact last.
+fn range(arguments: &Arguments, scene: &Scene) -> Result<(String, [f64; 2]), Vec<Fault>> {
+    let Some(text) = &arguments.vary else {
+        return load_of(scene).map(|(pointer, load)| (pointer, [1e-3 * load, 8.0 * load])).ok_or_else(|| {
+            let found = "no load that is a number in this train";
+            vec![Fault::new("--vary", found, "POINTER=FROM:TO").remedy("name the number to vary, and its range")]
+        });
+    };
+    let read = || {
+        let (pointer, ends) = text.split_once('=')?;
+        let (from, to) = ends.split_once(':')?;
+        let [from, to] = [from, to].map(|end| end.parse::<f64>().ok().filter(|end| end.is_finite()));
+        Some((pointer.to_owned(), [from?, to?]))
+    };
+    let is_number = |pointer: &str| scene.resolved().pointer(pointer).is_some_and(serde_json::Value::is_number);
+    let fault = |found: &str, allowed: &str| vec![Fault::new(text, found, allowed)];
+    let (pointer, range) =
+        read().ok_or_else(|| fault("no range", "POINTER=FROM:TO, such as /train/torque_nm=1:200"))?;
+    if !is_number(&pointer) {
+        return Err(fault("a pointer to no number", "a pointer to a number of the resolved scene"));
+    }
+    if range[0] == range[1] { Err(fault("a range without length", "two different ends")) } else { Ok((pointer, range)) }
+}
+
+fn text(pointer: &str, [low, high]: [f64; 2], by: Loss, found: &Rattle) -> String {
+    let event = match by {
+        Loss::Deflection => "leaves its drive flank",
+        Loss::Force => "carries no force for a time",
+        Loss::BackFlank => "strikes its back flank",
+    };
+    match found {
+        Rattle::Never => format!("no mesh {event} from {high} down to {low} ({pointer})\n"),
+        Rattle::Always { value } => {
+            format!(
+                "a mesh {event} at {value} already ({pointer}): begin the range with a larger load. Where the stiffness varies, its \
+                 variation alone can lift the teeth at a speed, whatever the load\n"
+            )
+        }
+        Rattle::Graze { value, uncertainty, contact } => {
+            format!("{contact} {event} below {value} ({pointer}), to {uncertainty:.1e}: a graze\n")
+        }
+        Rattle::Bracket { with, without, margin, contact, motion } => format!(
+            "a mesh {event} at {with} and not at {without} ({pointer}); there the motion is {motion}, and {contact} has a margin of \
+             {margin:.3e}: it jumps, no graze\n"
+        ),
+    }
+}

@@ -1,0 +1,220 @@
+//! Rattle threshold: the load at which the motion without loss of contact begins to lose it.
+//!
+//! The motion is followed from a load at which it keeps contact towards less load, each one started from the one before. Its margin is the least
+//! distance from the event over all contacts: `min δ − b` by deflection, the least force by force, `min δ + b` for the back flank. Where the motion
+//! is periodic and its margin tends to zero, the threshold is the root of the margin, which only motions with contact kept are used for: the
+//! graze itself. Where the motion is lost before, by a jump, there is only a bracket. A bilateral mesh has the load at which it would part.
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::{
+    StudyError,
+    steady::{Rule, Seed, Steady, steady},
+};
+use crate::{orbit::Kind, scene::Scene, task::Task};
+
+/// Loads tried on the way down.
+const SCAN: usize = 48;
+/// Rounds of the root: a bracket is halved down to rounding in as many.
+const ROUNDS: usize = 64;
+/// Each round comes this much nearer to the root.
+const NEARER: f64 = 1e-2;
+/// Margin that is none, relative to that of the first motion.
+const NEGLIGIBLE: f64 = 1e-9;
+/// Accuracy of the root, relative.
+const ACCURACY: f64 = 4e-15;
+
+/// Event that a threshold is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum Loss {
+    /// A mesh leaves its drive flank.
+    Deflection,
+    /// A mesh carries no force for a time.
+    Force,
+    /// A mesh strikes its back flank.
+    BackFlank,
+}
+
+/// Rattle threshold.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case", tag = "kind")]
+pub enum Rattle {
+    /// The event is at no value tried.
+    Never,
+    /// The event is at the largest value already.
+    Always {
+        /// The largest value.
+        value: f64,
+    },
+    /// The motion grazes: below the value the event begins.
+    Graze {
+        /// The value.
+        value: f64,
+        /// Bound of its error as the last two roots differ.
+        uncertainty: f64,
+        /// Contact that grazes.
+        contact: String,
+    },
+    /// The motion jumps, or is not periodic, before it grazes: the event lies between two values.
+    Bracket {
+        /// Largest value with the event.
+        with: f64,
+        /// Least value without it.
+        without: f64,
+        /// Margin at the latter, m or N.
+        margin: f64,
+        /// Contact with this margin.
+        contact: String,
+        /// Kind of the motion without the event there.
+        motion: String,
+    },
+}
+
+/// A motion without the event.
+struct Kept {
+    value: f64,
+    margin: f64,
+    contact: String,
+    is_periodic: bool,
+    motion: String,
+    seed: Seed,
+}
+
+/// A search over the number at `pointer`, from the larger end of `range` down.
+#[derive(Clone, Debug)]
+pub struct Search<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// JSON pointer of the load in the resolved scene.
+    pub pointer: &'a str,
+    /// Ends of the range; the search begins at the second one.
+    pub range: [f64; 2],
+    /// The event.
+    pub loss: Loss,
+    /// Rule of the steady motions.
+    pub rule: Rule,
+}
+
+/// The number that loads a train: JSON pointer and value. None if the train has no load of its own.
+#[must_use]
+pub fn load_of(scene: &Scene) -> Option<(String, f64)> {
+    let resolved = scene.resolved();
+    let of = |pointer: String| {
+        let value = resolved.pointer(&pointer).and_then(Value::as_f64).filter(|value| *value != 0.0)?;
+        Some((pointer, value))
+    };
+    let direct = ["/train/mean_load", "/train/torque_nm", "/train/load/output_torque_nm", "/train/load/drag_torque_nm"];
+    let shafts = resolved["train"]["shafts"].as_array().map_or(0, Vec::len);
+    let torques = (0..shafts).map(|i| format!("/train/shafts/{i}/torque_nm"));
+    let drags = (0..shafts).flat_map(|i| {
+        let gears = resolved["train"]["shafts"][i]["gears"].as_array().map_or(0, Vec::len);
+        (0..gears).map(move |j| format!("/train/shafts/{i}/gears/{j}/drag/torque_nm"))
+    });
+    direct.map(String::from).into_iter().chain(torques).chain(drags).find_map(of)
+}
+
+impl Search<'_> {
+    /// Finds the threshold.
+    ///
+    /// # Errors
+    /// [`StudyError`]: a scene that does not hold at a value, a run that fails, an interruption.
+    pub fn run(&self, task: Task<'_>) -> Result<Rattle, StudyError> {
+        let [low, high] = self.range;
+        let Some(mut above) = self.at(high, None, task)? else { return Ok(Rattle::Always { value: high }) };
+        let mut before = None;
+        let ratio = low / high;
+        // Equal ratios over a wide range, else equal steps.
+        let value = |i: usize| {
+            let share = i as f64 / SCAN as f64;
+            if ratio > 0.0 && ratio < 0.1 { high * libm::pow(ratio, share) } else { high + (low - high) * share }
+        };
+        let mut lost = None;
+        for i in 1..=SCAN {
+            match self.at(value(i), Some(&above.seed), task)? {
+                Some(kept) => before = Some(std::mem::replace(&mut above, kept)),
+                None => {
+                    lost = Some(value(i));
+                    break;
+                }
+            }
+        }
+        let Some(lost) = lost else { return Ok(Rattle::Never) };
+        match before {
+            Some(before) => self.root(before, above, lost, task),
+            None => {
+                let middle = 0.5 * (above.value + lost);
+                match self.at(middle, Some(&above.seed), task)? {
+                    Some(kept) => self.root(above, kept, lost, task),
+                    // Two motions are needed for a root: from the next value on.
+                    None => match self.at(0.5 * (above.value + middle), Some(&above.seed), task)? {
+                        Some(kept) => self.root(above, kept, middle, task),
+                        None => Ok(Rattle::Bracket {
+                            with: 0.5 * (above.value + middle),
+                            without: above.value,
+                            margin: above.margin,
+                            contact: above.contact,
+                            motion: above.motion,
+                        }),
+                    },
+                }
+            }
+        }
+    }
+
+    /// The steady motion at a value, if it is without the event.
+    fn at(&self, value: f64, seed: Option<&Seed>, task: Task<'_>) -> Result<Option<Kept>, StudyError> {
+        let scene = self.scene.with(self.pointer, json!(value)).map_err(StudyError::from)?;
+        let spec = &scene.built().spec;
+        let backlash: Vec<f64> = spec.contacts.iter().map(|contact| contact.half_backlash).collect();
+        let found = steady(scene, seed, &self.rule, task)?;
+        let margins = found.contacts.iter().zip(&backlash).filter_map(|(contact, b)| {
+            let report = &contact.report;
+            Some(match self.loss {
+                Loss::Deflection => (report.deflection_min? - b, report.apart_time > 0.0, &report.name),
+                Loss::Force => (report.force_min?, report.no_force_time > 0.0, &report.name),
+                Loss::BackFlank => (report.deflection_min? + b, report.back_contacts > 0, &report.name),
+            })
+        });
+        let least = margins.min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((margin, _, contact)) = least.filter(|(margin, is_there, _)| !is_there && *margin > 0.0) else {
+            return Ok(None);
+        };
+        let (contact, is_periodic) = (contact.clone(), found.motion.kind == Kind::Periodic);
+        let Steady { motion, end, .. } = found;
+        Ok(Some(Kept { value, margin, contact, is_periodic, motion: motion.kind.word().to_owned(), seed: end }))
+    }
+
+    /// The root of the margin from two motions above it, or a bracket where the margin does not tend to zero.
+    fn root(&self, first: Kept, second: Kept, lost: f64, task: Task<'_>) -> Result<Rattle, StudyError> {
+        let reach = first.margin;
+        let (mut a, mut b, mut lost) = (first, second, lost);
+        let mut last: Option<f64> = None;
+        for _ in 0..ROUNDS {
+            let slope = (b.margin - a.margin) / (b.value - a.value);
+            let root = b.value - b.margin / slope;
+            // Beyond the event the root is that of another motion.
+            let is_between = (root - b.value) * (root - lost) <= 0.0 && a.contact == b.contact && b.is_periodic;
+            let change = last.filter(|_| is_between).map(|last| (root - last).abs());
+            let width = (b.value - lost).abs();
+            let is_done = change.is_some_and(|change| change <= ACCURACY * root.abs());
+            if is_done || width <= ACCURACY * b.value.abs() {
+                if is_done || b.is_periodic && b.margin <= NEGLIGIBLE * reach {
+                    let uncertainty = change.unwrap_or(width).max(f64::EPSILON * b.value.abs());
+                    let value = if is_between { root } else { b.value };
+                    return Ok(Rattle::Graze { value, uncertainty, contact: b.contact });
+                }
+                break;
+            }
+            last = is_between.then_some(root);
+            let next = if is_between { root + NEARER * (b.value - root) } else { 0.5 * (b.value + lost) };
+            match self.at(next, Some(&b.seed), task)? {
+                Some(kept) => a = std::mem::replace(&mut b, kept),
+                None => (lost, last) = (next, None),
+            }
+        }
+        Ok(Rattle::Bracket { with: lost, without: b.value, margin: b.margin, contact: b.contact, motion: b.motion })
+    }
+}
