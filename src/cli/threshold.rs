@@ -61,14 +61,22 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         found = search.run(task);
     }
     let range = search.range;
+    let shared = found.as_ref().map_or(Ok(false), |found| search.is_shared(found, task));
     drop(working);
     bar.finish_and_clear();
     let found = match found {
         Err(_) if task.is_cancelled() => return Ok(Done::Partly),
         found => found?,
     };
-    let result = json!({ "pointer": pointer, "range": range, "by": arguments.by, "threshold": found });
+    let shared = shared?;
+    let result =
+        json!({ "pointer": pointer, "range": range, "by": arguments.by, "threshold": found, "shared": shared });
     print(&if arguments.json { format!("{result:#}\n") } else { text(&pointer, range, arguments.by, &found) })?;
+    if shared && !arguments.json {
+        print(
+            "above it the start of the scene leads to another motion, which has the event: sweep downwards and upwards to see both\n",
+        )?;
+    }
     Ok(Done::Completely)
 }
 

@@ -164,6 +164,17 @@ impl Search<'_> {
         }
     }
 
+    /// Tells that the scene's own start leads to a motion with the event, a thousandth of the range above the threshold: two motions are there, and
+    /// the one with the event ends elsewhere.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub fn is_shared(&self, found: &Rattle, task: Task<'_>) -> Result<bool, StudyError> {
+        let (Rattle::Graze { value, .. } | Rattle::Bracket { without: value, .. }) = found else { return Ok(false) };
+        let [_, high] = self.range;
+        Ok(self.at(value + 1e-3 * (high - value), None, task)?.is_none())
+    }
+
     /// The steady motion at a value, if it is without the event.
     fn at(&self, value: f64, seed: Option<&Seed>, task: Task<'_>) -> Result<Option<Kept>, StudyError> {
         let scene = self.scene.with(self.pointer, json!(value)).map_err(StudyError::from)?;
