@@ -27,7 +27,7 @@ const MOST: f64 = 512.0;
 pub struct Arguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
-    /// The number to vary, by JSON pointer, from its end with loss of contact to the other one; from a thousandth of the load of the
+    /// The number to vary, by JSON pointer, to its end with contact kept, where the search begins; from a thousandth of the load of the
     /// scene to eight times it, or more, if left out
     #[arg(long, value_name = "POINTER=FROM:TO")]
     vary: Option<String>,
@@ -74,7 +74,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     print(&if arguments.json { format!("{result:#}\n") } else { text(&pointer, range, arguments.by, &found) })?;
     if shared && !arguments.json {
         print(
-            "above it the start of the scene leads to another motion, which has the event: sweep downwards and upwards to see both\n",
+            "before it the start of the scene leads to another motion, which has the event: sweep both ways to see both\n",
         )?;
     }
     Ok(Done::Completely)
@@ -111,7 +111,7 @@ fn text(pointer: &str, [low, high]: [f64; 2], by: Loss, found: &Rattle) -> Strin
         Loss::BackFlank => "strikes its back flank",
     };
     match found {
-        Rattle::Never => format!("no mesh {event} from {high} down to {low} ({pointer})\n"),
+        Rattle::Never => format!("no mesh {event} from {high} to {low} ({pointer})\n"),
         Rattle::Always { value } => {
             format!(
                 "a mesh {event} at {value} already ({pointer}): begin the range with a larger load. Where the stiffness varies, its \
@@ -119,7 +119,8 @@ fn text(pointer: &str, [low, high]: [f64; 2], by: Loss, found: &Rattle) -> Strin
             )
         }
         Rattle::Graze { value, uncertainty, contact } => {
-            format!("{contact} {event} below {value} ({pointer}), to {uncertainty:.1e}: a graze\n")
+            let side = if low < high { "below" } else { "above" };
+            format!("{contact} {event} {side} {value} ({pointer}), to {uncertainty:.1e}: a graze\n")
         }
         Rattle::Bracket { with, without, margin, contact, motion } => format!(
             "a mesh {event} at {with} and not at {without} ({pointer}); there the motion is {motion}, and {contact} has a margin of \
