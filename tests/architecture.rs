@@ -208,7 +208,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("event", 350),
     ("gear", 1120),
     ("hybrid", 1550),
-    ("import", 2690),
+    ("import", 2790),
     ("integrate", 1800),
     ("kernel", 8020),
     ("linalg", 200),

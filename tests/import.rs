@@ -569,6 +569,20 @@ fn odd_files_are_told_by_place() {
     model.parts.retain(|part| part.0 != 10);
     model.ties.retain(|tie| tie.1.iter().all(|end| end.1 != 10));
     has(model, "/train/shafts/1/inertia_kg_m2", "no inertia");
+    // A name in Latin-1, a place counted from another component, a helix angle on one gear only.
+    let latin =
+        pair().xml().replace('\u{feff}', "").replace("version=\"1.0\"?", "version=\"1.0\" encoding=\"ISO-8859-1\"?");
+    let bytes: Vec<u8> =
+        latin.replace("casing", "Geh\u{e4}use").chars().map(|c| u8::try_from(u32::from(c)).unwrap()).collect();
+    assert_eq!(import(&bytes, &Options::default()).unwrap().scene, read(&pair().xml()).scene);
+    let moved = pair().set(2, "support_vector", "mm", json!([5.0, 7.0, 9.0]));
+    let moved = moved.set(4, "reference_component_for_position", "none", json!(2));
+    let moved = moved.set(5, "reference_component_for_position", "none", json!(2));
+    assert_eq!(read(&moved.xml()).scene, read(&pair().xml()).scene);
+    assert_eq!(
+        read(&pair().set(8, "helix_angle_reference_diameter", "deg", None).xml()).scene,
+        read(&pair().xml()).scene
+    );
     // Long lists of attributes that are not read are no matter.
     let long = pair().set(7, "profile", "mm", json!(vec![1.5; 5000]));
     for text in [long.xml(), long.json()] {

@@ -23,7 +23,7 @@ pub(super) struct Bodies<'m> {
     model: &'m Model,
     /// For each component the first one of its body.
     root: Vec<usize>,
-    place: BTreeMap<&'m str, usize>,
+    pub place: BTreeMap<&'m str, usize>,
     pub joints: Vec<Joint<'m>>,
     /// Bearings, with the components that they lie between.
     pub bearings: Vec<(&'m Component, [usize; 2])>,

@@ -37,10 +37,17 @@ impl Pair<'_> {
     pub fn rack(&self, ledger: &mut Ledger<'_>, is_new: bool) -> Option<BasicRack> {
         let [one, two] = self.teeth;
         let mut same = true;
+        let turned = if self.kind() == MeshKind::External { -1.0 } else { 1.0 };
+        // A gear without a helix angle of its own has that of its partner.
+        let helix = match [one.has_helix, two.has_helix] {
+            [false, true] => [turned * two.helix, two.helix],
+            [true, false] => [one.helix, turned * one.helix],
+            _ => [one.helix, two.helix],
+        };
         for (name, a, b) in [
             ("normal_module", one.module, two.module),
             ("normal_pressure_angle", one.angle, two.angle),
-            ("helix_angle_reference_diameter", one.helix.abs(), two.helix.abs()),
+            ("helix_angle_reference_diameter", helix[0].abs(), helix[1].abs()),
         ] {
             if (a - b).abs() > 1e-9 * a.abs().max(b.abs()) {
                 same = false;
@@ -48,8 +55,7 @@ impl Pair<'_> {
                 ledger.fault(&self.stage.place(), found, "one value for both gears", "mend the file");
             }
         }
-        let hands = [one.helix, two.helix].map(|helix| if helix == 0.0 { 0.0 } else { helix.signum() });
-        let turned = if self.kind() == MeshKind::External { -1.0 } else { 1.0 };
+        let hands = helix.map(|helix| if helix == 0.0 { 0.0 } else { helix.signum() });
         if hands[0] != turned * hands[1] {
             same = false;
             let found = format!("helix angles {} and {} deg", one.helix, two.helix);
@@ -67,7 +73,7 @@ impl Pair<'_> {
         let rack = BasicRack {
             module: one.module,
             pressure_angle: one.angle.to_radians(),
-            helix_angle: one.helix.abs().to_radians(),
+            helix_angle: helix[0].abs().to_radians(),
             addendum: 1.0,
             dedendum: dedendum.as_ref().map_or(DEDENDUM, |(h, _)| *h),
         };
@@ -82,14 +88,14 @@ impl Pair<'_> {
             Source::File,
             from("normal_pressure_angle"),
         );
-        if one.helix != 0.0 {
+        if helix[0] != 0.0 {
             ledger.write(
                 &format!("{}/helix_angle_deg", self.rack),
-                one.helix.abs(),
+                helix[0].abs(),
                 Source::File,
                 from("helix_angle_reference_diameter"),
             );
-            ledger.plain(&format!("{}/hand", self.gears[0]), if one.helix > 0.0 { "right" } else { "left" });
+            ledger.plain(&format!("{}/hand", self.gears[0]), if helix[0] > 0.0 { "right" } else { "left" });
         }
         let pointer = format!("{}/dedendum", self.rack);
         match dedendum {
@@ -290,7 +296,7 @@ impl Pair<'_> {
         shifts: [f64; 2],
     ) -> Option<f64> {
         let [one, two] = [0, 1].map(|k| {
-            let tip = self.teeth[k].radii(ledger, shifts[k])[0];
+            let tip = self.teeth[k].radii(ledger, shifts[k], rack.helix_angle)[0];
             (Some(tip) == self.teeth[k].tip).then(|| (tip * tip - geometry.base_radii[k].powi(2)).max(0.0).sqrt())
         });
         let sine = geometry.centre_distance * libm::sin(geometry.pressure_angle);

@@ -34,7 +34,7 @@ impl Unit {
         let written = written.replace(['µ', 'μ'], "mu").replace(['·', '^'], "");
         let table: &[(&str, f64)] = match self {
             Self::Length => &[("mm", 1e-3), ("m", 1.0), ("mum", 1e-6), ("mumm", 1e-6)],
-            Self::Angle => &[("deg", 1.0), ("°", 1.0), ("rad", 180.0 / std::f64::consts::PI)],
+            Self::Angle => &[("deg", 1.0), ("degree", 1.0), ("°", 1.0), ("rad", 180.0 / std::f64::consts::PI)],
             Self::Speed => &[("1/min", 1.0), ("rpm", 1.0), ("1/s", 60.0), ("rad/s", 30.0 / std::f64::consts::PI)],
             Self::Torque => &[("Nm", 1.0), ("Nmm", 1e-3), ("kNm", 1e3)],
             Self::Stiffness => &[("N/m", 1.0), ("N/mm", 1e3), ("N/mum", 1e6), ("kN/mm", 1e6)],

@@ -42,13 +42,16 @@ const READ: &[&str] = &[
     "outer_diameter_end",
     "radial_contact_ratio",
     "radial_stiffness",
+    "reference_component_for_position",
     "rotating_angle_around_neg_u_axis",
     "rotational_speed",
     "rotational_stiffness",
     "support_vector",
     "tip_diameter",
     "torque_around_u_axis",
+    "u_axis_vector",
     "u_coordinate_on_shaft",
+    "w_axis_vector",
 ];
 
 /// Tells that an attribute is read.
@@ -77,8 +80,13 @@ fn text(bytes: &[u8]) -> Result<Model, ImportError> {
         return unreadable(format!("{} bytes; at most {LARGEST} are read", bytes.len()));
     }
     let bytes = bytes.strip_prefix("\u{feff}".as_bytes()).unwrap_or(bytes);
+    let latin: String;
     let text = match std::str::from_utf8(bytes) {
         Ok(text) => text,
+        Err(_) if is_latin(bytes) => {
+            latin = bytes.iter().map(|byte| char::from(*byte)).collect();
+            &latin
+        }
         Err(error) => return unreadable(format!("byte {}: no UTF-8 text", error.valid_up_to())),
     };
     match text.trim_start().as_bytes().first() {
@@ -87,6 +95,12 @@ fn text(bytes: &[u8]) -> Result<Model, ImportError> {
         Some(_) => unreadable("neither XML (which begins with <) nor JSON (which begins with {)"),
         None => unreadable("the file is empty"),
     }
+}
+
+/// Tells that the declaration of an XML file names the encoding of western Europe, in which a byte is a character.
+fn is_latin(bytes: &[u8]) -> bool {
+    let head = String::from_utf8_lossy(&bytes[..bytes.len().min(200)]).to_ascii_lowercase();
+    head.starts_with("<?xml") && (head.contains("iso-8859-1") || head.contains("windows-1252"))
 }
 
 /// The one gearbox file in an archive.

@@ -61,11 +61,11 @@ impl Writer<'_, '_> {
         }
         outer.write_mesh(&mut self.ledger, &rack, [x_sun, x_planet]);
         inner.write_mesh(&mut self.ledger, &rack, [x_planet, x_ring]);
-        self.write_gear(sun, sun_teeth, x_sun, &keys[0]);
-        self.write_gear(planets[0][1], planet_teeth, x_planet, &keys[1]);
+        self.write_gear(sun, sun_teeth, (x_sun, rack.helix_angle), &keys[0]);
+        self.write_gear(planets[0][1], planet_teeth, (x_planet, rack.helix_angle), &keys[1]);
         let ring_body = self.body_of_gear(ring);
         if !self.bodies.stands(ring_body) {
-            self.write_gear(ring, ring_teeth, x_ring, &keys[2]);
+            self.write_gear(ring, ring_teeth, (x_ring, rack.helix_angle), &keys[2]);
         }
         let parts: Vec<usize> = self.bodies.parts(planets[0][0]).collect();
         self.write_bearings(&keys[1], &parts, true);

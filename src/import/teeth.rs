@@ -21,6 +21,8 @@ pub(super) struct Teeth {
     pub angle: f64,
     /// Helix angle, degrees, positive for the right hand.
     pub helix: f64,
+    /// Tells that the file gives it.
+    pub has_helix: bool,
     pub width: f64,
     pub shift: Option<(f64, String)>,
     /// Dedendum of the gear, which is the addendum of its tool, modules.
@@ -102,17 +104,30 @@ impl Teeth {
         let shift = shift.or(millimetres.map(|(x, from)| (x / module, from)));
         ledger.write(&format!("{pointer}/teeth"), number as u64, Source::File, from);
         ledger.write(&format!("{pointer}/face_width_m"), width, Source::File, wide);
+        let has_helix = helix.is_some();
         let helix = helix.map_or(0.0, |(helix, _)| helix);
-        Some(Self { place, number: number as u32, is_ring, module, angle, helix, width, shift, dedendum, tip })
+        Some(Self {
+            place,
+            number: number as u32,
+            is_ring,
+            module,
+            angle,
+            helix,
+            has_helix,
+            width,
+            shift,
+            dedendum,
+            tip,
+        })
     }
 
     pub fn gear(&self, shift: f64) -> Gear {
         Gear { teeth: self.number, shift }
     }
 
-    /// Radii of tip and root, m, the radius of the tip by the file if it can be one, else by the rack.
-    pub fn radii(&self, ledger: &mut Ledger<'_>, shift: f64) -> [f64; 2] {
-        let helix = libm::cos(self.helix.to_radians());
+    /// Radii of tip and root, m, with the helix angle of the mesh, rad; the tip by the file if it can be one, else by the rack.
+    pub fn radii(&self, ledger: &mut Ledger<'_>, shift: f64, helix: f64) -> [f64; 2] {
+        let helix = libm::cos(helix);
         let (m, reference) = (self.module, 0.5 * self.module * f64::from(self.number) / helix);
         let dedendum = self.dedendum.as_ref().map_or(DEDENDUM, |(h, _)| *h);
         let outwards = if self.is_ring { -1.0 } else { 1.0 };

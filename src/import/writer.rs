@@ -14,6 +14,8 @@ use super::{
 const RIGID: f64 = 1e15;
 /// Usual density, kg/m³.
 const STEEL: f64 = 7850.0;
+/// Components that a place is counted from, one after the other.
+const DEEPEST: usize = 8;
 /// Usual rim of a ring, heights of its teeth.
 const RIM: f64 = 2.0;
 /// Usual damping ratio of bearings and couplings.
@@ -79,13 +81,29 @@ impl<'m> Writer<'m, '_> {
         is_real.then(|| Inertia::of_cone(length, outer, inner, density))
     }
 
-    /// Place of a component's centre in the plane of the gears, m.
+    /// Place of a component's centre in the plane of the gears, m: its support vector, and those of the components that it is counted from.
+    /// None where one of these is turned.
     pub fn centre(&self, i: usize) -> Option<[f64; 2]> {
-        let vector = self.component(i).attributes.get("support_vector")?;
-        match vector.value.numbers()?.as_slice() {
-            [_, v, w] => Some([v / 1e3, w / 1e3]),
-            _ => None,
+        let (mut sum, mut at) = ([0.0; 2], i);
+        for _ in 0..DEEPEST {
+            let vector = |name: &str| self.component(at).attributes.get(name)?.value.numbers();
+            let [_, v, w] = vector("support_vector")?[..] else { return None };
+            sum = [sum[0] + v / 1e3, sum[1] + w / 1e3];
+            let attribute = self.component(at).attributes.get("reference_component_for_position");
+            let from = attribute.and_then(|attribute| self.bodies.place.get(attribute.value.text().as_str()).copied());
+            match from.filter(|from| *from != at && self.component(*from).attributes.contains_key("support_vector")) {
+                None => return Some(sum),
+                Some(from) => at = from,
+            }
+            let axis = |name: &str, axis: [f64; 3]| {
+                let own = self.component(at).attributes.get(name).and_then(|vector| vector.value.numbers());
+                own.is_none_or(|own| own.len() == 3 && own.iter().zip(axis).all(|(a, b)| (a - b).abs() < 1e-9))
+            };
+            if !axis("u_axis_vector", [1.0, 0.0, 0.0]) || !axis("w_axis_vector", [0.0, 0.0, 1.0]) {
+                return None;
+            }
         }
+        None
     }
 
     /// Inertia of a shaft from its sections, and its bearings.
@@ -226,9 +244,9 @@ impl<'m> Writer<'m, '_> {
     }
 
     /// Mass and inertia of a gear: of the file's mass if it has one, else of a disc from the shaft to half the height of the teeth.
-    pub fn write_gear(&mut self, gear: usize, teeth: &Teeth, shift: f64, pointer: &str) {
+    pub fn write_gear(&mut self, gear: usize, teeth: &Teeth, (shift, helix): (f64, f64), pointer: &str) {
         let component = self.component(gear);
-        let [tip, root] = teeth.radii(&mut self.ledger, shift);
+        let [tip, root] = teeth.radii(&mut self.ledger, shift, helix);
         let (outer, inner) = if teeth.is_ring {
             let rim = number(&mut self.ledger, component, "outer_diameter", Unit::Length)
                 .map(|d| 0.5 * d)
@@ -307,7 +325,12 @@ impl<'m> Writer<'m, '_> {
         pair.write_mesh(&mut self.ledger, &rack, shifts);
         for (k, gear) in gears.into_iter().enumerate() {
             if before[k].is_none() {
-                self.write_gear(gear, &teeth[k].1.clone().unwrap_or_else(|| first.clone()), shifts[k], &teeth[k].0);
+                self.write_gear(
+                    gear,
+                    &teeth[k].1.clone().unwrap_or_else(|| first.clone()),
+                    (shifts[k], rack.helix_angle),
+                    &teeth[k].0,
+                );
                 known.insert(gear, (teeth[k].0.clone(), shifts[k]));
             }
         }
