@@ -444,3 +444,32 @@ fn a_wrong_question_is_answered_with_every_fault_and_no_file() {
     }
     assert!(!folder.path().join("out").exists());
 }
+
+/// The pages that question a gearbox: data for programs, refusals with words and exit code 2.
+#[test]
+fn a_scene_is_questioned_and_imported() {
+    let folder = with_scene(&ball(r#"{ "t_end_s": 5 }"#));
+    let done = flank(&folder, &["check", "--json"]).code(0);
+    let report: Value = serde_json::from_slice(&done.get_output().stdout).unwrap();
+    assert_eq!(report["meshes"][1]["name"], "ring mesh");
+    assert_eq!(report["modes"].as_array().unwrap().len(), report["freedoms"].as_array().unwrap().len());
+    let refused = [
+        (&["run", "--strict"][..], "a scene without warnings"),
+        (&["threshold", "scene.json", "--vary", "/train/mass_kg=1:2"], "a rigid contact"),
+        (&["threshold", "--vary", "/train/speed_rpm"], "POINTER=FROM:TO"),
+        (&["sweep", "--vary", "/train/speed_rpm=400:500:2", "--columns", "force"], "force_mean"),
+        (&["import", "none.rexs", "--out", "new.json"], "cannot be read"),
+        (&["import", "scene.json", "--out", "new.json"], "missing field"),
+        (&["import", "none.rexs", "--out", "scene.json"], "which exists"),
+        (&["import", "none.rexs", "--set", "speed=3"], "POINTER=VALUE"),
+    ];
+    for (arguments, words) in refused {
+        let done = flank(&folder, arguments).code(2);
+        // Lines are broken to the width of a terminal.
+        let told = text(&done.get_output().stderr).replace("│", " ").split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(told.contains(words), "{words} in:\n{told}");
+    }
+    let done = flank(&folder, &["threshold", "--vary", "/train/load/drag_torque_nm=1:40", "--json"]).code(0);
+    let found: Value = serde_json::from_slice(&done.get_output().stdout).unwrap();
+    assert_eq!((&found["threshold"]["kind"], &found["shared"]), (&Value::from("graze"), &Value::from(true)));
+}

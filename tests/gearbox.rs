@@ -807,6 +807,20 @@ fn planets_in_phase_are_equal() {
     assert!(strikes > 10, "{strikes}");
 }
 
+/// Planets that differ by less than rounding tells apart strike at one instant or at two: `--verify` alarms of neither.
+#[test]
+fn planets_that_differ_by_rounding_are_no_alarm() {
+    for error in [1e-17, 3e-18, 1e-16] {
+        let mut train = three_planets("ring", "sun");
+        train["stages"][0]["pin_errors_m"] = json!([error, 0, 0]);
+        let mut scene = scene(&train, &json!("rest"));
+        scene["run"]["verify"] = json!(true);
+        let simulation = Simulation::from_scene(Scene::from_json(&scene.to_string(), "planets").unwrap()).unwrap();
+        let verified = simulation.run().unwrap().summary.verification.unwrap();
+        assert!(verified.series.compared > 10 * verified.series.not_judged, "{verified:?}");
+    }
+}
+
 /// A stage that its ring drives rests on its back flanks: `"static"` and `"quasi-static"` start there, without a warning.
 #[test]
 fn starts_on_the_flank_that_the_load_presses() {

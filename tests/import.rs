@@ -583,6 +583,33 @@ fn odd_files_are_told_by_place() {
         read(&pair().set(8, "helix_angle_reference_diameter", "deg", None).xml()).scene,
         read(&pair().xml()).scene
     );
+    // A shaft whose own axis points backwards, and one across.
+    let back = pair().set(3, "u_axis_vector", "mm", json!([-1.0, 0.0, 0.0])).set(
+        3,
+        "rotational_speed",
+        "1/min",
+        json!(1500.0),
+    );
+    let back = back.set(10, "torque_around_u_axis", "N m", json!(30.0));
+    assert_eq!(read(&back.xml()).scene, read(&pair().xml()).scene);
+    has(pair().set(3, "u_axis_vector", "mm", json!([0.0, 1.0, 0.0])), "u_axis_vector", "0 1 0");
+    // An idler is in two meshes, and each of its numbers has one origin.
+    let mut row = pair();
+    row.parts.push((70, "shaft", "last", vec![]));
+    row.parts.push((71, "cylindrical_gear", "end", gear(30, 15.0, 0.0)));
+    row.parts.push((72, "cylindrical_stage", "second", vec![]));
+    row.ties.push(("assembly", vec![("assembly", 70), ("part", 71)]));
+    row.ties.push(("stage", vec![("stage", 72), ("gear_1", 8), ("gear_2", 71)]));
+    let found = read(&row.xml());
+    for origin in &found.origins {
+        assert_eq!(
+            found.origins.iter().filter(|other| other.pointer == origin.pointer).count(),
+            1,
+            "{}",
+            origin.pointer
+        );
+    }
+    assert_eq!(found.scene["train"]["meshes"][1]["gears"], json!(["wheel", "end"]));
     // Long lists of attributes that are not read are no matter.
     let long = pair().set(7, "profile", "mm", json!(vec![1.5; 5000]));
     for text in [long.xml(), long.json()] {

@@ -46,6 +46,14 @@ pub struct Arguments {
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let scene = read_scene(arguments.scene.as_deref())?;
     let (pointer, range) = range(arguments, &scene).map_err(GridError)?;
+    if scene.built().spec.contacts.iter().any(|contact| contact.law.is_rigid()) {
+        let fault = Fault::new(
+            "/train",
+            "a rigid contact, which rests on its flank without a margin",
+            "compliant contact laws",
+        );
+        return Err(CliError::Arguments(vec![fault.remedy("give the contact a stiffness, or use flank sweep")]));
+    }
     let search = Search { scene: &scene, pointer: &pointer, range, loss: arguments.by, rule: Rule::default() };
     let bar = running(arguments.quiet);
     let progress = |_| bar.tick();

@@ -70,6 +70,8 @@ impl<'o> Ledger<'o> {
             None => (value.into(), source, from.into()),
         };
         insert(&mut self.scene, pointer, value.clone());
+        // A gear in two meshes is written twice, with the same numbers.
+        self.origins.retain(|origin| origin.pointer != pointer);
         self.origins.push(Origin { pointer: pointer.to_owned(), value, source, from });
     }
 

@@ -19,7 +19,7 @@ impl Writer<'_, '_> {
         for i in 0..self.model.components.len() {
             let component = self.component(i);
             if let Some((speed, from)) = given(&mut self.ledger, component, "rotational_speed", Unit::Speed) {
-                found.push((i, speed, from));
+                found.push((i, self.sense(i) * speed, from));
             }
         }
         let defines = |speed: &&Speed| self.model.components[speed.0].flag("defines_speed") == Some(true);
@@ -39,6 +39,26 @@ impl Writer<'_, '_> {
         chosen
     }
 
+    /// Sense of a shaft's own axis, 1 or -1 along the one of the gearbox. Axes across it are a fault.
+    fn sense(&mut self, i: usize) -> f64 {
+        let component = self.component(i);
+        let axis = component.attributes.get("u_axis_vector").and_then(|axis| axis.value.numbers());
+        match axis.as_deref() {
+            Some([u, v, w]) if libm::hypot(*v, *w) > 1e-6 * u.abs() => {
+                let place = format!("{}: u_axis_vector", component.place());
+                self.ledger.fault(
+                    &place,
+                    format!("{u} {v} {w}"),
+                    "a shaft along u",
+                    "leave it out: Flank has parallel shafts",
+                );
+                1.0
+            }
+            Some([u, ..]) if *u < 0.0 => -1.0,
+            _ => 1.0,
+        }
+    }
+
     /// Torques about the axis by shaft: component, N m (none if the file leaves it open), origin.
     pub fn torques(&mut self) -> Vec<(usize, Option<f64>, String)> {
         let mut all = Vec::new();
@@ -48,7 +68,9 @@ impl Writer<'_, '_> {
             }
             for load in self.parts_of(i, "external_load") {
                 let load = self.component(load);
+                let sense = self.sense(i);
                 let torque = given(&mut self.ledger, load, "torque_around_u_axis", Unit::Torque);
+                let torque = torque.map(|(torque, from)| (sense * torque, from));
                 let defines = load.flag("defines_torque");
                 all.push((i, torque.filter(|_| defines != Some(false)), load.place(), defines == Some(true)));
             }

@@ -189,7 +189,7 @@ pub(super) fn train(train: &Node, spec: &Spec, meshes: &[ToothMesh]) {
     let worst = contacts.zip(&forces).map(|pair| (pair.0, pair.1, stress(pair))).max_by(|a, b| a.2.total_cmp(&b.2));
     if let Some((mesh, force, stress)) = worst.filter(|worst| worst.2 > STRESS) {
         load(train).warn(format!(
-            "{}: {:.0} N a mesh bend its teeth with {:.0} MPa (Lewis); up to 500 MPa are usual: is the torque in N mm?",
+            "{}: a force of {:.0} N bends the teeth with {:.0} MPa (Lewis); up to 500 MPa are usual: is the torque in N mm?",
             mesh.name,
             force.abs(),
             1e-6 * stress

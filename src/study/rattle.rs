@@ -3,7 +3,7 @@
 //! The motion is followed from a load at which it keeps contact towards less load, each one started from the one before. Its margin is the least
 //! distance from the event over all contacts: `min δ − b` by deflection, the least force by force, `min δ + b` for the back flank. Where the motion
 //! is periodic and its margin tends to zero, the threshold is the root of the margin, which only motions with contact kept are used for: the
-//! graze itself. Where the motion is lost before, by a jump, there is only a bracket. A bilateral mesh has the load at which it would part.
+//! graze itself. Contacts have compliant laws: a rigid one rests on its flank without a margin. Where the motion is lost before, by a jump, there is only a bracket. A bilateral mesh has the load at which it would part.
 
 use serde::Serialize;
 use serde_json::{Value, json};

@@ -93,13 +93,14 @@ impl<'a> Arc<'a> {
         touches.into_iter().any(|touch| holds(touch) && !(&touch.fired & set).is_empty())
     }
 
-    /// Tells that each guard in `set` falls within a time `margin` after `record`, s, to first order.
+    /// Tells that each guard in `set` passes zero within a time `margin` of `record`, s, to first order.
     pub fn is_close(&self, set: &GuardSet, record: &EventRecord, margin: f64) -> bool {
         let mut rate = vec![0.0; record.x_minus.len()];
         self.field().eval(&self.lane.last.jump.mode, record.at, 0.0, &record.x_minus, &mut rate);
-        let after: Vec<f64> = record.x_minus.iter().zip(&rate).map(|(x, f)| x + margin * f).collect();
-        let falls = |g: usize| self.guard(g, self.length, &record.x_minus) * self.guard(g, self.length, &after) <= 0.0;
-        set.iter().all(|id| self.guards.iter().position(|own| *own == id).is_some_and(falls))
+        let at = |t: f64| record.x_minus.iter().zip(&rate).map(|(x, f)| x + t * f).collect::<Vec<f64>>();
+        let [before, after] = [-margin, margin].map(at);
+        let passes = |g: usize| self.guard(g, self.length, &before) * self.guard(g, self.length, &after) <= 0.0;
+        set.iter().all(|id| self.guards.iter().position(|own| *own == id).is_some_and(passes))
     }
 
     /// Rounding of the two instants that the arc lies between, s.

@@ -68,16 +68,12 @@ pub(super) fn check(arc: &Arc<'_>) -> (Verdict, u64) {
     if pending.is_empty() && apart.is_none_or(|apart| apart <= margin) || same && in_time {
         return (Verdict::Same, found.steps);
     }
-    // Two instants of the run may be one to a replay that knows them less well.
-    let early = &met - &set;
-    if in_time
-        && !early.is_empty()
-        && (&set - &met).is_empty()
-        && pending.last().is_some_and(|record| arc.is_close(&early, record, 2.0 * margin))
-    {
+    // What is one instant, and what are two of them, is not told apart within the margin.
+    let odd = &(&set - &met) | &(&met - &set);
+    if in_time && !odd.is_empty() && pending.last().is_some_and(|record| arc.is_close(&odd, record, 2.0 * margin)) {
         return (Verdict::NotJudged, found.steps);
     }
-    let unlike = if guards { set } else { &(&set - &met) | &(&met - &set) };
+    let unlike = if guards { set } else { odd };
     let touches = || arc.lane.touches.iter().chain(&found.touches);
     let mut times = [ours, theirs].into_iter().flatten();
     if times.any(|at| arc.is_touched(touches(), &unlike, at)) || failed {
