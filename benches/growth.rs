@@ -74,6 +74,8 @@ fn chain(size: Size) -> Spec {
         load_harmonics: (1..=size.harmonics).map(load).collect(),
         contacts: (0..size.contacts).map(contact).collect(),
         omega: Some(1.3),
+        bearings: vec![],
+        shared: vec![],
     }
 }
 

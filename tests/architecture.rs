@@ -46,6 +46,7 @@ const MAY_IMPORT: &[(&str, &[(&str, Part)])] = &[
             ("poly", All),
             ("linalg", All),
             ("integrate", Only(&["DenseStep"])),
+            ("system", Only(&["Bearing", "BearingSpring", "Structure"])),
         ],
     ),
     (
@@ -199,7 +200,7 @@ const BUDGET: usize = 400;
 /// Lines that a room may have, comments included: its size of today, so that growth is a decision.
 const ROOMS: &[(&str, usize)] = &[
     ("accuracy", 2600),
-    ("analysis", 2200),
+    ("analysis", 2400),
     ("baseline", 1500),
     ("branch", 3060),
     ("cli", 3150),
@@ -219,11 +220,11 @@ const ROOMS: &[(&str, usize)] = &[
     ("poly", 1400),
     ("scene", 3800),
     ("simulation", 1790),
-    ("study", 7260),
+    ("study", 7320),
     ("sweep", 1250),
-    ("system", 4600),
+    ("system", 4680),
     ("tangent", 1150),
-    ("train", 3150),
+    ("train", 3250),
     ("verify", 800),
 ];
 

@@ -68,6 +68,8 @@ fn bodies(masses: &[f64], contacts: Vec<ContactSpec>) -> Spec {
         load_harmonics: vec![],
         contacts,
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     }
 }
 

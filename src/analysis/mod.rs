@@ -3,6 +3,7 @@
 //! All are [`Observer`](crate::engine::Observer)s, and know a system only through the traits of
 //! [`hybrid`](crate::hybrid).
 
+mod bearings;
 mod contacts;
 mod episode;
 mod events;
@@ -18,12 +19,13 @@ mod track;
 mod trajectory;
 mod transmission;
 
+pub use bearings::Bearings;
 pub use contacts::Contacts;
 pub use episode::{Episode, Moment, Separation};
 pub use events::{ContactEvent, EventLog, EventRow, Kind};
 pub use ledger::{Balance, Ledger};
 pub(crate) use quadrature::Rule;
-pub use report::{ContactReport, Statistics};
+pub use report::{BearingForce, BearingReport, ContactReport, Statistics, of_train};
 pub use settle::{Sections, cycles_later};
 pub use spectrum::{Spectrum, Window};
 pub use sum::Sum;

@@ -1,6 +1,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::sum::Sum;
+use crate::system::Structure;
 
 /// Count, extremes and mean of a list of durations, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -109,14 +110,68 @@ pub struct ContactReport {
     pub force_min: Option<f64>,
     /// Largest force by absolute value, N; impacts have none.
     pub force_abs_max: f64,
-    /// Mean force along the contact's direction, N: the impulse, of impacts too, over the measured time.
+    /// Mean force along the contact's direction, N: `impulse / time`.
     pub force_mean: f64,
+    /// Impulse along the contact's direction, of impacts too, N s: positive on the drive flank.
+    pub impulse: f64,
     /// Standard deviation of the force, N, over the measured time; none of a rigid contact, whose impacts have no force.
     pub force_deviation: Option<f64>,
+    /// Share of a planet in the load of its central gear: `N F̄/Σ F̄` of the mean forces of all N, 1 if they share alike; none of other contacts.
+    pub load_share: Option<f64>,
+    /// Rattle index `Γ = m_e max|ë|/|F̄|` with the error e(t), the effective mass and the mean force: above 1 a rigid mesh would lose contact.
+    /// None without a varying error or a mean force.
+    pub rattle_index: Option<f64>,
     /// Energy lost in the contact, J.
     pub energy_lost: f64,
     /// `energy_lost / time`, W.
     pub energy_loss_rate: f64,
     /// Impacts.
     pub impacts: Impacts,
+}
+
+/// Reports of all contacts of a train, in their order, with what takes the train to know.
+#[must_use]
+pub fn of_train(mut reports: Vec<ContactReport>, train: &Structure) -> Vec<ContactReport> {
+    for group in &train.spec().shared {
+        let total: f64 = group.iter().map(|j| reports[*j].force_mean).sum();
+        for j in group {
+            let share = group.len() as f64 * reports[*j].force_mean / total;
+            reports[*j].load_share = Some(share).filter(|share| share.is_finite());
+        }
+    }
+    for (report, contact) in reports.iter_mut().zip(train.contacts()) {
+        let index = contact.effective_mass() * contact.spec.largest_acceleration() / report.force_mean.abs();
+        report.rattle_index = Some(index).filter(|index| index.is_finite() && *index > 0.0);
+    }
+    reports
+}
+
+/// Force of a bearing in one direction, N: of the body on what carries it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BearingForce {
+    /// `x`, `y`, `axial`; of a planet `radial` and `tangential` to its carrier.
+    pub direction: String,
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation: RMS value of the difference from the mean.
+    pub deviation: f64,
+    /// Smallest.
+    pub min: f64,
+    /// Largest.
+    pub max: f64,
+}
+
+/// What was measured on one bearing, over the measured time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BearingReport {
+    /// Name of the body that it carries.
+    pub name: String,
+    /// Size of the mean force vector, N.
+    pub force_mean: f64,
+    /// RMS value of the size of the difference from the mean vector, N.
+    pub force_deviation: f64,
+    /// Largest size of the force vector, N.
+    pub force_max: f64,
+    /// The force by direction.
+    pub directions: Vec<BearingForce>,
 }

@@ -63,7 +63,11 @@ impl Spread {
         self.squares.add(origin * origin * time);
     }
 
-    fn deviation(&self, time: f64) -> f64 {
+    pub fn mean(&self, time: f64) -> f64 {
+        self.origin.unwrap_or_default() + self.sum.value() / time
+    }
+
+    pub fn deviation(&self, time: f64) -> f64 {
         (self.squares.value() / time - (self.sum.value() / time).powi(2)).max(0.0).sqrt()
     }
 }
@@ -128,7 +132,10 @@ impl Track {
             force_min: Some(self.force.smallest).filter(|f| f.is_finite()),
             force_abs_max: self.force.largest.max(-self.force.smallest).max(0.0),
             force_mean: share(&self.impulse),
+            impulse: self.impulse.value(),
             force_deviation: (!is_rigid && time > 0.0).then(|| self.spread.deviation(time)),
+            load_share: None,
+            rattle_index: None,
             energy_lost: self.lost.value(),
             energy_loss_rate: share(&self.lost),
             impacts: Impacts::new(&self.impacts, time, cycles),

@@ -7,7 +7,6 @@ use serde_json::{Map, Value, json};
 
 use super::{
     cell::LEAST_CYCLES,
-    kinds::names,
     plane::PlaneError,
     walk::{Record, Strike, Walk},
 };
@@ -16,6 +15,7 @@ use crate::{
     output::{Fault, csv_line, in_a_line, label, number},
     scene::Scene,
     simulation::{Parameter, Simulation, SimulationError},
+    study::numbered,
     sweep::{
         Begin, Cell, Direction, Ending, Entry, Grid, GridError, Journal, Kept, Outcome, Plan, Seeding, SweepError, run,
     },
@@ -340,7 +340,7 @@ impl Diagram {
         }
         let picture: Vec<(&str, String)> = picture(&points).map(|p| ("diagram.svg", p)).into_iter().collect();
         let found = json!({ "rows": self.rows(), "failed": points.failed });
-        let contacts = names(&self.own.structure);
+        let contacts = numbered(self.own.structure.contacts().iter().map(|contact| &*contact.spec.name));
         let plan = &self.plan;
         let components = components(&self.own);
         let write = |rows: &mut Rows, table: usize, line: &mut dyn FnMut(&str) -> Result<(), SweepError>| {

@@ -9,11 +9,10 @@ use super::{
 };
 use crate::{
     ensemble::in_order,
-    output::{Fault, csv_line, in_a_line, number},
+    output::{csv_line, in_a_line, number},
     scene::Scene,
-    study::{StudyError, contact_measure, contact_measures, measured, measures, unknown_column},
+    study::{Measures, StudyError, measured},
     sweep::{Ending, GridError, Kept, Lines, SweepError},
-    system::Structure,
     task::Task,
 };
 
@@ -24,18 +23,8 @@ pub(super) const FIRST: [&str; 4] = ["kind", "period_cycles", "word", "exponent"
 /// Columns after them.
 pub(super) const LAST: [&str; 3] = ["impacts", "cycles", "error"];
 
-/// For each column its value of each contact.
-type Measures = Vec<Vec<Option<f64>>>;
-
-/// The names of contacts; a name given before gets a number.
-pub(super) fn names(structure: &Structure) -> Vec<String> {
-    let all: Vec<&str> = structure.contacts().iter().map(|c| c.spec.name.as_str()).collect();
-    let name = |j: usize| {
-        let before = all[..j].iter().filter(|other| **other == all[j]).count();
-        if before == 0 { all[j].to_owned() } else { format!("{} ({})", all[j], before + 1) }
-    };
-    (0..all.len()).map(name).collect()
-}
+/// Values of the columns of measures.
+type Values = Vec<Option<f64>>;
 
 /// A map over two numbers of a scene: in each cell the motion that the scene's own start leads to.
 ///
@@ -55,7 +44,7 @@ pub struct KindMap {
     plane: Plane,
     rule: Rule,
     columns: Vec<String>,
-    contacts: Vec<String>,
+    measures: Measures,
 }
 
 impl KindMap {
@@ -73,16 +62,12 @@ impl KindMap {
         rule: Rule,
         columns: &[impl AsRef<str>],
     ) -> Result<Self, PlaneError> {
-        let unknown = columns.iter().map(AsRef::as_ref).filter(|name| contact_measures().all(|other| other != *name));
-        let faults: Vec<Fault> = unknown.map(unknown_column).collect();
-        if !faults.is_empty() {
-            return Err(GridError(faults).into());
-        }
         let columns: Vec<String> = columns.iter().map(|name| name.as_ref().to_owned()).collect();
         let columns = if columns.is_empty() { vec![APART.to_owned()] } else { columns };
+        let measures = Measures::named(&columns).map_err(GridError)?;
         let plane = Plane::new(scene, axes)?;
-        let contacts = names(&plane.own().structure);
-        Ok(Self { plane, rule, columns, contacts })
+        let measures = measures.of(&plane.own().structure);
+        Ok(Self { plane, rule, columns, measures })
     }
 
     /// The cells.
@@ -94,16 +79,7 @@ impl KindMap {
     /// What the last panel of a picture shows.
     #[must_use]
     pub fn shown(&self) -> String {
-        let dimensionless = self.plane.own().dimensionless;
-        let contact = match &self.contacts[..] {
-            [contact] => contact.as_str(),
-            _ => "largest of all contacts",
-        };
-        let measure = match self.columns[0].as_str() {
-            APART => "time apart / period".to_owned(),
-            other => contact_measure(other, dimensionless),
-        };
-        format!("{contact}: {measure}")
+        self.measures.title(self.plane.own().dimensionless)
     }
 
     /// What the rows depend on.
@@ -128,27 +104,22 @@ impl KindMap {
     /// The first line of the table.
     #[must_use]
     pub fn head(&self) -> String {
-        let dimensionless = self.plane.own().dimensionless;
         let pointers = self.plane.grid().axes().iter().map(|axis| axis.pointer.clone());
-        let of = |contact: &String| {
-            let name = move |column: &String| format!("{contact} {}", contact_measure(column, dimensionless));
-            self.columns.iter().map(name).collect::<Vec<_>>()
-        };
-        let contacts: Vec<String> = self.contacts.iter().flat_map(of).collect();
-        csv_line(pointers.chain(FIRST.map(String::from)).chain(contacts).chain(LAST.map(String::from)))
+        let measures = self.measures.columns(self.plane.own().dimensionless);
+        csv_line(pointers.chain(FIRST.map(String::from)).chain(measures).chain(LAST.map(String::from)))
     }
 
     /// The motion in a cell. `None` if the work is broken off.
-    fn cell(&self, cell: usize, task: Task<'_>) -> Result<Option<(Cell, Measures)>, StudyError> {
+    fn cell(&self, cell: usize, task: Task<'_>) -> Result<Option<(Cell, Values)>, StudyError> {
         let simulation = self.plane.simulation(cell)?;
         let Some(decided) = self.rule.decide(&simulation, simulation.start()?, task)? else {
             return if task.is_cancelled() { Ok(None) } else { Err(StudyError::Budget { cycle: 0 }) };
         };
         let values = if self.columns == [APART] {
-            vec![decided.apart.iter().copied().map(Some).collect()]
+            decided.apart.iter().copied().map(Some).collect()
         } else {
             let steady = measured(&simulation, &decided.section, decided.motion.clone(), task)?;
-            self.columns.iter().map(|column| measures(&steady, column)).collect()
+            self.measures.values(Some(&steady))
         };
         Ok(Some((decided, values)))
     }
@@ -157,7 +128,6 @@ impl KindMap {
     fn row(&self, cell: usize, task: Task<'_>) -> Option<String> {
         let optional = |value: Option<f64>| value.map_or_else(String::new, number);
         let mut line: Vec<String> = self.plane.values(cell).map(number).to_vec();
-        let count = self.contacts.len() * self.columns.len();
         match self.cell(cell, task) {
             Ok(None) | Err(StudyError::Interrupted) => return None,
             Ok(Some((Cell { motion, exponent, impacts, apart, .. }, values))) => {
@@ -168,17 +138,15 @@ impl KindMap {
                     motion.word.unwrap_or_default(),
                     optional(exponent),
                 ]);
-                line.extend((0..count).map(|i| {
-                    let [contact, column] = [i / self.columns.len(), i % self.columns.len()];
-                    optional(values[column].get(contact).copied().flatten().filter(|value| value.is_finite()))
-                }));
+                line.extend(values.into_iter().map(|value| optional(value.filter(|value| value.is_finite()))));
                 // A motion that was not watched has no share of time, and it is not known what it strikes.
                 let impacts = if is_watched { impacts.word() } else { "" };
                 line.extend([impacts.to_owned(), motion.cycles.to_string(), String::new()]);
             }
             Err(error) => {
                 line.push("failed".to_owned());
-                line.extend(std::iter::repeat_n(String::new(), FIRST.len() - 1 + count + LAST.len() - 1));
+                let empty = FIRST.len() - 1 + self.measures.values(None).len() + LAST.len() - 1;
+                line.extend(std::iter::repeat_n(String::new(), empty));
                 line.push(in_a_line(&error.to_string()));
             }
         }
@@ -216,10 +184,10 @@ impl KindMap {
         picture: impl FnOnce(&Tally) -> Option<String>,
     ) -> Result<Tally, SweepError> {
         let axes = self.plane.grid().axes();
-        let measure = |j: usize| 2 + FIRST.len() + j * self.columns.len();
-        let contacts = self.contacts.len();
-        let measures = (0..contacts).map(measure).collect();
-        let mut tally = Tally::new([axes[0].count(), axes[1].count()], measures, measure(contacts));
+        let before = 2 + FIRST.len();
+        let shown = self.measures.of_first().into_iter().map(|place| before + place).collect();
+        let after = before + self.measures.values(None).len();
+        let mut tally = Tally::new([axes[0].count(), axes[1].count()], shown, after);
         lines.each(|row| {
             tally.add(row);
             Ok(())

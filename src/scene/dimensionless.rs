@@ -58,6 +58,8 @@ pub(super) fn read(node: &Node) -> Spec {
             law,
         }],
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     };
     spec.omega = matrices::base_frequency(node, &spec);
     spec

@@ -43,6 +43,8 @@ pub(super) fn read(node: &Node) -> Spec {
         load_harmonics,
         contacts: contacts.iter().enumerate().map(|(i, item)| contact::read(item, i, n)).collect(),
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     };
     for (i, c) in spec.contacts.iter().enumerate() {
         if spec.contacts[..i].iter().any(|other| other.name == c.name) {

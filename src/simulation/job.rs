@@ -11,7 +11,7 @@ use super::{
     samples::{SampleFile, sample_grid},
 };
 use crate::{
-    analysis::{Contacts, EventLog, EventRow, Grid, Ledger, Trajectory, TransmissionError},
+    analysis::{Bearings, Contacts, EventLog, EventRow, Grid, Ledger, Trajectory, TransmissionError, of_train},
     engine::{Observer, Outcome},
     event::EventRecord,
     hybrid::{Clock, Instant, Mode},
@@ -135,7 +135,8 @@ impl<'a> Job<'a> {
         });
         let mut ledger = Ledger::new(structure);
         let contacts = 0..structure.contacts().len();
-        let mut transmission = TransmissionError::new(structure, contacts, HARMONICS, Some(measured));
+        let mut transmission = TransmissionError::new(structure, contacts.clone(), HARMONICS, Some(measured));
+        let mut bearings = Bearings::new(structure, Some(measured));
         // A grid that is never due stands for no trajectory.
         let grid = if sampled { sample_grid(simulation) } else { Grid::Interval { interval: 0.0 } };
         let mut trajectory = Trajectory::new(structure, grid, from, |sample| match &mut samples {
@@ -144,7 +145,7 @@ impl<'a> Job<'a> {
         });
         let clock = structure.clock();
         let mut watch = Watchman { task, clock, from, span: clock.between(from, end), steps: 0 };
-        let measures = ((&mut log, &mut check), (&mut ledger, &mut transmission));
+        let measures = ((&mut log, &mut check), (&mut ledger, (&mut transmission, &mut bearings)));
         let result = engine.run(end, &mut (((&mut inherited, measures), (&mut trajectory, &mut watch)), &mut observer));
         let state = engine.state();
         if let Ok(Outcome::ReachedEnd) = result {
@@ -173,8 +174,9 @@ impl<'a> Job<'a> {
             },
             outcome: RunEnd::new(simulation, &result, task.is_cancelled(), state),
             measured_time: log.contacts().time(),
-            contacts: (0..structure.contacts().len()).map(|j| log.contacts().report(j)).collect(),
+            contacts: of_train(contacts.map(|j| log.contacts().report(j)).collect(), structure),
             transmission: transmission.reports(),
+            bearings: bearings.reports(),
             energy: ledger.balance(),
             work: engine.counters(),
             verification: check.as_ref().map(crate::verify::Verifier::verification),

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{Simulation, SimulationError};
 use crate::{
-    analysis::{Balance, ContactReport, TransmissionReport},
+    analysis::{Balance, BearingReport, ContactReport, TransmissionReport},
     engine::{Counters, EngineError, Outcome, State},
     verify::Verification,
 };
@@ -30,6 +30,8 @@ pub struct Summary {
     pub contacts: Vec<ContactReport>,
     /// The dynamic transmission error of each contact, with eight harmonics of the forcing.
     pub transmission: Vec<TransmissionReport>,
+    /// Forces of the bearings.
+    pub bearings: Vec<BearingReport>,
     /// The energy ledger.
     pub energy: Balance,
     /// Work done.

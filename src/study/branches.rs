@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use super::{
     StudyError,
+    measures::Measures,
     steady::{Steady, of_orbit},
-    steady_sweep::{contact_cells, contact_columns, named, usual},
 };
 #[cfg(feature = "plot")]
 use super::{figures::families, steady::ContactSteady};
@@ -49,9 +49,8 @@ const KINDS: [Kind; 9] = [
 #[derive(Debug)]
 pub struct Branches {
     family: Family,
-    /// Names of the components of the state, and of the contacts.
+    /// Names of the components of the state.
     components: Vec<String>,
-    contacts: Vec<String>,
     dimensionless: bool,
     /// The branches so far.
     pub branches: Vec<Branch>,
@@ -68,7 +67,7 @@ impl Branches {
         let simulation = family.own()?;
         let components = components(&simulation);
         let dimensionless = simulation.dimensionless;
-        Ok(Self { family, components, contacts: Vec::new(), dimensionless, branches: Vec::new(), measures: Vec::new() })
+        Ok(Self { family, components, dimensionless, branches: Vec::new(), measures: Vec::new() })
     }
 
     /// Takes further branches, and measures their points.
@@ -77,10 +76,6 @@ impl Branches {
             let measure = |point: &Point| self.measure(point, task);
             self.measures.push(branch.points.par_iter().map(measure).collect());
             self.branches.push(branch.clone());
-        }
-        if self.contacts.is_empty() {
-            let first = self.measures.iter().flatten().flatten().next();
-            self.contacts = first.map(|steady| named(steady).map(|(name, _)| name).collect()).unwrap_or_default();
         }
     }
 
@@ -104,9 +99,12 @@ impl Branches {
     #[must_use]
     pub fn table(&self) -> String {
         let head = ["branch", "parameter", "period_cycles", "word", "stable", "multiplier"].map(String::from);
-        let usual: Vec<_> = usual().collect();
-        let contacts = contact_columns(&self.contacts, self.dimensionless, &usual);
-        let mut text = csv_line(head.into_iter().chain(self.components.iter().cloned()).chain(contacts)) + "\n";
+        let mut usual = Measures::usual();
+        if let Some(first) = self.measures.iter().flatten().flatten().next() {
+            usual.take(first);
+        }
+        let measures = usual.columns(self.dimensionless);
+        let mut text = csv_line(head.into_iter().chain(self.components.iter().cloned()).chain(measures)) + "\n";
         for (i, (branch, measures)) in self.branches.iter().zip(&self.measures).enumerate() {
             for (point, steady) in branch.points.iter().zip(measures) {
                 let mut cells = vec![
@@ -118,7 +116,8 @@ impl Branches {
                     number(point.multiplier),
                 ];
                 cells.extend(point.section.x.iter().map(|x| number(*x)));
-                cells.extend(contact_cells(&self.contacts, steady.as_ref(), &usual));
+                let measured = usual.values(steady.as_ref()).into_iter();
+                cells.extend(measured.map(|value| value.map_or_else(String::new, number)));
                 text += &(csv_line(cells) + "\n");
             }
         }

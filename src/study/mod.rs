@@ -13,6 +13,7 @@ mod expression;
 mod figures;
 pub mod identify;
 mod kind;
+mod measures;
 #[cfg(feature = "plot")]
 pub mod page;
 pub mod plan;
@@ -32,6 +33,6 @@ mod values;
 pub use error::StudyError;
 pub use figures::Context;
 pub use kind::Kind;
+pub(crate) use measures::{Measures, numbered};
 pub(crate) use steady::measured;
 pub use steady_sweep::SteadySweep;
-pub(crate) use steady_sweep::{contact_measure, contact_measures, measures, unknown_column};

@@ -4,7 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use super::StudyError;
 use crate::{
-    analysis::{ContactReport, Contacts, Grid, Sample, Spectrum, Trajectory, TransmissionError, Window, cycles_later},
+    analysis::{
+        BearingReport, Bearings, ContactReport, Contacts, Grid, Sample, Spectrum, Trajectory, TransmissionError,
+        Window, cycles_later, of_train,
+    },
     engine::{Engine, Observer, Outcome, State},
     hybrid::{Clock, ContactMode, ContactView},
     orbit::{Approach, Approached, Motion, Section, SectionMap, Watching, decide, decide_on_torus},
@@ -68,6 +71,8 @@ pub struct Steady {
     pub grazes: u64,
     /// Measures of each contact.
     pub contacts: Vec<ContactSteady>,
+    /// Forces of the bearings.
+    pub bearings: Vec<BearingReport>,
     /// Its end, at the start of a cycle.
     #[serde(skip)]
     pub end: Seed,
@@ -310,6 +315,7 @@ fn measure(
     let before = engine.counters();
     let mut contacts = Contacts::new(structure, Some(from)).keep(0);
     let mut transmission = TransmissionError::new(structure, 0..count, 0, Some(from));
+    let mut bearings = Bearings::new(structure, Some(from));
     let mut forces = vec![Vec::with_capacity(cycles as usize * PER_CYCLE as usize); count];
     let mut sections = vec![Vec::with_capacity(cycles as usize); count];
     let mut samples = Trajectory::new(structure, Grid::Phases { per_cycle: PER_CYCLE }, from, |s: &Sample<'_>| {
@@ -321,26 +327,33 @@ fn measure(
         }
         task.flow()
     });
-    go_on(engine, simulation.clock(), cycles, &mut ((&mut contacts, (&mut samples, &mut transmission)), check), task)?;
+    go_on(
+        engine,
+        simulation.clock(),
+        cycles,
+        &mut ((&mut contacts, (&mut samples, (&mut transmission, &mut bearings))), check),
+        task,
+    )?;
     let after = engine.counters();
     let window = window(&motion);
     let transmission = transmission.reports();
-    let contacts = forces.iter().zip(sections).enumerate().map(|(j, (force, section))| {
-        let spectrum = Spectrum::new(force, f64::from(PER_CYCLE), window);
-        let report = contacts.report(j);
-        let [low, high] = [report.force_min, report.force_max].map(Option::unwrap_or_default);
-        // Measured time began with the first step.
-        let [mean, rms, range] = transmission.get(j).map_or([0.0; 3], |t| [t.mean, t.rms, t.peak_to_peak]);
-        ContactSteady {
-            transmission_mean: mean,
-            transmission_rms: rms,
-            transmission_peak_to_peak: range,
-            force_amplitude: 0.5 * (high - low),
-            force_harmonics: (1..=HARMONICS).map(|h| spectrum.at(h as f64)).collect(),
-            section,
-            report,
-        }
-    });
+    let reports = of_train((0..count).map(|j| contacts.report(j)).collect(), structure);
+    let contacts =
+        reports.into_iter().zip(forces.iter().zip(sections)).enumerate().map(|(j, (report, (force, section)))| {
+            let spectrum = Spectrum::new(force, f64::from(PER_CYCLE), window);
+            let [low, high] = [report.force_min, report.force_max].map(Option::unwrap_or_default);
+            // Measured time began with the first step.
+            let [mean, rms, range] = transmission.get(j).map_or([0.0; 3], |t| [t.mean, t.rms, t.peak_to_peak]);
+            ContactSteady {
+                transmission_mean: mean,
+                transmission_rms: rms,
+                transmission_peak_to_peak: range,
+                force_amplitude: 0.5 * (high - low),
+                force_harmonics: (1..=HARMONICS).map(|h| spectrum.at(h as f64)).collect(),
+                section,
+                report,
+            }
+        });
     let steady = Steady {
         period_s: simulation.period()?,
         motion,
@@ -349,6 +362,7 @@ fn measure(
         events: after.events - before.events,
         grazes: after.grazes - before.grazes,
         contacts: contacts.collect(),
+        bearings: bearings.reports(),
         end: Seed::of(structure, engine.state()),
     };
     match steady.contacts.iter().find(|c| !(c.force_amplitude + c.report.force_mean).is_finite()) {

@@ -2,7 +2,8 @@ use serde_json::{Map, Value, json};
 
 use super::{
     StudyError,
-    steady::{ContactSteady, Rule, Seed, Steady, steady},
+    measures::Measures,
+    steady::{Rule, Seed, Steady, steady},
 };
 use crate::{
     output::{Fault, in_a_line, number},
@@ -33,8 +34,8 @@ pub struct SteadySweep {
     dimensionless: bool,
     /// Vector instructions of its runs.
     instructions: &'static str,
-    /// Measures of contacts in the table.
-    columns: Vec<&'static Column>,
+    /// Measures in its table.
+    measures: Measures,
 }
 
 impl SteadySweep {
@@ -43,7 +44,7 @@ impl SteadySweep {
     /// # Errors
     /// [`StudyError::Simulation`]: faults of the scenes at all corners, or what the first corner that cannot run lacks.
     pub fn new(scene: Scene, plan: Plan, rule: Rule) -> Result<Self, StudyError> {
-        let mut sweep = Self { scene, plan, rule, dimensionless: false, instructions: "", columns: usual().collect() };
+        let mut sweep = Self { scene, plan, rule, dimensionless: false, instructions: "", measures: Measures::usual() };
         let mut corners = vec![Vec::new()];
         for axis in sweep.plan.grid().axes() {
             let ends = [0, axis.count() - 1].map(|i| axis.value(i));
@@ -73,22 +74,13 @@ impl SteadySweep {
         Ok(sweep)
     }
 
-    /// The same with these measures of contacts in its table, by their names without unit; the usual ones if there are none.
+    /// The same with these measures of contacts and bearings in its table, by their names without unit; the usual ones if there are none.
     ///
     /// # Errors
     /// Names that are none.
     pub fn with_columns(mut self, names: &[impl AsRef<str>]) -> Result<Self, Vec<Fault>> {
-        let (mut faults, mut columns) = (Vec::new(), Vec::new());
-        for name in names {
-            match COLUMNS.iter().find(|(other, ..)| *other == name.as_ref()) {
-                Some(column) => columns.push(column),
-                None => faults.push(unknown_column(name.as_ref())),
-            }
-        }
-        if !columns.is_empty() {
-            self.columns = columns;
-        }
-        if faults.is_empty() { Ok(self) } else { Err(faults) }
+        self.measures = Measures::named(names)?;
+        Ok(self)
     }
 
     /// The scene at a point of the grid.
@@ -141,19 +133,15 @@ impl SteadySweep {
     /// As [`Journal::finish`].
     pub fn finish(&self, mut journal: Journal<Steady, Seed>) -> Result<Tally, SweepError> {
         // Where the train itself is varied, not every row has each contact.
-        let mut contacts = Vec::new();
+        let mut measures = self.measures.clone();
         for row in 0..self.plan.rows() {
             if let Some(Entry { outcome: Outcome::Done { result, .. }, .. }) = journal.entry(row)? {
-                for (name, _) in named(&result) {
-                    if !contacts.contains(&name) {
-                        contacts.push(name);
-                    }
-                }
+                measures.take(&result);
             }
         }
-        let columns = columns(&contacts, self.dimensionless, &self.columns);
+        let columns = columns(self.dimensionless, &measures);
         let picture = self.picture(&mut journal)?;
-        journal.finish(&self.plan, &columns, |steady| cells(&contacts, steady, &self.columns), picture.as_deref())
+        journal.finish(&self.plan, &columns, |steady| cells(steady, &measures), picture.as_deref())
     }
 
     /// The picture of a sweep over one number that has rows.
@@ -181,82 +169,8 @@ impl SteadySweep {
     }
 }
 
-/// Contacts and their names; a name given before gets a number.
-pub(super) fn named(steady: &Steady) -> impl Iterator<Item = (String, &ContactSteady)> {
-    steady.contacts.iter().enumerate().map(|(j, contact)| {
-        let name = &contact.report.name;
-        let before = steady.contacts[..j].iter().filter(|other| other.report.name == *name).count();
-        (if before == 0 { name.clone() } else { format!("{name} ({})", before + 1) }, contact)
-    })
-}
-
-/// A column reported per contact: its name, its unit, the value.
-pub(super) type Column = (&'static str, &'static str, fn(&ContactSteady) -> Option<f64>);
-
-const COLUMNS: [Column; 28] = [
-    ("apart_fraction", "", |c| Some(c.report.apart_fraction)),
-    ("no_force_fraction", "", |c| Some(c.report.no_force_fraction)),
-    ("separations_per_cycle", "", |c| c.report.separations_per_cycle),
-    ("contacts_per_cycle", "", |c| c.report.contacts_per_cycle),
-    ("no_force_mean", "_s", |c| c.report.durations.mean),
-    ("no_force_longest", "_s", |c| c.report.durations.max),
-    ("force_mean", "_n", |c| Some(c.report.force_mean)),
-    ("force_min", "_n", |c| c.report.force_min),
-    ("force_max", "_n", |c| c.report.force_max),
-    ("force_amplitude", "_n", |c| Some(c.force_amplitude)),
-    ("force_harmonic_1", "_n", |c| c.force_harmonics.first().copied()),
-    ("force_harmonic_2", "_n", |c| c.force_harmonics.get(1).copied()),
-    ("deflection_min", "_m", |c| c.report.deflection_min),
-    ("deflection_max", "_m", |c| c.report.deflection_max),
-    ("transmission_mean", "_m", |c| Some(c.transmission_mean)),
-    ("transmission_rms", "_m", |c| Some(c.transmission_rms)),
-    ("transmission_peak_to_peak", "_m", |c| Some(c.transmission_peak_to_peak)),
-    ("force_deviation", "_n", |c| c.report.force_deviation),
-    ("energy_loss_rate", "_w", |c| Some(c.report.energy_loss_rate)),
-    ("drive_impacts", "", |c| Some(c.report.impacts.drive as f64)),
-    ("back_impacts", "", |c| Some(c.report.impacts.back as f64)),
-    ("impacts_per_cycle", "", |c| c.report.impacts.per_cycle),
-    ("impact_speed_max", "_m_per_s", |c| c.report.impacts.speed_max),
-    ("impact_speed_mean", "_m_per_s", |c| c.report.impacts.speed_mean),
-    ("impact_speed_rms", "_m_per_s", |c| c.report.impacts.speed_rms),
-    ("impact_speed_50", "_m_per_s", |c| c.report.impacts.speed_50),
-    ("impact_speed_95", "_m_per_s", |c| c.report.impacts.speed_95),
-    ("impact_speed_99", "_m_per_s", |c| c.report.impacts.speed_99),
-];
-
-/// Measures that a table has unless others are asked for.
-const USUAL: [&str; 17] = [
-    "apart_fraction",
-    "no_force_fraction",
-    "separations_per_cycle",
-    "contacts_per_cycle",
-    "no_force_mean",
-    "no_force_longest",
-    "force_mean",
-    "force_min",
-    "force_max",
-    "force_amplitude",
-    "force_harmonic_1",
-    "force_harmonic_2",
-    "deflection_min",
-    "deflection_max",
-    "transmission_rms",
-    "impacts_per_cycle",
-    "impact_speed_max",
-];
-
-pub(super) fn usual() -> impl Iterator<Item = &'static Column> {
-    COLUMNS.iter().filter(|(name, ..)| USUAL.contains(name))
-}
-
-/// The fault of a name that is no measure of contacts.
-pub(crate) fn unknown_column(name: &str) -> Fault {
-    let allowed = contact_measures().collect::<Vec<_>>().join(", ");
-    Fault::new("--columns", format!("{name:?}"), allowed).remedy("name one of them")
-}
-
 /// Columns of the table. A dimensionless train has no units.
-fn columns(contacts: &[String], dimensionless: bool, measures: &[&'static Column]) -> Vec<String> {
+fn columns(dimensionless: bool, measures: &Measures) -> Vec<String> {
     let with = |unit: &'static str| if dimensionless { "" } else { unit };
     let motion = [
         "seeded",
@@ -274,49 +188,12 @@ fn columns(contacts: &[String], dimensionless: bool, measures: &[&'static Column
     ];
     let mut columns: Vec<String> = motion.map(String::from).to_vec();
     columns.extend([format!("cycle{}", with("_s")), "events".to_owned(), "grazes".to_owned()]);
-    columns.extend(contact_columns(contacts, dimensionless, measures));
+    columns.extend(measures.columns(dimensionless));
     columns
 }
 
-/// The measures of contacts that tables have, by their names without unit.
-pub(crate) fn contact_measures() -> impl Iterator<Item = &'static str> {
-    COLUMNS.iter().map(|(name, ..)| *name)
-}
-
-/// The name of a measure with its unit.
-pub(crate) fn contact_measure(name: &str, dimensionless: bool) -> String {
-    let unit = COLUMNS.iter().find(|(other, ..)| *other == name).map_or("", |(_, unit, _)| unit);
-    format!("{name}{}", if dimensionless { "" } else { unit })
-}
-
-/// One measure of each contact.
-pub(crate) fn measures(steady: &Steady, name: &str) -> Vec<Option<f64>> {
-    let measure = COLUMNS.iter().find(|(other, ..)| *other == name).map(|(.., measure)| measure);
-    steady.contacts.iter().map(|contact| measure.and_then(|measure| measure(contact))).collect()
-}
-
-/// The columns of contacts.
-pub(super) fn contact_columns(contacts: &[String], dimensionless: bool, measures: &[&'static Column]) -> Vec<String> {
-    let with = |unit: &'static str| if dimensionless { "" } else { unit };
-    let of = |contact: &String| {
-        measures.iter().map(move |(name, unit, _)| format!("{contact} {name}{}", with(unit))).collect::<Vec<_>>()
-    };
-    contacts.iter().flat_map(of).collect()
-}
-
-/// Their cells of a row, empty where it has no such contact.
-pub(super) fn contact_cells(contacts: &[String], steady: Option<&Steady>, measures: &[&'static Column]) -> Vec<String> {
-    let of = |name: &String| {
-        let contact =
-            steady.and_then(|steady| named(steady).find(|(other, _)| other == name)).map(|(_, contact)| contact);
-        let cell = |column: &&Column| contact.and_then(column.2).map_or_else(String::new, number);
-        measures.iter().map(cell).collect::<Vec<_>>()
-    };
-    contacts.iter().flat_map(of).collect()
-}
-
 /// A row of the table.
-fn cells(contacts: &[String], steady: &Steady, measures: &[&'static Column]) -> Vec<String> {
+fn cells(steady: &Steady, measures: &Measures) -> Vec<String> {
     let motion = &steady.motion;
     let optional = |value: Option<f64>| value.map_or_else(String::new, number);
     let mut cells = vec![
@@ -336,6 +213,6 @@ fn cells(contacts: &[String], steady: &Steady, measures: &[&'static Column]) -> 
         steady.events.to_string(),
         steady.grazes.to_string(),
     ];
-    cells.extend(contact_cells(contacts, Some(steady), measures));
+    cells.extend(measures.values(Some(steady)).into_iter().map(optional));
     cells
 }

@@ -35,7 +35,7 @@ pub use automaton::{Start, StartError};
 pub use check::AssembleError;
 pub(crate) use contact_mode::{ContactMode, Watch};
 pub use contact_mode::{contact_mode, guard_id, guard_of, piece, set_contact};
-pub use spec::{ContactSpec, Flanks, LoadHarmonic, Spec};
+pub use spec::{Bearing, BearingSpring, ContactSpec, Flanks, LoadHarmonic, Spec};
 pub use statics::{
     Equilibrium, EquilibriumError, bonded_modes, bonded_stiffness, equilibrium, pressed, quasi_static,
     tangent_stiffness,

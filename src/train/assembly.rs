@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use super::{Body, Mesh, Support, TrainError};
 use crate::{
     gear::MeshKind,
-    system::{ContactSpec, LoadHarmonic, Spec},
+    system::{Bearing, BearingSpring, ContactSpec, LoadHarmonic, Spec},
 };
 
 /// The freedoms of one gear, by their places among all.
@@ -85,6 +85,7 @@ pub(super) struct Assembly {
     pub load: DVector<f64>,
     pub load_harmonics: Vec<LoadHarmonic>,
     pub contacts: Vec<ContactSpec>,
+    pub bearings: Vec<Bearing>,
 }
 
 impl Assembly {
@@ -97,6 +98,7 @@ impl Assembly {
             load: DVector::zeros(n),
             load_harmonics: Vec::new(),
             contacts: Vec::new(),
+            bearings: Vec::new(),
         }
     }
 
@@ -119,6 +121,30 @@ impl Assembly {
         self.stiffness += support.stiffness * outer;
     }
 
+    /// Adds a bearing of `body`: springs and dampers whose stretches are `direction · q`.
+    pub fn bearing(&mut self, body: &str, directions: &[(&'static str, DVector<f64>)], support: Support, mass: f64) {
+        directions.iter().for_each(|(_, direction)| self.join(direction, support, mass));
+        let (stiffness, damping) = (support.stiffness, support.coefficient(mass));
+        if stiffness > 0.0 {
+            let spring = |(name, direction): &(&'static str, DVector<f64>)| {
+                let direction = direction.iter().copied().collect();
+                BearingSpring { name, direction, stiffness, damping }
+            };
+            let springs = directions.iter().map(spring);
+            match self.bearings.last_mut().filter(|bearing| bearing.name == body) {
+                Some(bearing) => bearing.springs.extend(springs),
+                None => self.bearings.push(Bearing { name: body.to_owned(), springs: springs.collect() }),
+            }
+        }
+    }
+
+    /// Adds the bearing of a body's centre, with the freedoms x, y from `row` on, in the frame.
+    pub fn bearing_at(&mut self, name: &str, row: usize, body: &Body) {
+        let n = self.load.len();
+        let along = |row: usize| DVector::from_fn(n, |i, _| f64::from(i == row));
+        self.bearing(name, &[("x", along(row)), ("y", along(row + 1))], body.translation, body.mass);
+    }
+
     /// Adds a mesh at mesh frequency f_m, Hz.
     pub fn mesh(
         &mut self,
@@ -135,7 +161,7 @@ impl Assembly {
     pub fn reduced(self, freedoms: Vec<String>, p: &DMatrix<f64>, share: f64, frequency: f64) -> Spec {
         let reduce = |matrix: &DMatrix<f64>| share * p.tr_mul(matrix) * p;
         let symmetric = |matrix: DMatrix<f64>| 0.5 * (&matrix + matrix.transpose());
-        let direction = |g: Vec<f64>| p.tr_mul(&DVector::from_vec(g)).iter().copied().collect();
+        let direction = |g: Vec<f64>| -> Vec<f64> { p.tr_mul(&DVector::from_vec(g)).iter().copied().collect() };
         let load = |f: &DVector<f64>| (share * p.tr_mul(f)).iter().copied().collect();
         Spec {
             freedoms,
@@ -154,6 +180,17 @@ impl Assembly {
                 .map(|contact| ContactSpec { direction: direction(contact.direction), ..contact })
                 .collect(),
             omega: (frequency > 0.0).then_some(TAU * frequency),
+            bearings: self
+                .bearings
+                .into_iter()
+                .map(|mut bearing| {
+                    bearing.springs.iter_mut().for_each(|s| s.direction = direction(std::mem::take(&mut s.direction)));
+                    bearing.springs.retain(|spring| spring.direction.iter().any(|d| *d != 0.0));
+                    bearing
+                })
+                .filter(|bearing| !bearing.springs.is_empty())
+                .collect(),
+            shared: Vec::new(),
         }
     }
 }

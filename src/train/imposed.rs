@@ -35,6 +35,9 @@ pub(super) fn impose(mut spec: Spec, motions: &[Vec<Harmonic>]) -> Spec {
     spec.load_harmonics.iter_mut().for_each(|load| load.vector.truncate(n));
     spec.load_harmonics.extend(loads);
     spec.contacts.iter_mut().for_each(|contact| contact.direction.truncate(n));
+    // Its force would have a part of the given motion, which no state holds.
+    spec.bearings.retain(|bearing| bearing.springs.iter().all(|s| s.direction[n..].iter().all(|d| *d == 0.0)));
+    spec.bearings.iter_mut().flat_map(|b| &mut b.springs).for_each(|spring| spring.direction.truncate(n));
     spec.load.truncate(n);
     Spec { mass: kept(spec.mass), damping: kept(spec.damping), stiffness: kept(spec.stiffness), ..spec }
 }

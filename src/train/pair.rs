@@ -89,6 +89,8 @@ impl KahramanSingh {
                 law: Law::KelvinVoigt(Linear { damping: in_contact }, Release::Deflection),
             }],
             omega: Some(self.omega),
+            bearings: Vec::new(),
+            shared: Vec::new(),
         })
     }
 }
@@ -149,10 +151,9 @@ impl GearPair {
         check("pressure angle", self.pressure_angle, (0.0..quarter).contains(&self.pressure_angle), "in [0, pi/2)")?;
         let all = ["x_1", "y_1", "u_1", "x_2", "y_2", "u_2"];
         let mut assembly = Assembly::new(all.len());
-        for (row, body) in [(0, &self.driving), (3, &self.driven)] {
+        for (row, body, name) in [(0, &self.driving, "gear 1"), (3, &self.driven, "gear 2")] {
             assembly.body(row, body);
-            assembly.hold(row, body.translation, body.mass);
-            assembly.hold(row + 1, body.translation, body.mass);
+            assembly.bearing_at(name, row, body);
             assembly.hold(row + 2, body.rotation, body.rotary_mass);
             assembly.load[row + 2] = self.torque / self.driving.radius;
         }

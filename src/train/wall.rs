@@ -111,6 +111,8 @@ impl Walled {
                 law: self.law,
             }],
             omega: self.omega,
+            bearings: Vec::new(),
+            shared: Vec::new(),
         })
     }
 }

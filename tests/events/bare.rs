@@ -117,6 +117,8 @@ pub fn chain_beside(
         load_harmonics: vec![LoadHarmonic { vector: beside(sizes[..n].to_vec()), omega: 1.0, phase: 0.2 }],
         contacts: contacts.collect(),
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     })
     .unwrap()
 }
@@ -183,6 +185,8 @@ fn just_left(n: usize) {
                 contact("soft", unit(2), touches, soft),
             ],
             omega: Some(1.0),
+            bearings: vec![],
+            shared: vec![],
         })
         .unwrap()
     };
@@ -234,6 +238,8 @@ fn l40_grazes_after_leaps_are_kept() {
             }],
             contacts: vec![contact(0, 1.0), contact(1, 100.0)],
             omega: None,
+            bearings: vec![],
+            shared: vec![],
         })
         .unwrap();
         let (mut q, mut v) = (vec![0.1; n], vec![0.2; n]);

@@ -236,6 +236,8 @@ fn an_open_contact_on_a_weak_direction_costs_nothing() {
         load_harmonics: Vec::new(),
         contacts: vec![contact(vec![1.0, 1.0], 0.5, law), contact(vec![1.0, -1.0], 1e3, law)],
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     };
     let run = run(&Structure::new(spec).unwrap(), &[0.0, 0.0], &[1.0, 1.0], 20.0);
     assert!(run.counters.events > 1, "{:?}", run.times());

@@ -100,6 +100,8 @@ fn train(
             law,
         }],
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     })
     .unwrap()
 }

@@ -105,6 +105,8 @@ fn l38_leaps_of_several_bodies_have_no_bias() {
         load_harmonics: vec![LoadHarmonic { vector: vec![1.0; n], omega: 1.0, phase: 0.2 }],
         contacts: vec![wall(0), wall(2)],
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     })
     .unwrap();
     let start = || state(&system, &vec![0.0; n], &vec![0.1; n]);

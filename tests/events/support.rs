@@ -149,6 +149,8 @@ pub fn masses(masses: &[f64], load: &[f64], directions: &[Vec<f64>], law: Law) -
         load_harmonics: Vec::new(),
         contacts,
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     })
     .unwrap()
 }

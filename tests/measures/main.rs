@@ -1,6 +1,7 @@
 //! Measures of runs: energy ledgers, contact statistics, sampled trajectories, event rows, spectra.
 #![allow(clippy::unwrap_used)] // helpers of tests are not recognised as tests
 
+mod bearings;
 mod contacts;
 mod extremes;
 mod impacts;

@@ -31,6 +31,8 @@ fn spec(contacts: Vec<(Stiffness, Law)>) -> Spec {
         load_harmonics: Vec::new(),
         contacts: contacts.into_iter().map(contact).collect(),
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     }
 }
 

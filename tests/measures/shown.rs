@@ -90,6 +90,8 @@ fn stacked(law: Law, harmonic: bool) -> Case {
         load_harmonics: Vec::new(),
         contacts: vec![on_table, between],
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     };
     Case { spec, q: vec![0.5, 1.0], v: vec![0.0; 2], end: 0.0 }
 }

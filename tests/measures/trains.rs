@@ -40,6 +40,8 @@ pub fn single(damping: f64, load: f64, harmonic: Option<(f64, f64)>, contacts: V
             .collect(),
         contacts,
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     }
 }
 
@@ -97,6 +99,8 @@ pub fn two_mass() -> Case {
         load_harmonics: vec![LoadHarmonic { vector: vec![0.45, 0.0], omega: 1.2, phase: 0.0 }],
         contacts: vec![contact],
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     };
     Case { spec, q: vec![0.53, 0.0], v: vec![0.1, 0.0], end: 100.0 }
 }
@@ -150,6 +154,8 @@ pub fn three_at_once() -> Case {
         load_harmonics: vec![LoadHarmonic { vector: vec![0.7, 0.0, 0.0, 0.0], omega: 1.3, phase: 0.4 }],
         contacts,
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     };
     Case { spec, q: vec![0.0; 4], v: vec![1.0, 0.0, 0.0, 0.0], end: 20.0 }
 }
@@ -191,6 +197,8 @@ pub fn planetary() -> Case {
         load_harmonics: vec![LoadHarmonic { vector: vec![15.0, 0.0, 0.0, 0.0, 0.0, 0.0], omega: 0.5, phase: 0.0 }],
         contacts,
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     };
     Case { spec, q: vec![6.0, 0.0, 0.0, 0.5, 0.4, 0.6], v: vec![0.0; 6], end: 12.0 }
 }

@@ -45,6 +45,8 @@ fn train(contacts: usize) -> Structure {
         load_harmonics: Vec::<LoadHarmonic>::new(),
         contacts: (0..contacts).map(contact).collect(),
         omega: None,
+        bearings: vec![],
+        shared: vec![],
     };
     Structure::new(spec).unwrap()
 }

@@ -243,7 +243,9 @@ pub fn alone(spec: &mut Spec) -> DMatrix<f64> {
     let contacts =
         spec.contacts.iter().enumerate().map(|(j, c)| ContactSpec { direction: unit(j), ..c.clone() }).collect();
     let (load_harmonics, omega) = (std::mem::take(&mut spec.load_harmonics), spec.omega);
-    *spec = Spec { freedoms, mass, damping, stiffness, load, load_harmonics, contacts, omega };
+    let shared = std::mem::take(&mut spec.shared);
+    *spec =
+        Spec { freedoms, mass, damping, stiffness, load, load_harmonics, contacts, omega, bearings: vec![], shared };
     restriction
 }
 

@@ -92,7 +92,25 @@ impl Gearbox {
         let (kept, motions, p) = self.projection(layout, &radii, &all);
         let frequency = (0..layout.lines.len()).map(|i| layout.mesh_frequency(i)).find(|f| *f > 0.0);
         let spec = assembly.reduced(kept, &p, 1.0, frequency.unwrap_or(0.0));
-        Ok(impose(spec, &motions))
+        Ok(Spec { shared: self.shared(layout), ..impose(spec, &motions) })
+    }
+
+    /// Meshes of a central gear with the planets of one carrier.
+    fn shared(&self, layout: &Layout) -> Vec<Vec<usize>> {
+        let carrier = |gear: usize| self.shafts[self.gears[gear].shaft].carried.map(|(carrier, _)| carrier);
+        let mut groups: Vec<([usize; 2], Vec<usize>)> = Vec::new();
+        for (j, line) in layout.lines.iter().enumerate() {
+            let key = match line.gears.map(carrier) {
+                [None, Some(carrier)] => [line.gears[0], carrier],
+                [Some(carrier), None] => [line.gears[1], carrier],
+                _ => continue,
+            };
+            match groups.iter_mut().find(|(other, _)| *other == key) {
+                Some((_, group)) => group.push(j),
+                None => groups.push((key, vec![j])),
+            }
+        }
+        groups.into_iter().map(|(_, group)| group).filter(|group| group.len() > 1).collect()
     }
 
     fn bodies(&self, assembly: &mut Assembly, layout: &Layout, radii: &[f64]) {
@@ -111,14 +129,17 @@ impl Gearbox {
             let axial = shaft.axial.unwrap_or(Support::FREE);
             match shaft.carried {
                 None => {
-                    (0..2).for_each(|k| assembly.hold(row + k, translation, mass));
-                    assembly.hold(row + AXIAL, axial, mass);
+                    let centre = [("x", one(&[(row, 1.0)])), ("y", one(&[(row + 1, 1.0)]))];
+                    assembly.bearing(&shaft.name, &centre, translation, mass);
+                    assembly.bearing(&shaft.name, &[("axial", one(&[(row + AXIAL, 1.0)]))], axial, mass);
                 }
                 Some((carrier, psi)) => {
-                    for direction in self.bearing(layout, radii, i, (carrier, psi)) {
-                        assembly.join(&one(&direction), translation, mass);
-                    }
-                    assembly.join(&one(&[(row + AXIAL, 1.0), (OF_SHAFT * carrier + AXIAL, -1.0)]), axial, mass);
+                    let [radial, tangential] =
+                        self.bearing(layout, radii, i, (carrier, psi)).map(|entries| one(&entries));
+                    let centre = [("radial", radial), ("tangential", tangential)];
+                    assembly.bearing(&shaft.name, &centre, translation, mass);
+                    let along = one(&[(row + AXIAL, 1.0), (OF_SHAFT * carrier + AXIAL, -1.0)]);
+                    assembly.bearing(&shaft.name, &[("axial", along)], axial, mass);
                 }
             }
             assembly.join(&one(&[(row + ROTATION, 1.0 / r)]), shaft.rotation, inertia);

@@ -31,7 +31,10 @@ impl Planetary {
         self.meshes(&mut assembly, in_phase, frequency)?;
         // One planet's share of everything: the whole divided by N, its one contact kept whole.
         let share = if in_phase { (self.planets.len() as f64).recip() } else { 1.0 };
-        Ok(assembly.reduced(names, &p, share, frequency))
+        let count = self.planets.len();
+        let shared =
+            if in_phase || count < 2 { vec![] } else { vec![(0..count).collect(), (count..2 * count).collect()] };
+        Ok(Spec { shared, ..assembly.reduced(names, &p, share, frequency) })
     }
 
     /// Index of the carrier's first freedom among all.
@@ -49,13 +52,13 @@ impl Planetary {
             assembly.body(row, body);
             assembly.hold(row + 2, body.rotation, body.rotary_mass);
         }
-        for (row, body) in central {
-            (row..row + 2).for_each(|k| assembly.hold(k, body.translation, body.mass));
+        for ((row, body), name) in central.into_iter().zip(["sun", "carrier", "ring"]) {
+            assembly.bearing_at(name, row, body);
         }
         for (i, planet) in self.planets.iter().enumerate() {
-            for direction in self.bearing_directions(i) {
-                assembly.join(&direction, planet.body.translation, planet.body.mass);
-            }
+            let [radial, tangential] = self.bearing_directions(i);
+            let directions = [("radial", radial), ("tangential", tangential)];
+            assembly.bearing(&format!("planet {}", i + 1), &directions, planet.body.translation, planet.body.mass);
         }
         if self.gyroscopic {
             self.turn(&mut assembly.damping, &mut assembly.stiffness);
