@@ -11,8 +11,9 @@ use super::{
 };
 use crate::{
     engine::Observer,
-    hybrid::{Clock, HybridSystem, Instant, Mode},
+    hybrid::{Clock, HybridSystem, Instant, Mode, Shown},
     integrate::DenseStep,
+    poly::MAX_DEGREE,
     system::{Bearing, BearingSpring, Structure},
 };
 
@@ -23,7 +24,8 @@ pub struct Bearings<'s> {
     clock: Clock,
     from: Option<Instant>,
     piece: Piece,
-    row: Row,
+    /// Components of the state that forces depend on, and their rows.
+    state: Vec<(usize, Row)>,
     square: Row,
     time: Sum,
     tracks: Vec<Track>,
@@ -31,9 +33,19 @@ pub struct Bearings<'s> {
 
 #[derive(Clone, Debug)]
 struct Track {
-    directions: Vec<(Spread, Extent)>,
+    directions: Vec<Direction>,
     /// Of the square of the size.
     square: Extent,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Direction {
+    /// Components of the state, by their places among those kept, and the factors of the force.
+    terms: Vec<(usize, f64)>,
+    /// The force on a piece.
+    row: Row,
+    spread: Spread,
+    extent: Extent,
 }
 
 impl<'s> Bearings<'s> {
@@ -42,19 +54,37 @@ impl<'s> Bearings<'s> {
     pub fn new(structure: &'s Structure, from: Option<Instant>) -> Self {
         let clock = *structure.clock();
         let bearings = &structure.spec().bearings[..];
+        let mut state: Vec<(usize, Row)> = Vec::new();
+        let mut direction = |spring: &BearingSpring| {
+            let n = spring.direction.len();
+            let moved = spring.direction.iter().enumerate().filter(|(_, d)| **d != 0.0);
+            let factors = moved.flat_map(|(i, d)| [(i, spring.stiffness * d), (n + i, spring.damping * d)]);
+            let term = |(i, factor): (usize, f64)| {
+                let place = state.iter().position(|(other, _)| *other == i).unwrap_or_else(|| {
+                    state.push((i, Row::new()));
+                    state.len() - 1
+                });
+                (place, factor)
+            };
+            Direction {
+                terms: factors.filter(|(_, factor)| *factor != 0.0).map(term).collect(),
+                ..Direction::default()
+            }
+        };
         let track = |bearing: &Bearing| Track {
-            directions: vec![Default::default(); bearing.springs.len()],
+            directions: bearing.springs.iter().map(&mut direction).collect(),
             square: Extent::default(),
         };
+        let tracks = bearings.iter().map(track).collect();
         Self {
             bearings,
             clock,
             from,
             piece: Piece::new(clock, structure.dim()),
-            row: Row::new(),
+            state,
             square: Row::new(),
             time: Sum::default(),
-            tracks: bearings.iter().map(track).collect(),
+            tracks,
         }
     }
 
@@ -66,12 +96,12 @@ impl<'s> Bearings<'s> {
             return Vec::new();
         }
         let report = |(bearing, track): (&Bearing, &Track)| {
-            let force = |(spring, (spread, extent)): (&BearingSpring, &(Spread, Extent))| BearingForce {
+            let force = |(spring, direction): (&BearingSpring, &Direction)| BearingForce {
                 direction: spring.name.to_owned(),
-                mean: spread.mean(time),
-                deviation: spread.deviation(time),
-                min: extent.smallest,
-                max: extent.largest,
+                mean: direction.spread.mean(time),
+                deviation: direction.spread.deviation(time),
+                min: direction.extent.smallest,
+                max: direction.extent.largest,
             };
             let directions: Vec<BearingForce> = bearing.springs.iter().zip(&track.directions).map(force).collect();
             let size = |part: fn(&BearingForce) -> f64| {
@@ -91,8 +121,8 @@ impl<'s> Bearings<'s> {
 
 impl Observer for Bearings<'_> {
     fn step(&mut self, _: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
-        let Self { bearings, piece, row, square, tracks, .. } = self;
-        if bearings.is_empty() {
+        let Self { piece, state, square, tracks, .. } = self;
+        if tracks.is_empty() {
             return ControlFlow::Continue(());
         }
         for (low, high, is_measured) in measured_parts(&self.clock, self.from, step, until) {
@@ -101,18 +131,35 @@ impl Observer for Bearings<'_> {
             }
             piece.cut(step, low, high);
             self.time.add(piece.length);
-            for (bearing, track) in bearings.iter().zip(&mut *tracks) {
-                square.clear();
-                for (spring, (spread, extent)) in bearing.springs.iter().zip(&mut track.directions) {
-                    piece.interpolate(step, [&mut *row], |_, x, _| [spring.force(x)]);
+            for (i, row) in &mut *state {
+                piece.rows(step, [Shown::State(*i)], [row], |_, x, _| [x[*i]]);
+            }
+            for track in &mut *tracks {
+                // The square of the size stays below this.
+                let mut bound = 0.0;
+                for Direction { terms, row, spread, extent } in &mut track.directions {
+                    row.clear();
+                    for (place, factor) in terms {
+                        let part = &state[*place].1;
+                        row.resize(row.len().max(part.len()), 0.0);
+                        row.iter_mut().zip(part).for_each(|(sum, c)| *sum += *factor * c);
+                    }
                     Extent::extend([extent], row);
                     spread.take(piece, row);
-                    square.resize(2 * row.len() - 1, 0.0);
-                    for (i, a) in row.iter().enumerate() {
-                        row.iter().enumerate().for_each(|(j, b)| square[i + j] += a * b);
-                    }
+                    bound += row.iter().map(|c| c.abs()).sum::<f64>().powi(2);
                 }
-                Extent::extend([&mut track.square], square);
+                if bound > track.square.largest {
+                    square.clear();
+                    for Direction { row, .. } in &track.directions {
+                        square.resize(square.len().max(2 * row.len() - 1), 0.0);
+                        for (i, a) in row.iter().enumerate() {
+                            square[i..].iter_mut().zip(row).for_each(|(sum, b)| *sum += a * b);
+                        }
+                    }
+                    // Products of orders that high are far below rounding: a series ends where its terms are.
+                    square.truncate(MAX_DEGREE + 1);
+                    Extent::extend([&mut track.square], square);
+                }
             }
         }
         ControlFlow::Continue(())

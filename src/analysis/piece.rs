@@ -65,22 +65,12 @@ impl Piece {
         step: &dyn DenseStep,
         shown: [Shown; M],
         mut rows: [&mut Row; M],
-        value: impl FnMut(Instant, &[f64], f64) -> [f64; M],
+        mut value: impl FnMut(Instant, &[f64], f64) -> [f64; M],
     ) {
         if shown.iter().zip(&mut rows).all(|(what, row)| step.show(*what, row)) {
             rows.into_iter().for_each(|row| poly::shift(row, self.low, self.width));
             return;
         }
-        self.interpolate(step, rows, value);
-    }
-
-    /// Writes `value` of the instant, the state there and θ in the step as interpolated rows on the piece.
-    pub fn interpolate<const M: usize>(
-        &mut self,
-        step: &dyn DenseStep,
-        rows: [&mut Row; M],
-        mut value: impl FnMut(Instant, &[f64], f64) -> [f64; M],
-    ) {
         let mut values = [[0.0; DEGREE + 1]; M];
         for i in 0..=DEGREE {
             let theta = self.low + self.width * Chebyshev::point(i, DEGREE);

@@ -160,6 +160,8 @@ pub struct Leap {
 pub enum Shown {
     /// Elapsed time since the step's start, s.
     Time,
+    /// A component of the state: a coordinate, m, or a velocity, m/s.
+    State(usize),
     /// Deflection δ, m.
     Deflection(usize),
     /// `gᵀq = δ + e`, m: of a mesh the dynamic transmission error.

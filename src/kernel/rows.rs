@@ -63,6 +63,7 @@ impl Motion<'_> {
                 return out.extend(step.time.iter().zip(&powers).map(|(t, p)| t * p));
             }
             Shown::Time => return out.extend([0.0, step.span * step.reach]),
+            Shown::State(i) => Some(rows.every(step.dim, &step.state[i..])),
             Shown::Deflection(j) => Some(rows.deflection(j)),
             Shown::Transmission(j) => Some(rows.transmission(j)),
             Shown::Force(j) => rows.force(j),
