@@ -200,7 +200,7 @@ const BUDGET: usize = 400;
 /// Lines that a room may have, comments included: its size of today, so that growth is a decision.
 const ROOMS: &[(&str, usize)] = &[
     ("accuracy", 2600),
-    ("analysis", 2400),
+    ("analysis", 2480),
     ("baseline", 1500),
     ("branch", 3060),
     ("cli", 3150),

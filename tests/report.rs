@@ -32,13 +32,13 @@ const USE: &str = r##"<script>
 (async () => {
   const wait = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
   const drawn = async () => { while (!document.documentElement.dataset.drawn) await wait(20); };
-  const mouse = (kind, target, x, y, buttons) => target.dispatchEvent(new MouseEvent(kind,
+  const mouse = (kind, target, x, y, buttons) => target.dispatchEvent(new PointerEvent(kind,
     { bubbles: true, cancelable: true, view: window, clientX: x, clientY: y, button: 0, buttons }));
   const all = (query, within) => [...(within || document).querySelectorAll(query)];
   // Words that lie on each other by more than their halos, or leave the picture.
   const clashes = (figure) => {
     const sheet = figure.querySelector(".plot").getBoundingClientRect();
-    const words = all(".main-svg text", figure).filter((text) => text.textContent.trim())
+    const words = all(".panel text", figure).filter((text) => text.textContent.trim())
       .map((text) => [text.textContent, text.getBoundingClientRect()]);
     const outside = words.filter(([, room]) => room.left < sheet.left - 1 || room.right > sheet.right + 1 || room.top < sheet.top - 1)
       .map(([word]) => word + " leaves the picture");
@@ -54,48 +54,47 @@ const USE: &str = r##"<script>
     tell.tableScrolls = all(".scroll").some((box) => box.scrollWidth > box.clientWidth);
     tell.figures = all("figure").map((figure) => ({
       id: figure.id,
-      traces: all(".scatterlayer .trace", figure).filter((trace) => trace.querySelector("path[d]")).length,
-      panels: all(".cartesianlayer > .subplot", figure).length,
-      columns: new Set(Object.entries(figure.querySelector(".plot").layout)
-        .filter(([name]) => name.startsWith("xaxis")).map(([, axis]) => axis.domain[0].toFixed(3))).size,
+      traces: all(".series", figure).filter((series) => series.querySelector("path[d]")).length,
+      panels: all(".panel", figure).length,
+      columns: new Set(all(".panel", figure).map((panel) => panel.getBoundingClientRect().left)).size,
       words: figure.textContent,
       clashes: clashes(figure),
       legend: all(".legend button", figure).map((entry) => entry.textContent),
-      bands: all(".shapelayer path", figure).length,
+      bands: all(".shade", figure).length,
     }));
 
     const figure = document.getElementById("mesh-forces");
     const plot = figure.querySelector(".plot");
     plot.scrollIntoView();
-    const panel = () => figure.querySelector(".nsewdrag");
-    const range = () => plot.layout.xaxis.range.slice();
-    const ticks = () => all(".xaxislayer-above text", figure).map((tick) => tick.textContent).sort().join(" ");
+    const panel = () => figure.querySelector(".over");
+    const range = () => JSON.parse(figure.querySelector(".panel").dataset.x);
+    const ticks = () => all(".tick-x", figure).map((tick) => tick.textContent).sort().join(" ");
     const box = panel().getBoundingClientRect();
     const middle = box.top + box.height / 2;
 
-    mouse("mousemove", panel(), box.left + box.width * 0.3, middle, 0);
+    mouse("pointermove", panel(), box.left + box.width * 0.3, middle, 0);
     await wait(500);
-    tell.hover = all(".hoverlayer .hovertext", figure).map((label) => label.textContent).join(" ");
+    tell.hover = all(".hover text", figure).map((label) => label.textContent).join(" ");
 
     tell.before = { range: range(), ticks: ticks() };
-    mouse("mousedown", panel(), box.left + box.width * 0.25, middle, 1);
+    mouse("pointerdown", panel(), box.left + box.width * 0.25, middle, 1);
     await wait(50);
-    for (const part of [0.3, 0.4, 0.5]) { mouse("mousemove", document, box.left + box.width * part, middle, 1); await wait(50); }
-    mouse("mouseup", document, box.left + box.width * 0.5, middle, 0);
+    for (const part of [0.3, 0.4, 0.5]) { mouse("pointermove", window, box.left + box.width * part, middle, 1); await wait(50); }
+    mouse("pointerup", window, box.left + box.width * 0.5, middle, 0);
     await wait(800);
     tell.zoomed = { range: range(), ticks: ticks() };
-    figure.querySelector('[data-title="Reset axes"]').click();
+    figure.querySelector(".reset").click();
     await wait(800);
     tell.reset = { range: range(), ticks: ticks() };
 
-    const count = () => all(".scatterlayer .trace path.js-line", figure).length;
+    const count = () => all(".series", figure).length;
     tell.lines = [count()];
     figure.querySelector(".legend button").click();
     await wait(300);
     tell.lines.push(count());
 
-    const colours = () => [getComputedStyle(document.body).backgroundColor, figure.querySelector(".main-svg").style.background,
-      getComputedStyle(figure.querySelector(".xtick text")).fill];
+    const colours = () => [getComputedStyle(document.body).backgroundColor, getComputedStyle(figure.querySelector(".plot")).color,
+      getComputedStyle(figure.querySelector(".tick-x")).fill];
     tell.colours = [colours()];
     document.getElementById("theme").click();
     await drawn();
@@ -327,5 +326,5 @@ fn check_use(window: &Value) {
         assert_ne!(before, after);
     }
     assert_eq!(colours[0][0], "rgb(255, 255, 255)");
-    assert_eq!(colours[1][0], colours[1][1]);
+    assert_eq!(colours[1][1], colours[1][2], "the ink of page and pictures");
 }

@@ -107,6 +107,8 @@ impl<T: Into<String>> From<T> for Cell {
 
 /// The page without its contents; the words between at signs are replaced, in this order.
 const PAGE: &str = include_str!("report.html");
+/// Draws the figures of a page, and lets a reader zoom and point at them.
+const SCRIPT: &str = include_str!("page.js");
 
 impl Report {
     /// Name of its file.
@@ -129,7 +131,7 @@ impl Report {
     /// The page. Equal reports give equal bytes.
     ///
     /// Numbers of figures are rounded to a millionth of what their axis shows (on logarithmic axes to six digits); the
-    /// data files of [`Figure`] hold them in full. The script in the page is Plotly's, 4.7 MB.
+    /// data files of [`Figure`] hold them in full.
     #[must_use]
     pub fn html(&self) -> String {
         let mut page = String::new();
@@ -137,8 +139,7 @@ impl Report {
         for (mark, part) in [
             ("@title@", escaped(&self.title)),
             ("@body@", self.body()),
-            ("@plotly@", plotly()),
-            ("@colours@", colours().to_string()),
+            ("@script@", SCRIPT.replace("@colours@", &colours().to_string())),
         ] {
             let (before, after) = rest.split_once(mark).expect("the page has every mark once, in order");
             page.push_str(before);
@@ -220,14 +221,6 @@ fn table_html(table: &Table) -> String {
          <tbody>\n{rows}</tbody>\n</table></div>\n{note}</div>\n",
         escaped(&table.title),
     )
-}
-
-/// Plotly's script element; the crate hands it out in front of others that typeset formulas.
-fn plotly() -> String {
-    let scripts = plotly::Plot::offline_js_sources();
-    let end = "</script>";
-    let length = scripts.find(end).expect("there is a script") + end.len();
-    scripts[..length].trim_start().to_owned()
 }
 
 /// The colours of both themes, for the page's script.
