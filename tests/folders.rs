@@ -27,7 +27,7 @@ const STAGE: &str =
 fn commands() -> [(&'static str, &'static str, Vec<&'static str>); 8] {
     let vary = "/train/planet/translation/stiffness_n_per_m=1e7:1e9";
     [
-        ("run", PAIR, vec![]),
+        ("run", PAIR, vec!["--no-report"]),
         ("run", PAIR, vec!["--trajectory"]),
         ("study", PAIR, vec!["--only", "cycles", "forces", "--threads", "1"]),
         ("sweep", PAIR, vec!["--vary", "/train/mean_load=0.08,0.1"]),

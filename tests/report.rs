@@ -12,9 +12,9 @@ use std::{
 };
 
 use flank::{
-    Task,
+    Simulation, Task,
     plot::{Cell, Figure, Item, Panel, Report, Section, Series, Table, Verdict},
-    study::{Context, Kind, page::Contents, plan::Plan, steady::Rule},
+    study::{Context, Kind, page::Contents, plan::Plan, run_page, steady::Rule},
 };
 use serde_json::Value;
 
@@ -52,7 +52,7 @@ const USE: &str = r##"<script>
     tell.width = innerWidth;
     tell.overflow = document.documentElement.scrollWidth - innerWidth;
     tell.tableScrolls = all(".scroll").some((box) => box.scrollWidth > box.clientWidth);
-    tell.figures = all("figure").map((figure) => ({
+    tell.figures = all("figure").filter((figure) => !figure.querySelector(".gauges")).map((figure) => ({
       id: figure.id,
       traces: all(".series", figure).filter((series) => series.querySelector("path[d]")).length,
       panels: all(".panel", figure).length,
@@ -62,6 +62,19 @@ const USE: &str = r##"<script>
       legend: all(".legend button", figure).map((entry) => entry.textContent),
       bands: all(".shade", figure).length,
     }));
+
+    const train = document.getElementById("animation");
+    if (train) {
+      const [play, slider] = [train.querySelector(".play"), train.querySelector("input")];
+      const turned = () => all(".train path", train).map((gear) => gear.getAttribute("transform")).join(" ");
+      const before = [slider.value, turned()];
+      play.click();
+      await wait(400);
+      play.click();
+      const after = [slider.value, turned()];
+      train.querySelector(".plot").dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" }));
+      tell.animation = { before, after, stepped: slider.value, gears: all(".train path", train).length, rings: all(".train circle", train).length, clashes: clashes(train) };
+    }
 
     const figure = document.getElementById("mesh-forces");
     const plot = figure.querySelector(".plot");
@@ -138,7 +151,7 @@ fn document(browser: &Path, folder: &Path, page: &str) -> String {
     let out = folder.join("document.html");
     let mut running = Command::new(browser)
         .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"])
-        .args(["--disable-component-update", "--disable-sync", "--no-first-run", "--window-size=1300,1000"])
+        .args(["--disable-component-update", "--disable-sync", "--no-first-run", "--window-size=1700,1000"])
         .args(["--virtual-time-budget=120000", "--dump-dom"])
         .arg(format!("--user-data-dir={}", folder.join("profile").display()))
         .arg(format!("file://{}", folder.join(page).display()))
@@ -237,6 +250,30 @@ fn a_browser_shows_the_study() {
         let [before, zoomed, reset] = ["before", "zoomed", "reset"].map(|state| &window[state]);
         assert_ne!(before, zoomed);
         assert_eq!(before, reset);
+    }
+}
+
+/// The page of a run: its train moves, steps by a key, and fits a phone.
+#[test]
+fn a_browser_shows_a_run() {
+    let simulation = Simulation::from_file("examples/scenes/reference-light.json").unwrap();
+    let record = simulation.run().unwrap();
+    let page = run_page::page(&simulation, &record, &record.end, Task::default()).unwrap();
+    let html = page.html();
+    assert!(html.len() < 300_000, "{}", html.len());
+    let items = page.sections.iter().flat_map(|section| &section.items);
+    let figures = items.filter_map(|item| if let Item::Figure(figure) = item { Some(figure.clone()) } else { None });
+    let figures: Vec<Figure> = figures.collect();
+    assert_eq!(figures.len(), run_page::FIGURES.len());
+    let Some(windows) = windows(&html, "deflection") else { return };
+    for window in &windows {
+        check(window, &figures);
+        let animation = &window["animation"];
+        assert_ne!(animation["before"], animation["after"]);
+        let frame = |value: &Value| value.as_str().unwrap().parse::<u32>().unwrap();
+        assert_eq!((frame(&animation["after"][0]) + 1) % 100, frame(&animation["stepped"]));
+        assert_eq!([&animation["gears"], &animation["rings"]], [5, 6]);
+        assert_eq!(animation["clashes"], serde_json::json!([]));
     }
 }
 

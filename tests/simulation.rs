@@ -190,7 +190,12 @@ fn it_writes_what_the_command_writes() {
         let folder = tempfile::tempdir().unwrap();
         let [command, library] = ["command", "library"].map(|name| folder.path().join(name));
         let mut flank = assert_cmd::Command::cargo_bin("flank").unwrap();
-        flank.args(["run", &example(name), "--quiet", "--out"]).arg(&command).args(more).assert().code(0);
+        flank
+            .args(["run", &example(name), "--quiet", "--no-report", "--out"])
+            .arg(&command)
+            .args(more)
+            .assert()
+            .code(0);
         let simulation = Simulation::from_file(example(name)).unwrap();
         let mut job = simulation.job();
         (job.verify, job.trajectory) = (more == Some("--verify"), more == Some("--trajectory"));

@@ -195,6 +195,15 @@ fn threads(count: Option<u16>) -> Result<rayon::ThreadPool, CliError> {
     pool.map_err(|error| CliError::file("threads", std::io::Error::other(error)))
 }
 
+/// Columns of a terminal that reports fit.
+const COLUMNS: usize = 100;
+
+/// Text in lines that fit a terminal, each behind `indent`; further lines are set in.
+fn wrapped(text: &str, indent: &str) -> String {
+    let further = format!("{indent}  ");
+    textwrap::fill(text, textwrap::Options::new(COLUMNS).initial_indent(indent).subsequent_indent(&further))
+}
+
 /// Writes text to standard output. A reader that has gone away, as `head` does, is no error.
 fn print(text: &str) -> Result<(), CliError> {
     let mut out = std::io::stdout().lock();

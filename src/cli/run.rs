@@ -4,16 +4,18 @@ use std::{fmt::Write, path::PathBuf};
 
 use flank::{
     Simulation,
-    analysis::ContactReport,
     hybrid::Clock,
-    output::{Table, five_digits as number, label},
+    output::{Request, five_digits as number, label},
+    plot::{Item, Report},
     scene::{Duration, strict},
-    simulation::{Ended, Summary},
+    simulation::{Ended, RunRecord, Summary},
+    study::run_page,
 };
 
 use super::{
     CliError, Done, open, print,
     progress::{cancellable, catch_interrupt, running, show},
+    wrapped,
 };
 
 /// Arguments of `flank run`.
@@ -21,12 +23,15 @@ use super::{
 pub struct Arguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
-    /// Write events.jsonl and summary.json into this folder
+    /// Write events.jsonl, summary.json and report.html with its figures into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Write trajectory.csv too (a scene with output.samples_per_cycle > 0 always does)
     #[arg(long, requires = "out")]
     trajectory: bool,
+    /// Write no report.html and no figures: a report takes as long as it takes to decide the kind of the motion
+    #[arg(long, requires = "out")]
+    no_report: bool,
     /// Stop after this many events
     #[arg(long, value_name = "N")]
     events: Option<u64>,
@@ -63,13 +68,33 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     job.verify |= arguments.verify;
     job.trajectory |= arguments.trajectory;
     job.replace = arguments.force;
+    let page = arguments.out.as_deref().filter(|_| !arguments.no_report);
+    let files = Report::files(run_page::FIGURES, &["events.jsonl", "trajectory.csv", "summary.json"]);
+    let input = arguments.scene.as_deref();
+    let request = page.map(|folder| Request { folder, command: "run", input, force: arguments.force, files });
+    request.as_ref().map(Request::check).transpose()?;
     let working = catch_interrupt();
+    let task = job.task;
     let record = job.attempt(arguments.out.as_deref());
+    let written = match (&record, request) {
+        (Ok(record), Some(request)) if record.outcome.kind == Ended::ReachedEnd => {
+            write_page(&simulation, record, request, task)
+        }
+        _ => Ok(()),
+    };
     drop(working);
     bar.finish_and_clear();
     let record = record?;
     if !arguments.quiet {
         print(&text(&simulation, &record).unwrap_or_default())?;
+    }
+    if let Err(reason) = &written {
+        eprintln!("warning: no report.html: {reason}");
+    }
+    if let Some(out) = arguments.out.as_deref().filter(|_| !arguments.quiet) {
+        let names = ["events.jsonl", "summary.json", "trajectory.csv", "report.html"];
+        let there: Vec<&str> = names.into_iter().filter(|name| out.join(name).exists()).collect();
+        print(&format!("\nWritten into {}: {}\n", out.display(), there.join(", ")))?;
     }
     let asked = arguments.events.is_some_and(|n| n <= run.event_budget);
     match (record.failure, record.summary.outcome.kind) {
@@ -78,6 +103,26 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         (None, Ended::EventBudgetSpent) if asked => Ok(Done::Completely),
         _ => Ok(Done::Partly),
     }
+}
+
+/// Writes the page of a run, with its figures. The reason why there is none.
+fn write_page(
+    simulation: &Simulation,
+    record: &RunRecord,
+    request: Request<'_>,
+    task: flank::Task<'_>,
+) -> Result<(), String> {
+    let page = run_page::page(simulation, record, &record.end, task).map_err(|error| error.to_string())?;
+    let write = || {
+        let mut folder = Request { force: true, ..request }.reopen()?;
+        for item in page.sections.iter().flat_map(|section| &section.items) {
+            if let Item::Figure(figure) = item {
+                figure.write(&mut folder)?;
+            }
+        }
+        page.write(&mut folder)
+    };
+    write().map_err(|error: flank::output::OutputError| error.to_string())
 }
 
 /// The whole report.
@@ -101,12 +146,16 @@ fn text(simulation: &Simulation, summary: &Summary) -> Result<String, std::fmt::
     if let Some(reason) = &ending.reason {
         writeln!(out, "  {reason}")?;
     }
-    writeln!(out, "  {}", summary.integrator.why)?;
+    writeln!(out, "{}", wrapped(&summary.integrator.why, "  "))?;
     for (mode, name) in &summary.integrator.modes {
         writeln!(out, "    {name}: {mode}")?;
     }
-    contacts(&mut out, simulation, summary)?;
-    write!(out, "\nEnergy {}\n{}", simulation.unit("J"), energy(summary))?;
+    let mut tables = vec![summary.separation_table(simulation), summary.force_table(simulation)];
+    tables.extend((!summary.bearings.is_empty()).then(|| summary.bearing_table(simulation)));
+    tables.push(summary.energy_table(simulation));
+    for table in tables {
+        write!(out, "\n{}\n{table}", table.title)?;
+    }
     let w = &summary.work;
     writeln!(
         out,
@@ -119,55 +168,7 @@ fn text(simulation: &Simulation, summary: &Summary) -> Result<String, std::fmt::
         writeln!(out, "Event tolerance {tolerance:e} of a cycle: {n} near touches, known less well")?;
     }
     for warning in &summary.warnings {
-        writeln!(out, "warning: {warning}")?;
+        writeln!(out, "{}", wrapped(&format!("warning: {warning}"), ""))?;
     }
     Ok(out)
-}
-
-fn contacts(out: &mut String, simulation: &Simulation, summary: &Summary) -> std::fmt::Result {
-    let (s, n) = (simulation.unit("s"), simulation.unit("N"));
-    let unit = |name: &str, unit: &str| if unit.is_empty() { name.to_owned() } else { format!("{name} {unit}") };
-    writeln!(out, "\nContacts over {} {s}", number(summary.measured_time))?;
-    let per = if simulation.settings.period.is_some() { "/cycle" } else { "" };
-    let head = [
-        "contact".to_owned(),
-        "apart %".to_owned(),
-        "no force %".to_owned(),
-        format!("separations{per}"),
-        unit("no force: min", s),
-        unit("mean", s),
-        unit("max", s),
-        format!("contacts{per}"),
-        unit("force mean", n),
-        unit("abs max", n),
-    ];
-    // Cycles of the run; of the train's own forcing where the scene names none.
-    let cycles = simulation.settings.period.map_or(1.0, |period| summary.measured_time / period);
-    let each = |count: u64| number((cycles > 0.0).then(|| count as f64 / cycles));
-    let row = |c: &ContactReport| {
-        let [least, mean, most] = [c.durations.min, c.durations.mean, c.durations.max].map(number);
-        let [apart, share] = [c.apart_fraction, c.no_force_fraction].map(|fraction| number(100.0 * fraction));
-        let closed = each(c.drive_contacts + c.back_contacts);
-        let [force, largest] = [c.force_mean, c.force_abs_max].map(number);
-        vec![c.name.clone(), apart, share, each(c.separations), least, mean, most, closed, force, largest]
-    };
-    write!(out, "{}", Table::new(head).with(summary.contacts.iter().map(row)))
-}
-
-fn energy(summary: &Summary) -> Table {
-    let e = &summary.energy;
-    let rows = [
-        ("at the start", e.start),
-        ("+ work of loads", e.load),
-        ("+ work of errors", e.error),
-        ("+ work of varying stiffness", e.parametric),
-        ("- dampers", e.damping),
-        ("- contacts", e.contact),
-        ("- let go under load", e.release),
-        ("- rigid impacts", e.impact),
-        ("at the end", e.end),
-        ("unexplained", e.residual),
-    ];
-    let shown = rows.into_iter().filter(|(name, value)| *value != 0.0 || !name.starts_with(['+', '-']));
-    Table::default().with(shown.map(|(name, value)| vec![name.to_owned(), number(value)]))
 }

@@ -5,11 +5,15 @@
 //! need the feature `plot`.
 
 #[cfg(feature = "plot")]
+mod animation;
+#[cfg(feature = "plot")]
 mod draw;
 mod figure;
 #[cfg(feature = "plot")]
 mod report;
 
+#[cfg(feature = "plot")]
+pub use animation::{AnimatedContact, AnimatedGear, Animation};
 #[cfg(feature = "plot")]
 pub use draw::Theme;
 pub use figure::{Axis, Band, Figure, Guide, Note, Panel, Raster, Series, Style, Tile, Verdict};

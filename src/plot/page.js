@@ -449,9 +449,152 @@
     figure.legend.replaceChildren(...toggles, reset);
   }
 
+  // ---- Animations
+
+  // Outline of a gear about its centre; of a ring with its rim.
+  function outline(gear) {
+    const pitch = (2 * Math.PI) / gear.teeth, addendum = (2 * gear.radius) / gear.teeth;
+    const inward = gear.ring ? -1 : 1;
+    const [root, tip] = [gear.radius - 1.25 * inward * addendum, gear.radius + inward * addendum];
+    const at = (radius, angle) => `${(radius * Math.cos(angle)).toPrecision(5)} ${(radius * Math.sin(angle)).toPrecision(5)}`;
+    let path = "";
+    for (let k = 0; k < gear.teeth; k++) {
+      const middle = gear.angle + (k + (gear.ring ? 0.5 : 0)) * pitch;
+      [[root, -0.32], [tip, -0.16], [tip, 0.16], [root, 0.32]].forEach(([radius, part]) => {
+        path += `${path ? "L" : "M"}${at(radius, middle + part * pitch)}`;
+      });
+    }
+    const circle = (radius) => `M${-radius} 0a${radius} ${radius} 0 1 0 ${2 * radius} 0a${radius} ${radius} 0 1 0 ${-2 * radius} 0Z`;
+    return `${path}Z${gear.ring ? circle(root + 1.5 * addendum) : circle(0.12 * gear.radius)}`;
+  }
+
+  function animate(figure) {
+    const { data, plot } = figure;
+    const frames = data.contacts[0].deflection.length;
+    let frame = figure.frame || 0, playing = false, last = 0, movers = [];
+    const control = figure.legend;
+    const play = document.createElement("button"), slider = document.createElement("input"), time = document.createElement("output");
+    play.type = "button";
+    play.className = "play";
+    Object.assign(slider, { type: "range", min: 0, max: frames - 1, step: 1, value: frame });
+    slider.setAttribute("aria-label", "time");
+    const show = (next) => {
+      frame = figure.frame = ((next % frames) + frames) % frames;
+      slider.value = frame;
+      time.textContent = `${digits(Number((frame * data.interval).toPrecision(4)))} ${data.timeUnit}`;
+      movers.forEach((move) => move(frame));
+    };
+    const run = (on) => {
+      playing = on;
+      play.textContent = on ? "Pause" : "Play";
+      last = performance.now();
+      if (on) requestAnimationFrame(tick);
+    };
+    // A cycle of a hundred frames takes four seconds.
+    const tick = (now) => {
+      if (!playing) return;
+      const steps = Math.floor((now - last) / 40);
+      if (steps > 0) {
+        last += 40 * steps;
+        show(frame + steps);
+      }
+      figure.ticks = (figure.ticks || 0) + 1;
+      requestAnimationFrame(tick);
+    };
+    play.addEventListener("click", () => run(!playing));
+    slider.addEventListener("input", () => { run(false); show(Number(slider.value)); });
+    plot.tabIndex = 0;
+    plot.addEventListener("keydown", (event) => {
+      const acts = { " ": () => run(!playing), ArrowRight: () => { run(false); show(frame + 1); }, ArrowLeft: () => { run(false); show(frame - 1); }, Home: () => show(0) };
+      if (!acts[event.key]) return;
+      event.preventDefault();
+      acts[event.key]();
+    });
+
+    figure.draw = (colours, states, width) => {
+      movers = [];
+      const parts = [];
+      const columns = width < NARROW || !data.gears.length ? 1 : 2;
+      const room = Math.floor((width - 14 * (columns - 1)) / columns);
+      if (data.gears.length) parts.push(train(colours, states, room));
+      parts.push(gauges(colours, states, room));
+      plot.style.gridTemplateColumns = `repeat(${columns}, max-content)`;
+      plot.replaceChildren(...parts);
+      const entries = data.states.map((name, k) => {
+        const entry = document.createElement("span");
+        entry.innerHTML = `<svg width="22" height="12" aria-hidden="true"><rect width="22" height="12" fill="${states[k]}"/></svg>`;
+        entry.append(" " + name);
+        return entry;
+      });
+      control.replaceChildren(play, slider, time, ...entries);
+      play.textContent = playing ? "Pause" : "Play";
+      show(frame);
+    };
+
+    function train(colours, states, room) {
+      const reach = (gear) => gear.radius * (1 + 5 / gear.teeth);
+      const ends = (k, side) => Math[side > 0 ? "max" : "min"](...data.gears.map((gear) => gear.centre[k] + side * reach(gear)));
+      const [left, right, low, high] = [ends(0, -1), ends(0, 1), ends(1, -1), ends(1, 1)];
+      const unit = Math.max((right - left) / room, (high - low) / 460);
+      const height = Math.ceil((high - low) / unit) + 8;
+      const picture = svg("svg", { class: "train", width: room, height, viewBox: `0 0 ${room} ${height}`, role: "img", "aria-label": "the train", "font-family": FONT, fill: colours.ink });
+      const X = (x) => room / 2 + (x - (left + right) / 2) / unit, Y = (y) => height / 2 - (y - (low + high) / 2) / unit;
+      const gears = [...data.gears].sort((one, other) => Number(other.ring) - Number(one.ring) || other.radius - one.radius);
+      for (const gear of gears) {
+        const body = svg("path", { d: outline(gear), fill: colours.grid, stroke: colours.muted, "stroke-width": unit, "fill-rule": "evenodd", "vector-effect": "none" });
+        picture.append(body);
+        movers.push((k) => {
+          const [x, y, turn] = gear.motion.slice(3 * k, 3 * k + 3);
+          const angle = ((gear.turn * k + turn) * 180) / Math.PI;
+          body.setAttribute("transform", `translate(${X(gear.centre[0] + x)} ${Y(gear.centre[1] + y)}) scale(${1 / unit} ${-1 / unit}) rotate(${angle})`);
+        });
+      }
+      for (const gear of gears) {
+        picture.append(words(gear.name, X(gear.centre[0]), Y(gear.ring ? gear.centre[1] - gear.radius * (1 + 4.1 / gear.teeth) : gear.centre[1] - 0.2 * gear.radius) + (gear.ring ? -2 : 12),
+          { ...halo(colours), fill: colours.ink, "font-size": SMALL, "text-anchor": "middle" }));
+      }
+      for (const contact of data.contacts.filter((contact) => contact.point)) {
+        const dot = svg("circle", { cx: X(contact.point[0]), cy: Y(contact.point[1]), r: 11, fill: "none", "stroke-width": 4 });
+        picture.append(dot);
+        movers.push((k) => dot.setAttribute("stroke", states[contact.state[k]]));
+      }
+      return picture;
+    }
+
+    // The deflection of each contact between its flanks.
+    function gauges(colours, states, room) {
+      const row = 46, height = row * data.contacts.length + 8;
+      const picture = svg("svg", { class: "gauges", width: room, height, viewBox: `0 0 ${room} ${height}`, role: "img", "aria-label": "deflections", "font-family": FONT, fill: colours.ink });
+      data.contacts.forEach((contact, j) => {
+        const top = j * row + 6;
+        const all = [...contact.deflection, ...contact.flanks];
+        const [low, high] = [Math.min(...all), Math.max(...all)];
+        const margin = 0.08 * (high - low) || 1;
+        const X = (d) => 8 + ((d - low + margin) / (high - low + 2 * margin)) * (room - 16);
+        const box = (from, to, state) => svg("rect", { x: from, y: top + 16, width: Math.max(0, to - from), height: 16, fill: states[state], opacity: 0.45 });
+        const state = (name) => data.states.indexOf(name);
+        const [drive, back] = contact.flanks.map(X);
+        picture.append(words(`${contact.name}: deflection`, 8, top + 10, { "font-size": SMALL }),
+          box(drive, room - 8, state("on the drive flank")), box(back === undefined ? 8 : back, drive, state("separated")));
+        if (back !== undefined) picture.append(box(8, back, state("on the back flank")));
+        const value = words("", room - 8, top + 10, { "font-size": SMALL, "text-anchor": "end" });
+        const dot = svg("circle", { cy: top + 24, r: 7, stroke: colours.ink, "stroke-width": 1.2 });
+        picture.append(value, dot);
+        movers.push((k) => {
+          dot.setAttribute("cx", X(contact.deflection[k]));
+          dot.setAttribute("fill", states[contact.state[k]]);
+          value.textContent = `${digits(Number(contact.deflection[k].toPrecision(4)))} ${data.unit}, ${data.states[contact.state[k]]}`;
+        });
+      });
+      return picture;
+    }
+  }
+
   let theme, printed = 0;
   function draw(figure) {
-    const colours = COLOURS[printed ? "light" : theme];
+    const shown = printed ? "light" : theme;
+    const colours = COLOURS[shown];
+    if (figure.data.states) return figure.draw(colours, figure.data.colours[shown], printed || figure.plot.clientWidth);
     const all = frames(figure, printed || figure.plot.clientWidth);
     legend(figure, colours);
     figure.plot.style.gridTemplateColumns = all.length ? `repeat(${all[0].columns}, max-content)` : "";
@@ -473,6 +616,7 @@
     root.dataset.drawn = figures.length;
   }
 
+  figures.filter((figure) => figure.data.states).forEach(animate);
   const prefersDark = matchMedia("(prefers-color-scheme: dark)");
   const named = { "#dark": "dark", "#light": "light" }[location.hash];
   turn(named || (prefersDark.matches ? "dark" : "light"));

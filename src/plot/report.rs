@@ -3,7 +3,7 @@ use std::fmt::Write;
 use serde_json::{Value, json};
 
 use super::{
-    Figure,
+    Animation, Figure,
     draw::{
         Theme, escaped,
         legend::{self, Entry, Look},
@@ -57,6 +57,8 @@ pub enum Item {
     Figure(Figure),
     /// A table.
     Table(Table),
+    /// A train in motion.
+    Animation(Animation),
 }
 
 /// A table whose cells may judge.
@@ -166,6 +168,9 @@ impl Report {
                 body += &match item {
                     Item::Figure(figure) => self.figure(figure),
                     Item::Table(table) => table_html(table),
+                    Item::Animation(animation) => {
+                        figure_html([&animation.id, &animation.title, &animation.caption], animation.data(), "")
+                    }
                 };
             }
             body += "</section>\n";
@@ -181,14 +186,7 @@ impl Report {
             };
             format!("<p class=\"files\">{}</p>\n", ["SVG", "PNG", "CSV", "JSON"].map(link).join(" "))
         });
-        // A script element ends at `</script`, wherever that stands.
-        let data = figure_data(figure).to_string().replace('<', "\\u003c");
-        format!(
-            "<figure id=\"{id}\">\n<h3>{}</h3>\n<div class=\"legend\"></div>\n<div class=\"plot\"></div>\n<script \
-             type=\"application/json\">{data}</script>\n<figcaption>{}</figcaption>\n{links}</figure>\n",
-            escaped(&figure.title),
-            escaped(&figure.caption),
-        )
+        figure_html([&figure.id, &figure.title, &figure.caption], figure_data(figure), &links)
     }
 
     /// What stands in place of the figures where no script runs.
@@ -200,6 +198,19 @@ impl Report {
         let names = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
         format!("<noscript><p>The figures of this page need JavaScript. As pictures: {names}.</p></noscript>\n")
     }
+}
+
+/// The element that the script of a page draws into.
+fn figure_html([id, title, caption]: [&str; 3], data: Value, links: &str) -> String {
+    // A script element ends at `</script`, wherever that stands.
+    let data = data.to_string().replace('<', "\\u003c");
+    format!(
+        "<figure id=\"{}\">\n<h3>{}</h3>\n<div class=\"legend\"></div>\n<div class=\"plot\"></div>\n<script \
+         type=\"application/json\">{data}</script>\n<figcaption>{}</figcaption>\n{links}</figure>\n",
+        escaped(id),
+        escaped(title),
+        escaped(caption),
+    )
 }
 
 fn paragraphs(lines: &[String]) -> String {

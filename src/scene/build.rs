@@ -30,10 +30,11 @@ pub(super) fn build(resolved: &Value) -> Result<Built, Vec<Fault>> {
     let root = Node::root(resolved, &findings, units_of(resolved));
     let built = read(&root);
     let (meshes, speeds) = (findings.meshes.take(), findings.speeds.take());
+    let drawing = findings.drawing.take();
     let start_faults = findings.start_faults.take();
     let (faults, warnings) = findings.into_parts();
     match built {
-        Some(built) if faults.is_empty() => Ok(Built { warnings, meshes, speeds, start_faults, ..built }),
+        Some(built) if faults.is_empty() => Ok(Built { warnings, meshes, speeds, drawing, start_faults, ..built }),
         _ => Err(faults),
     }
 }
@@ -67,6 +68,7 @@ fn read(root: &Node) -> Option<Built> {
         run,
         meshes: vec![],
         speeds: vec![],
+        drawing: None,
         warnings: vec![],
         start_faults: vec![],
     })

@@ -102,6 +102,7 @@ impl<'a> Reading<'a> {
         let spec = build::assembled(node, gearbox.assemble(&layout, &meshes))?;
         plausible::train(node, &spec, &toothed_meshes);
         node.meshes(toothed_meshes);
+        node.drawing(gearbox.drawing(&layout));
         Some(spec)
     }
 

@@ -66,7 +66,7 @@ pub use initial::Memory;
 pub use run::{Duration, Frame, Run};
 
 pub use self::mesh::ToothMesh;
-use crate::system::Spec;
+use crate::{system::Spec, train::Drawing};
 
 /// A scene that has been read, checked and resolved.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,6 +104,8 @@ pub struct Built {
     pub meshes: Vec<ToothMesh>,
     /// Mean speeds of the shafts and the loose gears of a gearbox, rad/s, by name.
     pub speeds: Vec<(String, f64)>,
+    /// The train as a picture shows it, if its gears are known.
+    pub drawing: Option<Drawing>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
     /// Why the start does not fit the train: a run from it is refused, a run from elsewhere is not.

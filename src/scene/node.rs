@@ -10,7 +10,7 @@ use super::{
     fault::{Fault, Warning, below, show},
     shape::Units,
 };
-use crate::hybrid::Wide;
+use crate::{hybrid::Wide, train::Drawing};
 
 /// What reading finds out beyond the shapes: conditions across keys.
 #[derive(Debug, Default)]
@@ -21,6 +21,8 @@ pub(super) struct Findings {
     warnings: RefCell<Vec<Warning>>,
     /// Meshes whose teeth are given.
     pub meshes: RefCell<Vec<ToothMesh>>,
+    /// The train as a picture shows it.
+    pub drawing: RefCell<Option<Drawing>>,
     /// Mean speeds of shafts and loose gears, rad/s, by name.
     pub speeds: RefCell<Vec<(String, f64)>>,
 }
@@ -180,6 +182,10 @@ impl<'a> Node<'a> {
 
     pub fn meshes(&self, meshes: Vec<ToothMesh>) {
         self.findings.meshes.replace(meshes);
+    }
+
+    pub fn drawing(&self, drawing: Drawing) {
+        self.findings.drawing.replace(Some(drawing));
     }
 
     pub fn turns(&self, name: &str, speed: f64) {

@@ -42,5 +42,6 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
     let spec = build::assembled(node, if translational { pair.translational() } else { pair.torsional() })?;
     plausible::train(node, &spec, std::slice::from_ref(&teeth));
     node.meshes(vec![teeth]);
+    node.drawing(pair.drawing(translational));
     Some(spec)
 }

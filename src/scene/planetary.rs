@@ -35,6 +35,7 @@ pub(super) fn read(node: &Node) -> Option<(Spec, f64)> {
     };
     let spec = build::assembled(node, stage.assemble(&kept))?;
     plausible::train(node, &spec, &meshes);
+    stage.drawing(&kept).into_iter().for_each(|drawing| node.drawing(drawing));
     Some((spec, stage.carrier_speed()))
 }
 

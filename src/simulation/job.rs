@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     analysis::{Bearings, Contacts, EventLog, EventRow, Grid, Ledger, Trajectory, TransmissionError, of_train},
-    engine::{Observer, Outcome},
+    engine::{Observer, Outcome, State},
     event::EventRecord,
     hybrid::{Clock, Instant, Mode},
     integrate::{Choice, DenseStep},
@@ -56,6 +56,8 @@ pub struct RunRecord {
     pub summary: Summary,
     /// A row of every event; empty after [`Job::write`], which has them in `events.jsonl`.
     pub events: Vec<EventRow>,
+    /// State at its end.
+    pub end: State,
     /// Why the numbers must not be used, if so.
     pub failure: Option<SimulationError>,
 }
@@ -182,6 +184,7 @@ impl<'a> Job<'a> {
             verification: check.as_ref().map(crate::verify::Verifier::verification),
             warnings: simulation.warnings_in_words(),
         };
+        let end = state.clone();
         let step = clock.between(from, state.at) / summary.work.steps.max(1) as f64;
         // A difference comes before what follows from it; a run that failed says so itself.
         let failure = verified.err().map(SimulationError::from).or_else(|| match result {
@@ -196,7 +199,7 @@ impl<'a> Job<'a> {
         folder.map_or(Ok(()), |mut folder| folder.complete(SUMMARY, &summary))?;
         let events = written.map_err(|error| SimulationError::File(EVENTS, error))?;
         sampled.map_err(|error| SimulationError::File(TRAJECTORY, error))?;
-        Ok(RunRecord { summary, events, failure })
+        Ok(RunRecord { summary, events, end, failure })
     }
 }
 

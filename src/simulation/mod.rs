@@ -11,6 +11,7 @@ mod parameter;
 mod report;
 mod samples;
 mod summary;
+mod tables;
 mod variation;
 
 use std::path::{Path, PathBuf};
@@ -31,6 +32,7 @@ use crate::{
     integrate::{Integrator, build},
     scene::{Built, Duration, Fault, Memory, Run, Scene, SceneError, ToothMesh, Warning, hash},
     system::{Contact, ContactMode, Spec, Structure, bonded_modes, contact_mode, guard_id, set_contact},
+    train::Drawing,
     verify::Verifier,
 };
 
@@ -65,6 +67,8 @@ pub struct Simulation {
     pub meshes: Vec<ToothMesh>,
     /// Mean speeds of the shafts and the loose gears of a gearbox, rad/s, by name.
     pub speeds: Vec<(String, f64)>,
+    /// The train as a picture shows it, if its gears are known.
+    pub drawing: Option<Drawing>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
     /// Why the start does not fit the train.
@@ -122,6 +126,7 @@ impl Simulation {
             carrier_speed: built.carrier_speed,
             meshes: built.meshes,
             speeds: built.speeds,
+            drawing: built.drawing,
             warnings: built.warnings,
             start_faults: built.start_faults,
             common: None,
@@ -159,6 +164,7 @@ impl Simulation {
                 carrier_speed: None,
                 meshes,
                 speeds,
+                drawing: None,
                 warnings,
                 start_faults,
             },

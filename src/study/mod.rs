@@ -20,6 +20,8 @@ pub mod plan;
 mod published;
 pub mod rattle;
 mod record;
+#[cfg(feature = "plot")]
+pub mod run_page;
 pub mod steady;
 mod steady_sweep;
 #[cfg(feature = "plot")]

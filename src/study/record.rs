@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::{StudyError, steady::go_on};
+use super::{StudyError, steady::until};
 use crate::{
     analysis::{Grid, Sample, Trajectory, cycles_later},
     engine::{Engine, Observer},
@@ -14,7 +14,7 @@ use crate::{
 
 /// Samples of a motion at exact phases, and the contact modes between them.
 pub(super) struct Recording {
-    /// Forcing period, s.
+    /// Forcing period, s; 0 without forcing.
     pub period: f64,
     pub per_cycle: u32,
     /// Time of the samples from the start of the recording, s.
@@ -100,12 +100,23 @@ pub(super) fn record(
     cycles: u64,
     per_cycle: u32,
 ) -> Result<Recording, StudyError> {
+    let end = cycles_later(simulation.clock(), engine.state().at, cycles);
+    record_until(simulation, engine, end, Grid::Phases { per_cycle })
+}
+
+/// Runs `engine` on until `end` and keeps samples on `grid`.
+pub(super) fn record_until(
+    simulation: &Simulation,
+    engine: &mut Engine<'_>,
+    end: Instant,
+    grid: Grid,
+) -> Result<Recording, StudyError> {
     let (structure, clock) = (&simulation.structure, simulation.clock());
     let (n, count) = (structure.freedoms(), structure.contact_count());
     let from = engine.state().clone();
     let mut recording = Recording {
-        period: simulation.period()?,
-        per_cycle,
+        period: simulation.period().unwrap_or_default(),
+        per_cycle: if let Grid::Phases { per_cycle } = grid { per_cycle } else { 0 },
         t: Vec::new(),
         x: vec![Vec::new(); 2 * n],
         deflection: vec![Vec::new(); count],
@@ -114,7 +125,7 @@ pub(super) fn record(
     };
     let mut modes = Modes { simulation, start: from.at, spells: vec![Vec::new(); count] };
     modes.turn(from.at, &from.jump.mode, &from.x);
-    let mut samples = Trajectory::new(structure, Grid::Phases { per_cycle }, from.at, |s: &Sample<'_>| {
+    let mut samples = Trajectory::new(structure, grid, from.at, |s: &Sample<'_>| {
         recording.t.push(clock.between(from.at, s.at));
         recording.x.iter_mut().zip(s.x).for_each(|(column, x)| column.push(*x));
         for j in 0..count {
@@ -123,8 +134,8 @@ pub(super) fn record(
         }
         ControlFlow::Continue(())
     });
-    go_on(engine, clock, cycles, &mut (&mut modes, &mut samples), Task::default())?;
-    let span = clock.between(from.at, cycles_later(clock, from.at, cycles));
+    until(engine, end, &mut (&mut modes, &mut samples), Task::default())?;
+    let span = clock.between(from.at, end);
     modes.spells.iter_mut().filter_map(|spells| spells.last_mut()).for_each(|last| last.to = span);
     recording.spells = modes.spells;
     Ok(recording)

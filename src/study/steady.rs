@@ -9,7 +9,7 @@ use crate::{
         Window, cycles_later, of_train,
     },
     engine::{Engine, Observer, Outcome, State},
-    hybrid::{Clock, ContactMode, ContactView},
+    hybrid::{Clock, ContactMode, ContactView, Instant},
     orbit::{Approach, Approached, Motion, Section, SectionMap, Watching, decide, decide_on_torus},
     scene::Scene,
     simulation::Simulation,
@@ -177,20 +177,30 @@ fn on_torus(
 ) -> Result<Steady, StudyError> {
     let (start, seeded) = start(simulation, seed)?;
     let mut check = simulation.settings.verify.then(|| simulation.verifier(&start));
+    let steady = along_torus(simulation, start, (rule, why), &mut check, task)
+        .and_then(|(mut engine, motion)| measure(simulation, &mut engine, motion, (seeded, rule), &mut check, task));
+    check.and_then(|check| check.difference()).map_or(steady, |difference| Err(difference.into()))
+}
+
+/// An engine on a motion whose forcing repeats too late, and what it is.
+fn along_torus<'c>(
+    simulation: &'c Simulation,
+    start: State,
+    (rule, why): (&Rule, &str),
+    observer: &mut dyn Observer,
+    task: Task<'_>,
+) -> Result<(Engine<'c>, Motion), StudyError> {
     let map = SectionMap::new(simulation)?;
     let mut engine = simulation.engine(start)?;
-    let steady = (|| {
-        go_on(&mut engine, simulation.clock(), rule.approach.most_cycles, &mut check, task)?;
-        let mut motion = if rule.decides {
-            let decided = decide_on_torus(&map, &mut engine, why, Watching::default(), &mut check, task)?;
-            decided.ok_or_else(|| broken(&engine, task))?
-        } else {
-            Motion { reason: Some(why.to_owned()), ..Motion::of(&Approached::default()) }
-        };
-        motion.cycles += rule.approach.most_cycles;
-        measure(simulation, &mut engine, motion, (seeded, rule), &mut check, task)
-    })();
-    check.and_then(|check| check.difference()).map_or(steady, |difference| Err(difference.into()))
+    go_on(&mut engine, simulation.clock(), rule.approach.most_cycles, observer, task)?;
+    let mut motion = if rule.decides {
+        let decided = decide_on_torus(&map, &mut engine, why, Watching::default(), observer, task)?;
+        decided.ok_or_else(|| broken(&engine, task))?
+    } else {
+        Motion { reason: Some(why.to_owned()), ..Motion::of(&Approached::default()) }
+    };
+    motion.cycles += rule.approach.most_cycles;
+    Ok((engine, motion))
 }
 
 /// Measures of an orbit over its period.
@@ -219,7 +229,10 @@ pub(super) fn settled<'c>(
     task: Task<'_>,
 ) -> Result<(Engine<'c>, Motion, bool), StudyError> {
     let (start, seeded) = start(simulation, seed)?;
-    let (engine, motion) = transient(simulation, start, rule, &mut (), task)?;
+    let (engine, motion) = match long_cycle(simulation) {
+        Some(why) => along_torus(simulation, start, (rule, &why), &mut (), task)?,
+        None => transient(simulation, start, rule, &mut (), task)?,
+    };
     Ok((engine, motion, seeded))
 }
 
@@ -278,7 +291,17 @@ pub(super) fn go_on(
     observer: &mut dyn Observer,
     task: Task<'_>,
 ) -> Result<(), StudyError> {
-    match engine.run(cycles_later(clock, engine.state().at, cycles), observer)? {
+    until(engine, cycles_later(clock, engine.state().at, cycles), observer, task)
+}
+
+/// Runs on until `end`.
+pub(super) fn until(
+    engine: &mut Engine<'_>,
+    end: Instant,
+    observer: &mut dyn Observer,
+    task: Task<'_>,
+) -> Result<(), StudyError> {
+    match engine.run(end, observer)? {
         Outcome::ReachedEnd => Ok(()),
         _ => Err(broken(engine, task)),
     }

@@ -2,6 +2,7 @@
 
 mod assembly;
 mod body;
+mod drawing;
 mod error;
 pub mod frame;
 pub mod gearbox;
@@ -13,6 +14,7 @@ mod scaled;
 mod wall;
 
 pub use body::{Body, Damping, Support};
+pub use drawing::{Drawing, GearDrawing};
 pub use error::TrainError;
 pub use mesh::{Mesh, mesh_damping};
 pub use pair::{GearPair, KahramanSingh};

@@ -6,6 +6,7 @@ use nalgebra::DMatrix;
 
 use super::assembly::{Assembly, LineOfAction, Wheel};
 use super::body::Body;
+use super::drawing::{Drawing, GearDrawing, point, rows};
 use super::error::{TrainError, check};
 use super::mesh::{Mesh, check_stiffness};
 use crate::gear::contact::{Law, Linear, Release};
@@ -129,7 +130,7 @@ impl GearPair {
     /// # Errors
     /// [`TrainError`] for a value outside its range or a standing pair with a varying mesh.
     pub fn torsional(&self) -> Result<Spec, TrainError> {
-        self.assemble(&[2, 5])
+        self.assemble(&TORSIONAL)
     }
 
     /// Six freedoms `x_1, y_1, u_1, x_2, y_2, u_2` with
@@ -138,7 +139,41 @@ impl GearPair {
     /// # Errors
     /// As for [`torsional`](Self::torsional).
     pub fn translational(&self) -> Result<Spec, TrainError> {
-        self.assemble(&[0, 1, 2, 3, 4, 5])
+        self.assemble(&TRANSLATIONAL)
+    }
+
+    /// The pair as a picture shows it, with the freedoms of [`translational`](Self::translational) or of [`torsional`](Self::torsional).
+    #[must_use]
+    pub fn drawing(&self, is_translational: bool) -> Drawing {
+        let kept: &[usize] = if is_translational { &TRANSLATIONAL } else { &TORSIONAL };
+        let p = projection(kept);
+        let cos = libm::cos(self.pressure_angle);
+        let [driving, driven] = [&self.driving, &self.driven].map(|body| body.radius / cos);
+        let count = (f64::from(self.driving_teeth) * driven / driving).round().max(1.0);
+        let (speed, half) = (self.rpm * TAU / 60.0, std::f64::consts::FRAC_PI_2);
+        let gear = |name: &str, radius: f64, teeth: f64, row: usize, base: f64| {
+            let mut gear = GearDrawing {
+                name: name.to_owned(),
+                centre: [0.0; 2],
+                radius,
+                // OK to convert: a tooth number.
+                teeth: teeth as u32,
+                is_ring: false,
+                angle: (TAU * self.mesh.phase - half) / teeth,
+                speed,
+                motion: rows(6, row, 0.0, (row + 2, base.recip())),
+            };
+            gear.reduce(&p, kept.len());
+            gear
+        };
+        let first = gear("gear 1", driving, f64::from(self.driving_teeth), 0, self.driving.radius);
+        let second = GearDrawing {
+            centre: [driving + driven, 0.0],
+            angle: std::f64::consts::PI - (TAU * self.mesh.phase + half) / count,
+            speed: -speed * driving / driven,
+            ..gear("gear 2", driven, count, 3, self.driven.radius)
+        };
+        Drawing { points: vec![point([0.0; 2], driving, 0.0)], gears: vec![first, second] }
     }
 
     /// The pair in the freedoms at these places among all six.
@@ -168,7 +203,15 @@ impl GearPair {
         let frequency = self.mesh_frequency();
         assembly.mesh("mesh".into(), &direction, &self.mesh, frequency)?;
         let names = kept.iter().map(|row| all[*row].to_owned()).collect();
-        let p = DMatrix::from_fn(all.len(), kept.len(), |row, column| f64::from(row == kept[column]));
-        Ok(assembly.reduced(names, &p, 1.0, frequency))
+        Ok(assembly.reduced(names, &projection(kept), 1.0, frequency))
     }
+}
+
+/// Places of the kept freedoms among all six.
+const TORSIONAL: [usize; 2] = [2, 5];
+const TRANSLATIONAL: [usize; 6] = [0, 1, 2, 3, 4, 5];
+
+/// P of `q_all = P q`.
+fn projection(kept: &[usize]) -> DMatrix<f64> {
+    DMatrix::from_fn(TRANSLATIONAL.len(), kept.len(), |row, column| f64::from(row == kept[column]))
 }

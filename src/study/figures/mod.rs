@@ -113,11 +113,11 @@ pub(super) fn kind(scene: &Scene) -> &str {
 }
 
 /// Units in which motions are shown, and the factors that lead to them.
-struct Units {
+pub(super) struct Units {
     /// ms
-    time: (f64, &'static str),
+    pub time: (f64, &'static str),
     /// µm
-    length: (f64, &'static str),
+    pub length: (f64, &'static str),
     /// N
     force: &'static str,
     /// Hz
@@ -125,7 +125,7 @@ struct Units {
 }
 
 impl Units {
-    fn of(simulation: &Simulation) -> Self {
+    pub fn of(simulation: &Simulation) -> Self {
         if simulation.dimensionless {
             Self { time: (1.0, ""), length: (1.0, ""), force: "", frequency: "" }
         } else {
@@ -141,7 +141,7 @@ pub(super) fn family(name: &str) -> &str {
 }
 
 /// The first contact of each family of a case, in order: `(number, family)`.
-fn representatives(simulation: &Simulation) -> Vec<(usize, String)> {
+pub(super) fn representatives(simulation: &Simulation) -> Vec<(usize, String)> {
     firsts((0..simulation.structure.contact_count()).map(|j| family(simulation.structure.contact_name(j))))
 }
 
@@ -162,7 +162,7 @@ pub(super) fn firsts<'n>(families: impl Iterator<Item = &'n str>) -> Vec<(usize,
 }
 
 /// Frequencies and amplitudes of a spectrum up to `highest`, without its mean.
-fn lines(spectrum: &Spectrum, highest: f64) -> Vec<(f64, f64)> {
+pub(super) fn lines(spectrum: &Spectrum, highest: f64) -> Vec<(f64, f64)> {
     let lines = spectrum.frequencies().into_iter().zip(spectrum.amplitude.iter().copied()).skip(1);
     lines.take_while(|(frequency, _)| *frequency <= highest).collect()
 }

@@ -7,13 +7,15 @@ use super::{
     kinematics::Speed,
     layout::is_rounding,
     loads::{FRAME, sign},
+    phases,
 };
 use crate::{
-    gear::Harmonic,
+    gear::{Harmonic, MeshKind},
     system::{LoadHarmonic, Spec},
     train::{
         Mesh, Support, TrainError,
         assembly::{Assembly, LineOfAction, Wheel},
+        drawing::{Drawing, GearDrawing, point, rows},
         imposed::impose,
     },
 };
@@ -93,6 +95,45 @@ impl Gearbox {
         let frequency = (0..layout.lines.len()).map(|i| layout.mesh_frequency(i)).find(|f| *f > 0.0);
         let spec = assembly.reduced(kept, &p, 1.0, frequency.unwrap_or(0.0));
         Ok(Spec { shared: self.shared(layout), ..impose(spec, &motions) })
+    }
+
+    /// The gearbox as a picture shows it.
+    #[must_use]
+    pub fn drawing(&self, layout: &Layout) -> Drawing {
+        let (all, radii) = (self.freedoms(), self.radii(layout));
+        let (kept, _, p) = self.projection(layout, &radii, &all);
+        let mut drawing = Drawing::default();
+        for (i, line) in layout.lines.iter().enumerate() {
+            let geometry = &line.geometry;
+            let carrier = self.frame_of(line.gears).map_or_else(Speed::default, |carrier| layout.shafts[carrier]);
+            for (k, gear) in line.gears.into_iter().enumerate() {
+                let (own, base) = (&self.gears[gear], geometry.base_radii[k]);
+                let shaft = own.shaft;
+                let radius = base / libm::cos(geometry.pressure_angle);
+                if k == 0 {
+                    drawing.points.push(point(layout.centres[shaft], radius, line.pitch));
+                }
+                if drawing.gears.iter().any(|other| other.name == own.name) {
+                    continue;
+                }
+                let (place, _) = self.rotation(gear, base, &radii);
+                let turn = (place, if own.is_loose { base } else { radii[shaft] }.recip());
+                let turned = self.shafts[shaft].carried.map_or(0.0, |(_, psi)| psi);
+                let mut drawn = GearDrawing {
+                    name: own.name.clone(),
+                    centre: layout.centres[shaft],
+                    radius,
+                    teeth: own.teeth.teeth,
+                    is_ring: k == 1 && geometry.kind == MeshKind::Internal,
+                    angle: phases::tooth_angle(self, i, line, k),
+                    speed: layout.rate(layout.gears[gear] - carrier),
+                    motion: rows(all.len(), OF_SHAFT * shaft, turned, turn),
+                };
+                drawn.reduce(&p, kept.len());
+                drawing.gears.push(drawn);
+            }
+        }
+        drawing
     }
 
     /// Meshes of a central gear with the planets of one carrier.

@@ -55,6 +55,11 @@ impl End {
     }
 }
 
+/// The angle of a tooth of gear `k` of mesh `i` at time 0, rad.
+pub(super) fn tooth_angle(gearbox: &Gearbox, i: usize, line: &Line, k: usize) -> f64 {
+    End::both(gearbox, i, line)[k].angle(line.phase)
+}
+
 /// Number of the body that turns as one with a gear: a shaft with its fixed gears, or a loose gear.
 fn rotor(gearbox: &Gearbox, gear: usize) -> usize {
     let ShaftGear { shaft, is_loose, .. } = gearbox.gears[gear];

@@ -1,6 +1,6 @@
 //! A stage into the common form.
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::{DMatrix, DVector};
 
@@ -8,6 +8,7 @@ use super::{Freedoms, Planetary};
 use crate::gear::MeshKind;
 use crate::system::Spec;
 use crate::train::assembly::{Assembly, LineOfAction, Wheel};
+use crate::train::drawing::{Drawing, GearDrawing, point, rows};
 use crate::train::error::{TrainError, check};
 
 impl Planetary {
@@ -35,6 +36,57 @@ impl Planetary {
         let shared =
             if in_phase || count < 2 { vec![] } else { vec![(0..count).collect(), (count..2 * count).collect()] };
         Ok(Spec { shared, ..assembly.reduced(names, &p, share, frequency) })
+    }
+
+    /// The stage as a picture shows it, in the frame of its carrier.
+    ///
+    /// # Errors
+    /// [`TrainError`] for unknown freedoms.
+    pub fn drawing(&self, freedoms: &Freedoms) -> Result<Drawing, TrainError> {
+        let (names, p) = self.projection(freedoms)?;
+        let (carrier, n) = (self.carrier_row(), self.freedoms().len());
+        let [sun_cos, ring_cos] = [self.sun_pressure_angle, self.ring_pressure_angle].map(libm::cos);
+        let pitch = self.sun.radius / sun_cos;
+        let turning = self.rpm * TAU / 60.0 - self.carrier_speed();
+        // A tooth is as thick as a space on the pitch circle: its flank is a quarter of a pitch from its middle.
+        let teeth = |count: u32| (f64::from(count), FRAC_PI_2 / f64::from(count));
+        let gear = |name: String, centre, radius: f64, count: u32, angle: f64, motion| GearDrawing {
+            name,
+            centre,
+            radius,
+            teeth: count,
+            is_ring: false,
+            angle,
+            speed: turning * f64::from(self.teeth.sun) / f64::from(count),
+            motion,
+        };
+        let first = &self.planets[0];
+        let (z, h) = teeth(self.teeth.sun);
+        let angle = first.position - h + TAU * first.sun_mesh.phase / z;
+        let sun = rows(n, 0, 0.0, (2, self.sun.radius.recip()));
+        let mut gears = vec![gear("sun".to_owned(), [0.0; 2], pitch, self.teeth.sun, angle, sun)];
+        let mut points = [Vec::new(), Vec::new()];
+        for (i, planet) in self.planets.iter().enumerate() {
+            let (z, h) = teeth(self.teeth.planet);
+            let centre = point([0.0; 2], self.carrier.radius, planet.position);
+            let angle = planet.position + PI - h - TAU * planet.sun_mesh.phase / z;
+            let motion = rows(n, 3 + 3 * i, planet.position, (5 + 3 * i, planet.body.radius.recip()));
+            let radius = planet.body.radius / sun_cos;
+            let own = gear(format!("planet {}", i + 1), centre, radius, self.teeth.planet, angle, motion);
+            gears.push(GearDrawing { speed: -own.speed, ..own });
+            points[0].push(point([0.0; 2], pitch, planet.position));
+            points[1].push(point(centre, planet.body.radius / ring_cos, planet.position));
+        }
+        let (z, h) = teeth(self.teeth.ring);
+        let angle = first.position + h - TAU * first.ring_mesh.phase / z;
+        let ring = rows(n, carrier + 3, 0.0, (carrier + 5, self.ring.radius.recip()));
+        let own = gear("ring".to_owned(), [0.0; 2], self.ring.radius / ring_cos, self.teeth.ring, angle, ring);
+        gears.push(GearDrawing { is_ring: true, speed: -own.speed, ..own });
+        gears.iter_mut().for_each(|gear| gear.reduce(&p, names.len()));
+        if *freedoms == Freedoms::InPhase {
+            points.iter_mut().for_each(|points| points.truncate(1));
+        }
+        Ok(Drawing { gears, points: points.concat() })
     }
 
     /// Index of the carrier's first freedom among all.
