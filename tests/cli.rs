@@ -64,6 +64,62 @@ fn a_pipe_sees_no_progress_bar() {
     assert!(quiet.get_output().stdout.is_empty());
 }
 
+/// The table of events has a line for each contact of the log; it can go to standard output, and the scene come from standard input.
+#[test]
+fn events_are_a_table_too() {
+    let scene = ball(r#"{ "t_end_s": 5, "period_s": 0.1 }"#).replacen('{', r#"{ "$schema": "scene.schema.json","#, 1);
+    let folder = with_scene(&scene);
+    flank(&folder, &["run", "scene.json", "--out", "out", "--no-report"]).code(0);
+    let read = |name: &str| fs::read_to_string(folder.path().join("out").join(name)).unwrap();
+    let (log, table) = (read("events.jsonl"), read("events.csv"));
+    let rows: Vec<serde_json::Value> = log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let contacts: usize = rows.iter().map(|row| row["contacts"].as_array().unwrap().len()).sum();
+    assert_eq!(table.lines().count(), 1 + contacts);
+    assert!(table.starts_with("index,cycle,phase_s,t_s,uncertainty_s,contact,kind,from,to,deflection_m,"), "{table}");
+    let first: Vec<&str> = table.lines().nth(1).unwrap().split(',').collect();
+    assert_eq!(first[3], rows[0]["t"].as_str().unwrap());
+    let mut command = assert_cmd::Command::cargo_bin("flank").unwrap();
+    let done = command.args(["run", "-", "--out", "-"]).write_stdin(scene.clone()).assert().code(0);
+    assert_eq!(text(&done.get_output().stdout), table);
+    flank(&folder, &["run", "scene.json", "--out", "bare", "--no-log", "--no-report"]).code(0);
+    assert!(!folder.path().join("bare/events.csv").exists());
+    // The schema is no part of the scene.
+    let summary = |name: &str| summary(&folder.path().join(name))["scene"]["sha256"].clone();
+    fs::write(folder.path().join("scene.json"), ball(r#"{ "t_end_s": 5, "period_s": 0.1 }"#)).unwrap();
+    flank(&folder, &["run", "scene.json", "--out", "plain", "--no-log", "--no-report"]).code(0);
+    assert_eq!(summary("out"), summary("plain"));
+}
+
+#[test]
+fn the_parser_writes_completions_and_a_manual() {
+    let folder = tempfile::tempdir().unwrap();
+    let bash = flank(&folder, &["completions", "bash"]).code(0);
+    assert!(text(&bash.get_output().stdout).contains("--no-report"));
+    let page = flank(&folder, &["man"]).code(0);
+    assert!(text(&page.get_output().stdout).contains(".TH flank"));
+    flank(&folder, &["man", "--out", "."]).code(0);
+    assert!(folder.path().join("flank-run.1").exists());
+}
+
+#[test]
+fn a_sound_is_a_file_that_is_not_replaced_unasked() {
+    let folder = tempfile::tempdir().unwrap();
+    let done = flank(&folder, &["sound", "--seconds", "0.1"]).code(0);
+    assert!(text(&done.get_output().stdout).contains("placeholder"));
+    let bytes = fs::read(folder.path().join("rattle.wav")).unwrap();
+    assert_eq!((&bytes[..4], &bytes[8..12]), (&b"RIFF"[..], &b"WAVE"[..]));
+    flank(&folder, &["sound", "--seconds", "0.1"]).code(2);
+    flank(&folder, &["sound", "--seconds", "0", "--full-scale", "-1", "--force"]).code(2);
+    fs::write(
+        folder.path().join("path.json"),
+        r#"{ "modes": [{ "frequency_hz": 1e5, "damping_ratio": 2, "amplitude": 1 }] }"#,
+    )
+    .unwrap();
+    let refused = flank(&folder, &["sound", "--path", "path.json", "--force"]).code(2);
+    let words = text(&refused.get_output().stderr);
+    assert!(words.contains("frequency_hz") && words.contains("damping_ratio"), "{words}");
+}
+
 #[test]
 fn the_same_scene_gives_the_same_bytes() {
     let folder = with_scene(&ball(r#"{ "t_end_s": 5, "output": { "samples_per_cycle": 8 }, "period_s": 0.1 }"#));

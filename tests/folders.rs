@@ -255,15 +255,15 @@ fn a_killed_run_leaves_its_manifest() {
     }
     child.kill().unwrap();
     child.wait().unwrap();
-    assert_eq!(listed(&folder), ["events.jsonl", "trajectory.csv"]);
+    assert_eq!(listed(&folder), ["events.jsonl", "events.csv", "trajectory.csv"]);
     // As if it had been killed while it wrote its measures.
-    tamper(&folder, &["events.jsonl", "trajectory.csv", "summary.json"]);
+    tamper(&folder, &["events.jsonl", "events.csv", "trajectory.csv", "summary.json"]);
     put(&folder, "summary.json.part", "{ \"fla");
     put(&folder, "flank-manifest.json.part", "{ \"fla");
     fs::write(folder.path().join("scene.json"), PAIR).unwrap();
     assert_eq!(make(&folder, "scene.json", &commands()[0], true).status.code(), Some(0));
     let left: Vec<String> = files(&folder.path().join("out")).into_keys().collect();
-    assert_eq!(left, ["events.jsonl", MANIFEST, "summary.json"]);
+    assert_eq!(left, ["events.csv", "events.jsonl", MANIFEST, "summary.json"]);
 }
 
 /// A file of the user's with the name of a journal is neither cut nor replaced.

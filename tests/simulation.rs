@@ -202,7 +202,7 @@ fn it_writes_what_the_command_writes() {
         let record = job.write(&library).unwrap();
         assert!(record.events.is_empty() && record.work.events > 0);
         let (theirs, ours) = (files(&command), files(&library));
-        assert_eq!(theirs.len(), if more == Some("--trajectory") { 4 } else { 3 });
+        assert_eq!(theirs.len(), if more == Some("--trajectory") { 5 } else { 4 });
         for (theirs, ours) in theirs.iter().zip(&ours) {
             assert_eq!(theirs.file_name(), ours.file_name());
             assert!(fs::read(theirs).unwrap() == fs::read(ours).unwrap(), "{}", ours.display());

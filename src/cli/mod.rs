@@ -15,6 +15,7 @@ mod map;
 mod orbit;
 mod progress;
 mod run;
+mod sound;
 mod stability;
 mod study;
 mod sweep;
@@ -76,10 +77,23 @@ enum Command {
     Stability(stability::Arguments),
     /// Find numbers of a scene from natural frequencies and static contact forces
     Identify(identify::Arguments),
+    /// Render the impacts of a scene as sound, through a transfer path
+    Sound(sound::Arguments),
     /// Make a scene of a gearbox file that another program wrote, with the origin of each number
     Import(import::Arguments),
     /// Print the JSON Schema of scenes
     Schema,
+    /// Print completions for a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page (roff), or write a page for every command
+    Man {
+        /// Write flank.1 and a page for each command into this folder, which must exist
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
     /// Look at scenes
     #[command(subcommand)]
     Scene(Look),
@@ -142,22 +156,47 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
         Command::Compare(arguments) => return compare::execute(&arguments),
         Command::Stability(arguments) => return stability::execute(&arguments),
         Command::Identify(arguments) => return identify::execute(&arguments),
+        Command::Sound(arguments) => return sound::execute(&arguments),
         Command::Check(arguments) => check::execute(&arguments)?,
         Command::Import(arguments) => import::execute(&arguments)?,
         Command::Schema => print(&format!("{:#}\n", scene::schema()))?,
+        Command::Completions { shell } => {
+            let mut text = Vec::new();
+            clap_complete::generate(shell, &mut Arguments::command(), "flank", &mut text);
+            print(&String::from_utf8_lossy(&text))?;
+        }
+        Command::Man { out: Some(folder) } => clap_mangen::generate_to(Arguments::command(), &folder)
+            .map_err(|error| CliError::File(folder.display().to_string(), error))?,
+        Command::Man { out: None } => {
+            let mut text = Vec::new();
+            let written = clap_mangen::Man::new(Arguments::command()).render(&mut text);
+            written.map_err(|error| CliError::File("flank.1".to_owned(), error))?;
+            print(&String::from_utf8_lossy(&text))?;
+        }
         Command::Scene(Look::Show { scene }) => print(&format!("{:#}\n", read_scene(scene.as_deref())?.resolved()))?,
     }
     Ok(Done::Completely)
 }
 
-/// Reads a scene, or the reference scene.
+/// Reads a scene; `-` is standard input, nothing the reference scene.
 fn read_scene(path: Option<&Path>) -> Result<Scene, CliError> {
-    Ok(path.map_or_else(Scene::reference, Scene::from_file)?)
+    match path {
+        None => Ok(Scene::reference()?),
+        Some(path) if path == Path::new("-") => {
+            let name = "standard input";
+            let text = std::io::read_to_string(std::io::stdin().lock());
+            Ok(Scene::from_json(&text.map_err(|error| CliError::Unread(name.to_owned(), error))?, name)?)
+        }
+        Some(path) => Ok(Scene::from_file(path)?),
+    }
 }
 
 /// The same, ready to run.
 fn open(path: Option<&Path>) -> Result<Simulation, CliError> {
-    Ok(path.map_or_else(|| Simulation::from_scene(Scene::reference()?), Simulation::from_file)?)
+    match path.filter(|path| *path != Path::new("-")) {
+        Some(path) => Ok(Simulation::from_file(path)?),
+        None => Ok(Simulation::from_scene(read_scene(path)?)?),
+    }
 }
 
 /// What a command that reads `scene` is to write into `out`, if that is given. Refused before any work; nothing is changed yet.

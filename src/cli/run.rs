@@ -1,6 +1,9 @@
 //! `flank run`.
 
-use std::{fmt::Write, path::PathBuf};
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+};
 
 use flank::{
     Simulation,
@@ -8,7 +11,7 @@ use flank::{
     output::{Request, five_digits as number, label},
     plot::{Item, Report},
     scene::{Duration, strict},
-    simulation::{Ended, RunRecord, Summary},
+    simulation::{Ended, RunRecord, Summary, event_head, event_lines},
     study::run_page,
 };
 
@@ -23,12 +26,16 @@ use super::{
 pub struct Arguments {
     /// Scene file; the reference scene if left out
     scene: Option<PathBuf>,
-    /// Write events.jsonl, summary.json and report.html with its figures into this folder
+    /// Write events.jsonl, events.csv, summary.json and report.html with its figures into this folder; `-` writes the table of events to
+    /// standard output, and nothing else
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Write trajectory.csv too (a scene with output.samples_per_cycle > 0 always does)
     #[arg(long, requires = "out")]
     trajectory: bool,
+    /// Write no events.jsonl and no events.csv
+    #[arg(long, requires = "out")]
+    no_log: bool,
     /// Write no report.html and no figures: a report takes as long as it takes to decide the kind of the motion
     #[arg(long, requires = "out")]
     no_report: bool,
@@ -68,14 +75,18 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     job.verify |= arguments.verify;
     job.trajectory |= arguments.trajectory;
     job.replace = arguments.force;
-    let page = arguments.out.as_deref().filter(|_| !arguments.no_report);
-    let files = Report::files(run_page::FIGURES, &["events.jsonl", "trajectory.csv", "summary.json"]);
+    job.log = !arguments.no_log;
+    let to_output = arguments.out.as_deref() == Some(Path::new("-"));
+    let out = arguments.out.as_deref().filter(|_| !to_output);
+    job.trajectory &= !to_output;
+    let page = out.filter(|_| !arguments.no_report);
+    let files = Report::files(run_page::FIGURES, &["events.jsonl", "events.csv", "trajectory.csv", "summary.json"]);
     let input = arguments.scene.as_deref();
     let request = page.map(|folder| Request { folder, command: "run", input, force: arguments.force, files });
     request.as_ref().map(Request::check).transpose()?;
     let working = catch_interrupt();
     let task = job.task;
-    let record = job.attempt(arguments.out.as_deref());
+    let record = job.attempt(out);
     let written = match (&record, request) {
         (Ok(record), Some(request)) if record.outcome.kind == Ended::ReachedEnd => {
             write_page(&simulation, record, request, task)
@@ -85,14 +96,18 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     drop(working);
     bar.finish_and_clear();
     let record = record?;
-    if !arguments.quiet {
+    if to_output {
+        let head = std::iter::once(event_head(simulation.dimensionless));
+        let lines = head.chain(record.events.iter().flat_map(event_lines));
+        print(&lines.map(|line| line + "\n").collect::<String>())?;
+    } else if !arguments.quiet {
         print(&text(&simulation, &record).unwrap_or_default())?;
     }
     if let Err(reason) = &written {
         eprintln!("warning: no report.html: {reason}");
     }
-    if let Some(out) = arguments.out.as_deref().filter(|_| !arguments.quiet) {
-        let names = ["events.jsonl", "summary.json", "trajectory.csv", "report.html"];
+    if let Some(out) = out.filter(|_| !arguments.quiet) {
+        let names = ["events.jsonl", "events.csv", "summary.json", "trajectory.csv", "report.html"];
         let there: Vec<&str> = names.into_iter().filter(|name| out.join(name).exists()).collect();
         print(&format!("\nWritten into {}: {}\n", out.display(), there.join(", ")))?;
     }

@@ -8,7 +8,6 @@ use std::{
 use flank::{
     output::{Request, Table, label},
     plot::Report,
-    scene::Scene,
     simulation::SimulationError,
     study::{
         Context, Kind, StudyError,
@@ -23,7 +22,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
-use super::{CliError, Done, axis, print, progress::counted, report_line, threads};
+use super::{CliError, Done, axis, print, progress::counted, read_scene, report_line, threads};
 
 /// Arguments of `flank study`.
 #[derive(Debug, clap::Args)]
@@ -156,7 +155,7 @@ fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
         return Err(GridError(faults).into());
     }
     let plan = match &arguments.scene {
-        Some(path) => Plan::of(&Scene::from_file(path)?),
+        Some(path) => Plan::of(&read_scene(Some(path))?),
         None => Plan::reference()?,
     };
     let plan = plan.varied(loads, speeds);

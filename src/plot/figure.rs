@@ -39,6 +39,12 @@ pub struct Figure {
 }
 
 impl Figure {
+    /// Height of its panels over the usual one.
+    #[cfg(feature = "plot")]
+    pub(super) fn height(&self) -> f64 {
+        self.panels.first().and_then(|panel| panel.height).unwrap_or(1.0)
+    }
+
     /// All numbers of the figure as CSV (RFC 4180), one point a row, each with the labels and units of its axes:
     ///
     /// `panel, panel_title, kind, name, x, x_label, x_unit, y, y_label, y_unit`
@@ -97,6 +103,9 @@ pub struct Panel {
     pub x: Axis,
     /// Ordinate.
     pub y: Axis,
+    /// Height over the usual one, if it is another. All panels of a figure are as high as the first.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height: Option<f64>,
     /// One unit is as long on x as on y.
     pub equal_scales: bool,
     /// Curves and points.

@@ -394,8 +394,8 @@
     const rows = Math.ceil(panels.length / columns);
     const gap = 14;
     const room = Math.floor((width - gap * (columns - 1)) / columns);
-    const high = panels.some((panel) => panel.equal) ? Math.min(room - 80, 560)
-      : columns === 1 ? (rows === 1 ? Math.min(440, Math.max(260, room * 0.55)) : 210) : Math.max(190, room * 0.52);
+    const high = figure.data.height * (panels.some((panel) => panel.equal) ? Math.min(room - 80, 560)
+      : columns === 1 ? (rows === 1 ? Math.min(440, Math.max(260, room * 0.55)) : 210) : Math.max(190, room * 0.52));
     const titles = panels.map((panel) => ({
       x: wrapped(titled(panel.x), room - 80, TEXT), y: wrapped(titled(panel.y), high, TEXT), top: wrapped(panel.title, room - 70, TEXT, "bold"),
     }));

@@ -257,6 +257,7 @@ fn figure_data(figure: &Figure) -> Value {
     let entry =
         |entry: Entry<'_>| json!({ "name": entry.name, "looks": entry.looks.iter().map(look).collect::<Vec<_>>() });
     json!({
+        "height": figure.height(),
         "columns": figure.columns.clamp(1, figure.panels.len().max(1)),
         "legend": legend::entries(&figure.panels).into_iter().map(entry).collect::<Vec<_>>(),
         "panels": figure.panels.iter().map(panel_data).collect::<Vec<_>>(),

@@ -159,6 +159,7 @@ pub(super) fn schema() -> Value {
         "else": { "properties": { "run": run(&schema) } },
     });
     schema["properties"]["run"] = json!({});
+    schema["properties"]["$schema"] = json!({ "type": "string" });
     schema["allOf"] = json!([choice]);
     schema["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
     schema["title"] = json!("Flank scene");

@@ -143,7 +143,12 @@ impl Scene {
     }
 
     /// Reads a scene whose start need not fit its train.
-    fn with_any_start(given: Value, name: &str) -> Result<Self, SceneError> {
+    fn with_any_start(mut given: Value, name: &str) -> Result<Self, SceneError> {
+        // Editors read it; it is no part of the scene.
+        if let Some(object) = given.as_object_mut().filter(|object| object.get("$schema").is_some_and(Value::is_string))
+        {
+            object.remove("$schema");
+        }
         let (mut faults, expanded) = (Vec::new(), preset::expand(&given));
         let resolved = check::check(&expanded, shape::scene(build::units_of(&expanded)), "", &mut faults);
         if faults.is_empty() {

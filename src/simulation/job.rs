@@ -1,13 +1,13 @@
 use std::{
     cell::Cell,
-    fs::File,
-    io::{BufWriter, LineWriter, Write},
+    io::BufWriter,
     ops::{ControlFlow, Deref},
     path::Path,
 };
 
 use super::{
     IntegratorUsed, Provenance, RunEnd, Simulation, SimulationError, Summary, TrainUsed,
+    rows::Rows,
     samples::{SampleFile, sample_grid},
 };
 use crate::{
@@ -22,6 +22,7 @@ use crate::{
 };
 
 const EVENTS: &str = "events.jsonl";
+const TABLE: &str = "events.csv";
 const TRAJECTORY: &str = "trajectory.csv";
 const SUMMARY: &str = "summary.json";
 
@@ -45,6 +46,8 @@ pub struct Job<'a> {
     pub verify: bool,
     /// Writes `trajectory.csv` too, with 64 samples a cycle where the settings name no number.
     pub trajectory: bool,
+    /// Writes `events.jsonl` and `events.csv`; without them a long run takes no room.
+    pub log: bool,
     /// Replaces the files of an earlier run, and nothing else, in a folder that is not empty.
     pub replace: bool,
 }
@@ -80,6 +83,7 @@ impl<'a> Job<'a> {
             max_events: run.event_budget,
             verify: run.verify,
             trajectory: run.samples_per_cycle > 0,
+            log: true,
             replace: false,
         }
     }
@@ -118,14 +122,17 @@ impl<'a> Job<'a> {
         let (mut engine, why) = simulation.limited(start, self.max_events)?;
 
         let sampled = self.trajectory && folder.is_some();
-        let files = [Some(EVENTS), sampled.then_some(TRAJECTORY), Some(SUMMARY)];
-        let files = files.into_iter().flatten().map(String::from).collect();
+        let is_kept = folder.is_none();
+        let logged = self.log && folder.is_some();
+        let logs = logged.then_some([EVENTS, TABLE]).into_iter().flatten();
+        let files = logs.chain(sampled.then_some(TRAJECTORY)).chain([SUMMARY]).map(String::from).collect();
         let (input, force) = (simulation.file.as_deref(), self.replace);
         let request = folder.map(|folder| Request { folder, command: "run", input, force, files });
         let mut folder = request.map(|request| request.open()).transpose()?;
-        // Each line reaches the file as it is written.
-        let file = folder.as_mut().map(|folder| folder.create(EVENTS)).transpose()?.map(LineWriter::new);
-        let mut rows = Rows { file, error: None, kept: Vec::new() };
+        let mut file = |name: &str| folder.as_mut().filter(|_| logged).map(|folder| folder.create(name)).transpose();
+        let files = [file(EVENTS)?, file(TABLE)?];
+        let mut rows =
+            Rows::new(files, simulation.dimensionless, is_kept).map_err(|error| SimulationError::File(TABLE, error))?;
         let file = folder.as_mut().filter(|_| sampled).map(|folder| folder.create(TRAJECTORY)).transpose()?;
         let mut samples = file.map(|file| SampleFile::new(simulation, BufWriter::new(file)));
 
@@ -236,37 +243,6 @@ fn alarm(
         return Some(SimulationError::Energy { closure: summary.energy.closure(), rounding });
     }
     summary.overflow().map(SimulationError::Overflow)
-}
-
-/// Takes event rows: into a file, one JSON object a line, or else into memory. Keeps the first error.
-struct Rows {
-    file: Option<LineWriter<File>>,
-    error: Option<std::io::Error>,
-    kept: Vec<EventRow>,
-}
-
-impl Rows {
-    /// Takes a row; breaks off if it cannot be written.
-    fn take(&mut self, row: EventRow) -> ControlFlow<()> {
-        let Some(file) = &mut self.file else {
-            self.kept.push(row);
-            return ControlFlow::Continue(());
-        };
-        let written = serde_json::to_string(&row).map_err(Into::into).and_then(|line| writeln!(file, "{line}"));
-        match written {
-            Ok(()) => ControlFlow::Continue(()),
-            Err(error) => {
-                self.error = Some(error);
-                ControlFlow::Break(())
-            }
-        }
-    }
-
-    fn finish(mut self) -> std::io::Result<Vec<EventRow>> {
-        self.error.map_or(Ok(()), Err)?;
-        self.file.as_mut().map_or(Ok(()), Write::flush)?;
-        Ok(self.kept)
-    }
 }
 
 /// Reports how far a run is, and breaks it off once its task is cancelled.

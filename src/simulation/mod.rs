@@ -9,6 +9,7 @@ mod error;
 mod job;
 mod parameter;
 mod report;
+mod rows;
 mod samples;
 mod summary;
 mod tables;
@@ -23,6 +24,7 @@ pub use error::SimulationError;
 pub use job::{Job, RunRecord};
 pub use parameter::Parameter;
 pub use report::{ContactAtStart, MeshOfTeeth, Mode, Order, Report, Share, Speed};
+pub use rows::{event_head, event_lines};
 pub use summary::{Ended, IntegratorUsed, Provenance, RunEnd, Summary, TrainUsed};
 
 use crate::{

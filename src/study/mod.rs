@@ -22,6 +22,7 @@ pub mod rattle;
 mod record;
 #[cfg(feature = "plot")]
 pub mod run_page;
+pub mod sound;
 pub mod steady;
 mod steady_sweep;
 #[cfg(feature = "plot")]

@@ -145,7 +145,7 @@ impl<'a> Page<'a> {
             (_, 1, 1) => 460.0,
             (_, _, 1) => 280.0,
             _ => (0.68 * across).max(230.0),
-        };
+        } * figure.height();
         let size = [width, top + rows as f64 * (high + GAP) - GAP + EDGE];
         Self { figure, size: size.map(f64::round), title, legend, top, columns, cell: [across, high] }
     }

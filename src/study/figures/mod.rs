@@ -132,6 +132,20 @@ impl Units {
             Self { time: (1e3, "ms"), length: (1e6, "µm"), force: "N", frequency: "Hz" }
         }
     }
+
+    /// The same for times up to `time`, s, and lengths up to `length`, m.
+    pub fn fit(self, time: f64, length: f64) -> Self {
+        if self.force.is_empty() {
+            return self;
+        }
+        let time = if time >= 1.0 { (1.0, "s") } else { self.time };
+        let length = match length {
+            length if length >= 0.1 => (1.0, "m"),
+            length if length >= 1e-3 => (1e3, "mm"),
+            _ => self.length,
+        };
+        Self { time, length, ..self }
+    }
 }
 
 /// A contact's name without its number: `ring-planet 2` is one of the `ring-planet` meshes. Contacts without names of their own,

@@ -28,9 +28,8 @@ impl Shown {
 
     /// Numbers and names of the contacts drawn one by one.
     fn contacts(&self) -> Vec<(usize, String)> {
-        let mut contacts = representatives(&self.simulation);
-        contacts.truncate(MOST);
-        contacts
+        let name = |(j, _)| (j, self.simulation.structure.contact_name(j).to_owned());
+        representatives(&self.simulation).into_iter().take(MOST).map(name).collect()
     }
 
     fn over(&self) -> String {
@@ -92,10 +91,8 @@ impl Shown {
         }
         let panel = Panel {
             x: self.time_axis(),
-            y: Axis {
-                places: true,
-                ..Axis::new("contact", "").between(-0.15 - (4.0 - count as f64).max(0.0), count as f64 + 0.1)
-            },
+            y: Axis { places: true, ..Axis::new("contact", "").between(-0.15, count as f64 + 0.1) },
+            height: Some((0.25 + 0.125 * count as f64).min(1.0)),
             tiles,
             notes,
             ..Panel::default()

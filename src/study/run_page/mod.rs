@@ -18,6 +18,7 @@ use crate::{
     orbit::{Kind, Motion},
     plot::{Item, Report, Section},
     simulation::{Ended, Simulation, Summary},
+    system::Flanks,
     task::Task,
 };
 
@@ -124,7 +125,8 @@ fn whole_run(simulation: &Simulation, end: &State) -> Result<Shown, StudyError> 
     let recording =
         record_until(simulation, &mut simulation.engine(start.clone())?, end.at, Grid::Interval { interval })?;
     let impacts = impacts(simulation, start, end.at)?;
-    let units = Units::of(simulation);
+    let largest = recording.deflection.iter().flatten().fold(0.0, |most: f64, d| most.max(d.abs()));
+    let units = Units::of(simulation).fit(simulation.clock().between(simulation.start()?.at, end.at), largest);
     Ok(Shown { simulation: simulation.clone(), recording, impacts, cycles: None, motion: None, units })
 }
 
@@ -135,11 +137,13 @@ fn impacts(simulation: &Simulation, start: State, end: Instant) -> Result<Vec<Im
     let mut impacts = Vec::new();
     let take = |row: EventRow| {
         for event in &row.contacts {
+            let has_back = structure.spec().contacts[event.mesh].flanks == Flanks::Both;
             let side = match event.to {
                 "drive" => 1.0,
                 "back" => -1.0,
-                _ if event.blows.is_some() => event.deflection.signum(),
-                _ => continue,
+                _ if event.blows.is_none() => continue,
+                _ if has_back && event.deflection < 0.0 => -1.0,
+                _ => 1.0,
             };
             if let Some(speed) = event.approach.filter(|speed| *speed > 0.0 && event.from == "separated") {
                 let at = period.map_or(row.seconds - from, |period| (row.phase / period).rem_euclid(1.0));

@@ -1,0 +1,159 @@
+//! The sound of impacts: impulses at their exact times through a modal transfer path.
+//!
+//! An impact of momentum p at `t₀` adds `p Σ_k a_k exp(−ζ_k ω_k (t − t₀)) sin(ω_k √(1 − ζ_k²) (t − t₀))` for `t ≥ t₀`. The sum is formed sample by sample as
+//! one turning pointer for each mode, which an impact enters at its own time between two samples: no time is rounded to a sample.
+
+use std::{f64::consts::TAU, ops::ControlFlow};
+
+use serde::{Deserialize, Serialize};
+
+use super::{StudyError, steady::until};
+use crate::{
+    analysis::{Contacts, EventLog, EventRow},
+    engine::Observer,
+    output::Fault,
+    simulation::Simulation,
+    task::Task,
+};
+
+/// Samples a second.
+pub const RATE: u32 = 48_000;
+
+/// A mode of a transfer path.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PathMode {
+    /// Natural frequency, Hz, `(0, 24000)`.
+    pub frequency_hz: f64,
+    /// Damping ratio ζ, `(0, 1)`.
+    pub damping_ratio: f64,
+    /// Amplitude a for an impulse of 1 N s.
+    pub amplitude: f64,
+}
+
+/// A transfer path from the teeth to a listener.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TransferPath {
+    /// Modes, at least one.
+    pub modes: Vec<PathMode>,
+}
+
+impl TransferPath {
+    /// A placeholder: no measured gearbox, but the same one for all designs.
+    #[must_use]
+    pub fn placeholder() -> Self {
+        let mode = |(frequency_hz, amplitude)| PathMode { frequency_hz, damping_ratio: 0.02, amplitude };
+        let modes = [(480.0, 0.3), (1150.0, 1.0), (2300.0, 0.7), (3600.0, 0.4), (5200.0, 0.2)];
+        Self { modes: modes.map(mode).to_vec() }
+    }
+
+    /// Checks the modes.
+    ///
+    /// # Errors
+    /// A fault for every number out of its range.
+    pub fn check(&self) -> Result<(), Vec<Fault>> {
+        let mut faults = Vec::new();
+        if self.modes.is_empty() {
+            faults.push(
+                Fault::new("/modes", "no mode", "at least one").remedy("give a frequency, a ratio, an amplitude"),
+            );
+        }
+        let highest = f64::from(RATE / 2);
+        for (i, mode) in self.modes.iter().enumerate() {
+            let mut check = |key: &str, value: f64, holds: bool, allowed: &str| {
+                if !holds {
+                    let place = format!("/modes/{i}/{key}");
+                    faults.push(Fault::new(&place, value.to_string(), allowed).remedy("write a number in this range"));
+                }
+            };
+            let (f, ratio, a) = (mode.frequency_hz, mode.damping_ratio, mode.amplitude);
+            check("frequency_hz", f, f > 0.0 && f < highest, "above 0 and below 24000");
+            check("damping_ratio", ratio, ratio > 0.0 && ratio < 1.0, "above 0 and below 1");
+            check("amplitude", a, a.is_finite(), "a finite number");
+        }
+        if faults.is_empty() { Ok(()) } else { Err(faults) }
+    }
+}
+
+/// An impact as it is heard.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Blow {
+    /// Time from the beginning of the sound, s.
+    pub time: f64,
+    /// Momentum, N s: effective mass times approach speed; of a rigid contact the impulse.
+    pub momentum: f64,
+}
+
+/// Lists the impacts in `seconds` after the transient of a run, in order of time.
+///
+/// # Errors
+/// [`StudyError`]: a train without seconds, a run that fails, an interruption.
+pub fn impacts(simulation: &Simulation, seconds: f64, task: Task<'_>) -> Result<Vec<Blow>, StudyError> {
+    if simulation.dimensionless {
+        return Err(StudyError::missing(&simulation.name, "a dimensionless train has no seconds to listen to"));
+    }
+    let (structure, clock) = (&simulation.structure, *simulation.clock());
+    let [_, from, _] = simulation.instants();
+    let mut blows = Vec::new();
+    let take = |row: EventRow| {
+        for event in &row.contacts {
+            let begins = event.from == "separated" && (event.blows.is_some() || matches!(event.to, "drive" | "back"));
+            if let Some(speed) = event.approach.filter(|speed| begins && *speed > 0.0) {
+                let contact = &structure.contacts()[event.mesh];
+                let rigid = event.blows.and(event.impulse).map(f64::abs);
+                let momentum = rigid.unwrap_or(contact.effective_mass() * speed);
+                // The clock keeps digits that seconds since the start of a long run do not.
+                let at = clock.at(row.n, row.phase);
+                blows.push(Blow { time: clock.between(from, at), momentum });
+            }
+        }
+        task.flow()
+    };
+    let mut engine = simulation.engine(simulation.start()?)?;
+    until(&mut engine, from, &mut Listener(task), task)?;
+    let mut log = EventLog::new(structure, Contacts::new(structure, None).keep(0), take);
+    until(&mut engine, clock.advance(from, seconds), &mut log, task)?;
+    drop(log);
+    Ok(blows)
+}
+
+/// Breaks a run off once its task is cancelled.
+struct Listener<'a>(Task<'a>);
+
+impl Observer for Listener<'_> {
+    fn event(&mut self, _: &crate::event::EventRecord) -> ControlFlow<()> {
+        self.0.flow()
+    }
+}
+
+/// Renders impacts through a path: samples from time 0 on, `seconds` long.
+#[must_use]
+pub fn render(blows: &[Blow], path: &TransferPath, seconds: f64) -> Vec<f64> {
+    // OK to convert: a sound fits into memory.
+    let count = (seconds * f64::from(RATE)).round() as usize;
+    let step = f64::from(RATE).recip();
+    let mut samples = vec![0.0; count];
+    for mode in &path.modes {
+        let omega = TAU * mode.frequency_hz;
+        let (decay, turn) = (mode.damping_ratio * omega, omega * (1.0 - mode.damping_ratio.powi(2)).sqrt());
+        let pointer = |time: f64| {
+            let (sin, cos) = libm::sincos(turn * time);
+            let size = libm::exp(-decay * time);
+            [size * cos, size * sin]
+        };
+        let [cos, sin] = pointer(step);
+        let [mut x, mut y] = [0.0; 2];
+        let mut next = blows.iter().peekable();
+        for (n, sample) in samples.iter_mut().enumerate() {
+            [x, y] = [x * cos - y * sin, x * sin + y * cos];
+            let now = n as f64 * step;
+            while let Some(blow) = next.next_if(|blow| blow.time <= now) {
+                let [by_x, by_y] = pointer(now - blow.time);
+                (x, y) = (x + blow.momentum * by_x, y + blow.momentum * by_y);
+            }
+            *sample += mode.amplitude * y;
+        }
+    }
+    samples
+}
