@@ -9,7 +9,7 @@ use super::{
 use crate::{
     integrate::Choice,
     output::{Folder, OutputError},
-    plot::{Axis, Figure, Guide, Item, Panel, Report, Section, Series, Style},
+    plot::{Axis, Figure, Guide, Item, Panel, Print, Report, Section, Series, Style},
 };
 
 const TABLE: &str = "compare.csv";
@@ -27,10 +27,10 @@ impl WorkPrecision<'_> {
     ///
     /// # Errors
     /// [`OutputError`] if a file cannot be written.
-    pub fn write(&self, folder: &mut Folder, summaries: &[ContenderSummary]) -> Result<(), OutputError> {
+    pub fn write(&self, folder: &mut Folder, summaries: &[ContenderSummary], print: &Print) -> Result<(), OutputError> {
         let name = self.problem.simulation.title();
         let figures = charts(name, &self.truth, &self.rows);
-        figures.iter().try_for_each(|figure| figure.write(folder))?;
+        figures.iter().try_for_each(|figure| figure.write(folder, print))?;
         folder.bytes(TABLE, self.csv())?;
         folder.complete(ERRORS, &self.json(summaries))?;
         let time = |row: &Row<'_>| json!({ "method": row.contender.name, "setting": row.setting, "time": row.time });
@@ -45,7 +45,7 @@ impl WorkPrecision<'_> {
             })
             .collect();
         folder.complete(TIMING, &json!({ "rows": times, "costs": ratios }))?;
-        self.report(summaries, figures).write(folder)
+        self.report(summaries, figures).write(folder, print)
     }
 
     /// Errors and counters: the same input gives the same file. Times are in `timing.json`.

@@ -15,7 +15,7 @@ use flank::{
 use serde::Serialize;
 use serde_json::json;
 
-use super::{CliError, Done, print, progress::counted, read_scene, report_line, request};
+use super::{CliError, Done, pictures::Pictures, print, progress::counted, read_scene, report_line, request, wrapped};
 
 /// Arguments of `flank advise`.
 #[derive(Debug, clap::Args)]
@@ -34,6 +34,8 @@ pub struct Arguments {
     /// Print nothing
     #[arg(long, short)]
     quiet: bool,
+    #[command(flatten)]
+    pictures: Pictures,
 }
 
 fn tolerance(word: &str) -> Result<f64, String> {
@@ -68,6 +70,7 @@ const STEPS: f64 = 4_000.0;
 
 /// Advises.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let form = arguments.pictures.print()?;
     let plan = Plan::new(&read_scene(arguments.scene.as_deref())?)?;
     // Refused before anything is run, made when there is something to write.
     let files = Report::files(["rungs", "freedoms"], &[TABLE, ADVICE, TIMING]);
@@ -86,12 +89,12 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if let Some(request) = &request {
         let mut folder = request.open()?;
         for figure in advice.figures() {
-            figure.write(&mut folder)?;
+            figure.write(&mut folder, &form)?;
         }
         folder.bytes(TABLE, advice.csv())?;
         folder.complete(ADVICE, &json!({ "flank": env!("CARGO_PKG_VERSION"), "advice": advice }))?;
         folder.complete(TIMING, &timing)?;
-        advice.report(env!("CARGO_PKG_VERSION")).write(&mut folder)?;
+        advice.report(env!("CARGO_PKG_VERSION")).write(&mut folder, &form)?;
     }
     if !arguments.quiet {
         let report = if out.is_some() { "\n".to_owned() + &report_line(out) } else { String::new() };
@@ -147,31 +150,12 @@ fn text(advice: &Advice, timing: &Timing) -> String {
         text += &format!("{freedoms}\n");
     }
     for line in advice.verdicts() {
-        text += &wrapped(&line);
+        text += &wrapped(&line, "");
     }
     if let Some(faster) = faster(advice, timing) {
         text += &faster;
     }
-    text + "\n" + &wrapped(&advice.rule_in_words())
-}
-
-/// The words in lines of at most 120 letters, those after the first set in.
-pub fn wrapped(text: &str) -> String {
-    let mut lines = String::new();
-    let mut used = 0;
-    for word in text.split(' ') {
-        let length = word.chars().count();
-        if used > 0 && used + 1 + length > 120 {
-            lines += "\n  ";
-            used = 2;
-        } else if used > 0 {
-            lines.push(' ');
-            used += 1;
-        }
-        lines += word;
-        used += length;
-    }
-    lines + "\n"
+    text + "\n" + &wrapped(&advice.rule_in_words(), "")
 }
 
 /// What the least model saves in time.

@@ -10,7 +10,7 @@ use flank::{
     simulation::SimulationError,
 };
 
-use super::{CliError, Done, open, print, progress::counted, report_line, request};
+use super::{CliError, Done, open, pictures::Pictures, print, progress::counted, report_line, request};
 
 /// Arguments of `flank compare`.
 #[derive(Debug, clap::Args)]
@@ -41,6 +41,8 @@ pub struct Arguments {
     /// Print nothing
     #[arg(long, short)]
     quiet: bool,
+    #[command(flatten)]
+    pictures: Pictures,
 }
 
 fn growth(word: &str) -> Result<f64, String> {
@@ -52,6 +54,7 @@ const USUAL: [&str; 8] = ["flank", "rk4", "rk4+cubic", "newmark", "verlet", "eul
 
 /// Compares methods on a scene.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
     let problem = Problem::new(&simulation, arguments.cycles).map_err(SimulationError::from)?;
     let contenders = contenders(arguments, &problem)?;
@@ -67,7 +70,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     }
     let summaries = found.summaries();
     if let Some(request) = &request {
-        found.write(&mut request.open()?, &summaries)?;
+        found.write(&mut request.open()?, &summaries, &form)?;
     }
     if !arguments.quiet {
         print(&text(&simulation.name, &found, &summaries, out))?;

@@ -15,7 +15,9 @@ use serde_json::json;
 use super::{
     CliError, Done,
     checkpoint::{Begun, Checkpoint},
-    open, picture_files, print,
+    open, picture_files,
+    pictures::Pictures,
+    print,
     progress::{cancellable, catch_interrupt, running, show},
     threads,
 };
@@ -54,10 +56,13 @@ pub struct Arguments {
     /// Print nothing
     #[arg(long, short)]
     quiet: bool,
+    #[command(flatten)]
+    pictures: Pictures,
 }
 
 /// Measures exponents.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
     SectionMap::new(&simulation)?;
     let mut files = picture_files(pictures::EXPONENTS, LYAPUNOV);
@@ -98,7 +103,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let is_interrupted = exponents.reason.as_deref() == Some(INTERRUPTED);
     let done = if exponents.is_whole { Done::Completely } else { Done::Partly };
     if !exponents.course.is_empty() {
-        pictures::exponents(&simulation, &exponents).write(&mut checkpoint.folder)?;
+        pictures::exponents(&simulation, &exponents).write(&mut checkpoint.folder, &form)?;
     }
     checkpoint.folder.complete(LYAPUNOV, &exponents)?;
     match &last {

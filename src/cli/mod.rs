@@ -13,6 +13,7 @@ mod import;
 mod lyapunov;
 mod map;
 mod orbit;
+mod pictures;
 mod progress;
 mod run;
 mod sound;
@@ -215,7 +216,7 @@ fn request<'a>(
 /// The files of a command that writes one picture and one file of data.
 fn picture_files(picture: &str, data: &str) -> Vec<String> {
     let of = |ending: &str| format!("figures/{picture}.{ending}");
-    ["csv", "json", "png", "svg"].iter().map(|ending| of(ending)).chain([data.to_owned()]).collect()
+    ["csv", "json", "pdf", "png", "svg"].iter().map(|ending| of(ending)).chain([data.to_owned()]).collect()
 }
 
 /// Where the page of a command lies; nothing if it writes none.

@@ -12,7 +12,9 @@ use serde_json::json;
 use super::{
     CliError, Done,
     checkpoint::{Begun, Checkpoint},
-    open, picture_files, print,
+    open, picture_files,
+    pictures::Pictures,
+    print,
     progress::{cancellable, catch_interrupt, running, show},
     threads,
 };
@@ -46,10 +48,13 @@ pub struct Arguments {
     /// Print nothing
     #[arg(long, short)]
     quiet: bool,
+    #[command(flatten)]
+    pictures: Pictures,
 }
 
 /// Solves for orbits.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?.in_common_cycles()?;
     SectionMap::new(&simulation)?.repeats()?;
     let mut files = picture_files(pictures::ORBIT, ORBIT);
@@ -84,7 +89,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let found = found?;
     checkpoint.folder.complete(ORBIT, &found.report(&simulation))?;
     if let Some(orbit) = found.orbits.first() {
-        pictures::orbit(&simulation, orbit, found.orbits.len())?.write(&mut checkpoint.folder)?;
+        pictures::orbit(&simulation, orbit, found.orbits.len())?.write(&mut checkpoint.folder, &form)?;
     }
     let done = if found.reason.is_some() { Done::Partly } else { Done::Completely };
     if !task.is_cancelled() {

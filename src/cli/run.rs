@@ -9,14 +9,16 @@ use flank::{
     Simulation,
     hybrid::Clock,
     output::{Request, five_digits as number, label},
-    plot::{Item, Report},
+    plot::{Item, Print, Report},
     scene::{Duration, strict},
     simulation::{Ended, RunRecord, Summary, event_head, event_lines},
     study::run_page,
 };
 
 use super::{
-    CliError, Done, open, print,
+    CliError, Done, open,
+    pictures::Pictures,
+    print,
     progress::{cancellable, catch_interrupt, running, show},
     wrapped,
 };
@@ -54,10 +56,13 @@ pub struct Arguments {
     /// Print nothing
     #[arg(long, short)]
     quiet: bool,
+    #[command(flatten)]
+    pictures: Pictures,
 }
 
 /// Runs a scene.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
     if arguments.strict && !simulation.warnings.is_empty() {
         return Err(CliError::Arguments(strict(&simulation.warnings, "--strict")));
@@ -89,7 +94,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let record = job.attempt(out);
     let written = match (&record, request) {
         (Ok(record), Some(request)) if record.outcome.kind == Ended::ReachedEnd => {
-            write_page(&simulation, record, request, task)
+            write_page(&simulation, record, request, (&form, task))
         }
         _ => Ok(()),
     };
@@ -125,17 +130,17 @@ fn write_page(
     simulation: &Simulation,
     record: &RunRecord,
     request: Request<'_>,
-    task: flank::Task<'_>,
+    (print, task): (&Print, flank::Task<'_>),
 ) -> Result<(), String> {
     let page = run_page::page(simulation, record, &record.end, task).map_err(|error| error.to_string())?;
     let write = || {
         let mut folder = Request { force: true, ..request }.reopen()?;
         for item in page.sections.iter().flat_map(|section| &section.items) {
             if let Item::Figure(figure) = item {
-                figure.write(&mut folder)?;
+                figure.write(&mut folder, print)?;
             }
         }
-        page.write(&mut folder)
+        page.write(&mut folder, print)
     };
     write().map_err(|error: flank::output::OutputError| error.to_string())
 }

@@ -12,7 +12,9 @@ use flank::{
     train::Quantity,
 };
 
-use super::{CliError, Done, advise::wrapped, axis, open, print, progress::counted, report_line, request, threads};
+use super::{
+    CliError, Done, axis, open, pictures::Pictures, print, progress::counted, report_line, request, threads, wrapped,
+};
 
 /// Arguments of `flank stability`.
 #[derive(Debug, clap::Args)]
@@ -47,6 +49,8 @@ pub struct Arguments {
     /// Print nothing
     #[arg(long, short)]
     quiet: bool,
+    #[command(flatten)]
+    pictures: Pictures,
 }
 
 /// See [`Quantity`].
@@ -69,6 +73,7 @@ const MOST: usize = 100_000;
 
 /// Makes the map.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
     let plan = plan(arguments, &simulation, Map::cycle_length(&simulation)?)?;
     // Before the work: a folder in use is told at once. It is opened after it: a map broken off leaves nothing behind.
@@ -83,7 +88,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         return print("interrupted: a map is written as a whole, so nothing is kept\n").map(|()| Done::Partly);
     };
     if let Some(request) = &request {
-        map.write(&mut request.open()?, &simulation)?;
+        map.write(&mut request.open()?, &simulation, &form)?;
     }
     if !arguments.quiet {
         print(&text(&simulation, &map, out))?;
@@ -174,6 +179,6 @@ fn values(name: &str, text: &str, (low, high): (f64, f64), faults: &mut Vec<Faul
 fn text(simulation: &Simulation, map: &Map, out: Option<&Path>) -> String {
     let unit = simulation.unit("s");
     let mut text = format!("{}: factors on the {} of every contact\n\n", simulation.name, map.over.word());
-    text += &format!("{}\n{}\n{}", map.summary_table(unit), map.factor_table(), wrapped(&map.rules(unit)));
+    text += &format!("{}\n{}\n{}", map.summary_table(unit), map.factor_table(), wrapped(&map.rules(unit), ""));
     text + &report_line(out)
 }

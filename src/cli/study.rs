@@ -22,7 +22,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
-use super::{CliError, Done, axis, print, progress::counted, read_scene, report_line, threads};
+use super::{CliError, Done, axis, pictures::Pictures, print, progress::counted, read_scene, report_line, threads};
 
 /// Arguments of `flank study`.
 #[derive(Debug, clap::Args)]
@@ -50,6 +50,8 @@ pub struct Arguments {
     /// Print nothing
     #[arg(long, short)]
     quiet: bool,
+    #[command(flatten)]
+    pictures: Pictures,
 }
 
 fn kind(word: &str) -> Result<Kind, String> {
@@ -80,6 +82,7 @@ struct Summary<'a> {
 
 /// Makes a study.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let form = arguments.pictures.print()?;
     let plan = plan(arguments)?;
     let asked: Vec<Kind> = Kind::ALL
         .into_iter()
@@ -100,7 +103,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
             // Written as soon as it is there: what comes after it may be interrupted.
             if let Ok(entry) = &made {
                 let mut folder = folder.lock().unwrap_or_else(PoisonError::into_inner);
-                entry.figure.iter().try_for_each(|figure| figure.write(&mut folder))?;
+                entry.figure.iter().try_for_each(|figure| figure.write(&mut folder, &form))?;
                 entry.listing.iter().try_for_each(|listing| folder.bytes(&table(*kind), listing_csv(listing)))?;
             }
             Ok((*kind, made))
@@ -140,7 +143,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 
     folder.bytes(TABLE, csv(&contents))?;
     folder.complete(SUMMARY, &summary(&contents, rule))?;
-    contents.report().write(&mut folder)?;
+    contents.report().write(&mut folder, &form)?;
     if !arguments.quiet {
         print(&text(&contents, &arguments.out))?;
     }

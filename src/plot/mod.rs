@@ -10,6 +10,8 @@ mod animation;
 mod draw;
 mod figure;
 #[cfg(feature = "plot")]
+mod print;
+#[cfg(feature = "plot")]
 mod report;
 
 #[cfg(feature = "plot")]
@@ -17,5 +19,7 @@ pub use animation::{AnimatedContact, AnimatedGear, Animation};
 #[cfg(feature = "plot")]
 pub use draw::Theme;
 pub use figure::{Axis, Band, Figure, Guide, Note, Panel, Raster, Series, Style, Tile, Verdict};
+#[cfg(feature = "plot")]
+pub use print::{Format, Print};
 #[cfg(feature = "plot")]
 pub use report::{Cell, Item, Report, Section, Table};

@@ -3,7 +3,7 @@ use std::fmt::Write;
 use serde_json::{Value, json};
 
 use super::{
-    Animation, Figure,
+    Animation, Figure, Print,
     draw::{
         Theme, escaped,
         legend::{self, Entry, Look},
@@ -126,8 +126,8 @@ impl Report {
     ///
     /// # Errors
     /// [`OutputError`] if it cannot be written.
-    pub fn write(&self, folder: &mut Folder) -> Result<(), OutputError> {
-        folder.bytes(Self::FILE, self.html())
+    pub fn write(&self, folder: &mut Folder, print: &Print) -> Result<(), OutputError> {
+        folder.bytes(Self::FILE, self.linked(print))
     }
 
     /// The page. Equal reports give equal bytes.
@@ -136,11 +136,16 @@ impl Report {
     /// data files of [`Figure`] hold them in full.
     #[must_use]
     pub fn html(&self) -> String {
+        self.linked(&Print::default())
+    }
+
+    /// The page, with links to the files of figures that are printed so.
+    fn linked(&self, print: &Print) -> String {
         let mut page = String::new();
         let mut rest = PAGE;
         for (mark, part) in [
             ("@title@", escaped(&self.title)),
-            ("@body@", self.body()),
+            ("@body@", self.body(print)),
             ("@script@", SCRIPT.replace("@colours@", &colours().to_string())),
         ] {
             let (before, after) = rest.split_once(mark).expect("the page has every mark once, in order");
@@ -151,7 +156,7 @@ impl Report {
         page + rest
     }
 
-    fn body(&self) -> String {
+    fn body(&self, print: &Print) -> String {
         let mut body = format!("<header>\n<h1>{}</h1>\n{}</header>\n", escaped(&self.title), paragraphs(&self.summary));
         let contents = self.sections.iter().enumerate();
         let contents: String = contents
@@ -166,7 +171,7 @@ impl Report {
                 .expect("a string grows");
             for item in &section.items {
                 body += &match item {
-                    Item::Figure(figure) => self.figure(figure),
+                    Item::Figure(figure) => self.figure(figure, print),
                     Item::Table(table) => table_html(table),
                     Item::Animation(animation) => {
                         figure_html([&animation.id, &animation.title, &animation.caption], animation.data(), "")
@@ -178,13 +183,23 @@ impl Report {
         body + "</main>\n<footer>\n" + &paragraphs(&self.provenance) + "</footer>\n"
     }
 
-    fn figure(&self, figure: &Figure) -> String {
+    fn figure(&self, figure: &Figure, print: &Print) -> String {
         let id = escaped(&figure.id);
         let links = self.files.as_ref().map_or_else(String::new, |folder| {
             let link = |kind: &str| {
-                format!("<a href=\"{}/{id}.{}\">{kind}</a>", escaped(folder.trim_end_matches('/')), kind.to_lowercase())
+                format!("<a href=\"{}/{id}.{kind}\">{}</a>", escaped(folder.trim_end_matches('/')), kind.to_uppercase())
             };
-            format!("<p class=\"files\">{}</p>\n", ["SVG", "PNG", "CSV", "JSON"].map(link).join(" "))
+            format!(
+                "<p class=\"files\">{}</p>\n",
+                print
+                    .formats
+                    .iter()
+                    .map(|format| format.ending())
+                    .chain(["csv", "json"])
+                    .map(link)
+                    .collect::<Vec<_>>()
+                    .join(" ")
+            )
         });
         figure_html([&figure.id, &figure.title, &figure.caption], figure_data(figure), &links)
     }

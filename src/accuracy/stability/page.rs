@@ -8,7 +8,7 @@ use crate::output::{Table, five_digits, label};
 #[cfg(feature = "plot")]
 use crate::{
     output::{Folder, OutputError, number},
-    plot::{self, Item, Report, Section},
+    plot::{self, Item, Print, Report, Section},
     simulation::Simulation,
     train::Quantity,
 };
@@ -117,12 +117,12 @@ impl Map {
     /// # Errors
     /// [`OutputError`] if a file cannot be written.
     #[cfg(feature = "plot")]
-    pub fn write(&self, folder: &mut Folder, simulation: &Simulation) -> Result<(), OutputError> {
+    pub fn write(&self, folder: &mut Folder, simulation: &Simulation, print: &Print) -> Result<(), OutputError> {
         let title = Some(simulation.title()).filter(|title| !title.is_empty());
         let figure = self.figure(title.unwrap_or(&simulation.name));
         folder.bytes(TABLE, self.csv())?;
-        figure.write(folder)?;
-        self.report(simulation, figure).write(folder)?;
+        figure.write(folder, print)?;
+        self.report(simulation, figure).write(folder, print)?;
         let scene = json!({ "name": simulation.name, "sha256": simulation.hash() });
         folder.complete(MAP, &json!({ "flank": env!("CARGO_PKG_VERSION"), "scene": scene, "map": self }))
     }

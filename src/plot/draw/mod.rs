@@ -14,6 +14,7 @@ mod words;
 
 use std::sync::{Arc, OnceLock};
 
+use krilla_svg::{SurfaceExt, SvgSettings};
 use plotters::prelude::*;
 use resvg::{
     tiny_skia::{Pixmap, Transform},
@@ -28,7 +29,7 @@ use self::{
 };
 use crate::{
     output::{Folder, OutputError},
-    plot::Figure,
+    plot::{Figure, Format, Panel, Print},
 };
 
 /// Room around the figure and between its panels, px.
@@ -41,13 +42,20 @@ const LEGEND: f64 = 11.5;
 const LEADING: f64 = 1.45;
 
 impl Figure {
-    /// The figure as SVG: title, legend, panels. Equal figures give equal bytes.
+    /// The figure as SVG for a screen: title, legend, panels. Equal figures give equal bytes.
     ///
     /// Values without a place on their axis (not finite, above 1e300, not positive on a logarithmic axis) are left out,
     /// and the panel says how many.
     #[must_use]
     pub fn svg(&self, theme: Theme) -> String {
-        let page = Page::new(self);
+        self.printed(&Print::default(), theme)
+    }
+
+    /// The figure as SVG in a given form.
+    #[must_use]
+    pub fn printed(&self, print: &Print, theme: Theme) -> String {
+        let chosen = self.chosen(print);
+        let page = Page::new(&chosen, print);
         let mut drawn = String::new();
         let images = page.draw(&mut drawn, theme);
         // The backend's units become pixels; the rest of the root element is inherited by all shapes.
@@ -55,14 +63,34 @@ impl Figure {
         // Images lie on the paper, which is the first element, and under all else.
         let (paper, body) = body.split_once("/>").unwrap_or(("", body));
         let [width, height] = page.size;
+        let length = |pixels: f64| match print.width_mm {
+            // A picture of a given width has the same unit in both directions.
+            Some(wanted) => format!("{:.3}mm", pixels * wanted / width),
+            None => format!("{}", pixels * page.letters),
+        };
         format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {} \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" width=\"{}\" height=\"{}\" viewBox=\"0 0 {} \
              {}\" stroke-linejoin=\"round\" stroke-linecap=\"round\">\n<title>{}</title>\n<desc>{}</desc>{paper}/>{images}{body}",
+            length(width),
+            length(height),
             width * UNIT,
             height * UNIT,
             escaped(&self.title),
             escaped(&self.caption),
         )
+    }
+
+    /// The figure with the panels that are asked for, at least one of its own.
+    fn chosen(&self, print: &Print) -> Self {
+        let mut chosen = self.clone();
+        if !print.has_titles {
+            chosen.title.clear();
+        }
+        let wanted: Vec<Panel> = print.panels.iter().filter_map(|i| self.panels.get(i - 1).cloned()).collect();
+        if !wanted.is_empty() {
+            chosen.panels = wanted;
+        }
+        chosen
     }
 
     /// The light picture of [`svg`](Self::svg) as PNG, `scale` pixels to one of the SVG's. The letters are those of a bundled
@@ -72,41 +100,90 @@ impl Figure {
     /// If `scale` is not in 0.01..=20.
     #[must_use]
     pub fn png(&self, scale: f64) -> Vec<u8> {
-        assert!((0.01..=20.0).contains(&scale), "a picture of scale {scale}: 0.01 to 20 are possible");
-        static FONTS: OnceLock<Arc<Database>> = OnceLock::new();
-        let fonts = FONTS.get_or_init(|| {
-            let mut fonts = Database::new();
-            fonts.load_font_data(dejavu::sans::regular().to_vec());
-            fonts.load_font_data(dejavu::sans::bold().to_vec());
-            Arc::new(fonts)
-        });
-        let options = Options { fontdb: Arc::clone(fonts), ..Options::default() };
-        let tree = Tree::from_str(&self.svg(Theme::Light), &options).expect("an SVG of our own is sound");
-        let pixels = |length: f32| (f64::from(length) * scale).round().max(1.0) as u32;
-        let size = tree.size();
-        let mut pixmap = Pixmap::new(pixels(size.width()), pixels(size.height())).expect("the size is not zero");
-        resvg::render(&tree, Transform::from_scale(scale as f32, scale as f32), &mut pixmap.as_mut());
-        pixmap.encode_png().expect("encoding into memory does not fail")
+        raster(&self.svg(Theme::Light), scale)
     }
 
-    /// Names of the files that [`write`](Self::write) writes for the figure `id`.
+    /// The figure as PDF in a given form: one page as large as the figure, letters as text. Equal figures give equal bytes.
+    ///
+    /// # Errors
+    /// A text, if the page cannot be written.
+    pub fn pdf(&self, print: &Print) -> Result<Vec<u8>, String> {
+        let tree = tree(&self.printed(print, Theme::Light));
+        // A pixel is 1/96 inch, a point 1/72.
+        let [width, height] = [tree.size().width(), tree.size().height()].map(|pixels| 0.75 * pixels);
+        let mut document = krilla::Document::new();
+        let size = krilla::geom::Size::from_wh(width, height).ok_or("a page without a size")?;
+        let settings = krilla::page::PageSettings::from_wh(width, height).ok_or("a page without a size")?;
+        let mut page = document.start_page_with(settings);
+        let mut surface = page.surface();
+        surface.draw_svg(&tree, size, SvgSettings::default()).ok_or("a picture that has no PDF")?;
+        surface.finish();
+        page.finish();
+        document.finish().map_err(|error| format!("{error:?}"))
+    }
+
+    /// Names of the files that [`write`](Self::write) may write for the figure `id`.
     #[must_use]
-    pub fn files(id: &str) -> [String; 4] {
-        ["csv", "json", "svg", "png"].map(|kind| format!("figures/{id}.{kind}"))
+    pub fn files(id: &str) -> [String; 5] {
+        ["csv", "json", "svg", "pdf", "png"].map(|kind| format!("figures/{id}.{kind}"))
     }
 
     /// Writes data and pictures of the figure.
     ///
     /// # Errors
     /// [`OutputError`] if a file cannot be written.
-    pub fn write(&self, folder: &mut Folder) -> Result<(), OutputError> {
-        let [csv, json, svg, png] = Self::files(&self.id);
+    pub fn write(&self, folder: &mut Folder, print: &Print) -> Result<(), OutputError> {
+        let [csv, json, ..] = Self::files(&self.id);
         folder.bytes(&csv, self.csv())?;
         folder.bytes(&json, self.json())?;
-        folder.bytes(&svg, self.svg(Theme::Light))?;
-        folder.bytes(&png, self.png(1.5))
+        for format in &print.formats {
+            let name = format!("figures/{}.{}", self.id, format.ending());
+            match format {
+                Format::Svg => folder.bytes(&name, self.printed(print, Theme::Light))?,
+                Format::Png => {
+                    // 300 pixels an inch on paper.
+                    let scale = if print.width_mm.is_some() { 300.0 / 96.0 } else { 1.5 };
+                    folder.bytes(&name, raster(&self.printed(print, Theme::Light), scale))?;
+                }
+                Format::Pdf => {
+                    let pdf = self
+                        .pdf(print)
+                        .map_err(|why| OutputError::File(name.clone().into(), std::io::Error::other(why)))?;
+                    folder.bytes(&name, pdf)?;
+                }
+            }
+        }
+        Ok(())
     }
 }
+
+/// A picture of our own, read with the bundled font.
+fn tree(svg: &str) -> Tree {
+    static FONTS: OnceLock<Arc<Database>> = OnceLock::new();
+    let fonts = FONTS.get_or_init(|| {
+        let mut fonts = Database::new();
+        fonts.load_font_data(dejavu::sans::regular().to_vec());
+        fonts.load_font_data(dejavu::sans::bold().to_vec());
+        Arc::new(fonts)
+    });
+    let options = Options { fontdb: Arc::clone(fonts), ..Options::default() };
+    Tree::from_str(svg, &options).expect("an SVG of our own is sound")
+}
+
+fn raster(svg: &str, scale: f64) -> Vec<u8> {
+    assert!((0.01..=20.0).contains(&scale), "a picture of scale {scale}: 0.01 to 20 are possible");
+    let tree = tree(svg);
+    let pixels = |length: f32| (f64::from(length) * scale).round().max(1.0) as u32;
+    let size = tree.size();
+    let mut pixmap = Pixmap::new(pixels(size.width()), pixels(size.height())).expect("the size is not zero");
+    resvg::render(&tree, Transform::from_scale(scale as f32, scale as f32), &mut pixmap.as_mut());
+    pixmap.encode_png().expect("encoding into memory does not fail")
+}
+
+/// Width of a panel beside another one, px, at least.
+const LEAST: f64 = 230.0;
+/// Letters of the numbers at axes, px.
+const NUMBERS: f64 = 11.0;
 
 /// Where everything goes.
 struct Page<'a> {
@@ -119,17 +196,25 @@ struct Page<'a> {
     top: f64,
     columns: usize,
     cell: [f64; 2],
+    /// Size of the letters over the usual one.
+    letters: f64,
 }
 
 impl<'a> Page<'a> {
-    fn new(figure: &'a Figure) -> Self {
+    fn new(figure: &'a Figure, print: &Print) -> Self {
+        // A pixel is 1/96 inch, a point 1/72. The sheet is laid out with the usual letters, and then scaled.
+        let letters = print.font_pt.map_or(1.0, |points| points * 96.0 / 72.0 / NUMBERS);
+        let pixels = |mm: f64| mm / 25.4 * 96.0 / letters;
         let columns = figure.columns.clamp(1, figure.panels.len().max(1));
+        let wanted = print.width_mm.map(pixels);
+        // OK to convert: panels are few.
+        let columns = wanted.map_or(columns, |width| columns.min((width / LEAST) as usize).max(1));
         let rows = figure.panels.len().div_ceil(columns);
-        let width: f64 = match columns {
+        let width: f64 = wanted.unwrap_or(match columns {
             1 => 820.0,
             2 => 1000.0,
             _ => 310.0 * columns as f64,
-        };
+        });
         let room = width - 2.0 * EDGE;
         let title = text::wrapped(&text::clean(&figure.title), TITLE, true, room);
         let legend = legend::rows(&figure.panels, LEGEND, room);
@@ -140,14 +225,17 @@ impl<'a> Page<'a> {
         let has_images = figure.panels.iter().any(|panel| panel.raster.is_some());
         let high = match (figure.panels.iter().any(|panel| panel.equal_scales), rows, columns) {
             _ if has_images => 0.68 * across,
-            (true, _, 1) => 620.0,
+            (true, _, 1) => across.min(620.0),
             (true, ..) => across,
-            (_, 1, 1) => 460.0,
-            (_, _, 1) => 280.0,
-            _ => (0.68 * across).max(230.0),
+            (_, 1, 1) if wanted.is_none() => 460.0,
+            (_, _, 1) if wanted.is_none() => 280.0,
+            _ => (0.68 * across).max(if wanted.is_none() { 230.0 } else { 0.0 }),
         } * figure.height();
+        let high = print.height_mm.map(pixels).map_or(high, |height| {
+            ((height - top - EDGE + GAP) / rows.max(1) as f64 - GAP).max(0.3 * across.min(LEAST))
+        });
         let size = [width, top + rows as f64 * (high + GAP) - GAP + EDGE];
-        Self { figure, size: size.map(f64::round), title, legend, top, columns, cell: [across, high] }
+        Self { figure, size: size.map(f64::round), title, legend, top, columns, cell: [across, high], letters }
     }
 
     /// Draws into an SVG; the images that belong behind it.

@@ -133,6 +133,7 @@ impl Units {
         }
     }
 
+    #[cfg(feature = "plot")]
     /// The same for times up to `time`, s, and lengths up to `length`, m.
     pub fn fit(self, time: f64, length: f64) -> Self {
         if self.force.is_empty() {
