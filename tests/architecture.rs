@@ -216,7 +216,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("map", 3260),
     ("orbit", 4340),
     ("output", 450),
-    ("plot", 2180),
+    ("plot", 2400),
     ("poly", 1400),
     ("scene", 3880),
     ("simulation", 2030),

@@ -24,6 +24,25 @@ fn fields_are_quoted_where_they_need_it() {
     assert_eq!(csv_line(["plain", "a,b", "say \"so\"", ""]), "plain,\"a,b\",\"say \"\"so\"\"\",");
 }
 
+/// A table that is too wide for a terminal has shorter names; one that would not fit anyway keeps them.
+#[test]
+fn long_names_lose_their_middle() {
+    let name = "first gear of the first stage-second gear of the first stage";
+    let table = |columns: usize| {
+        let cells = || std::iter::repeat_n("12345678".to_owned(), columns);
+        Table::new([vec!["contact".to_owned()], cells().collect()].concat())
+            .with([[vec![name.to_owned()], cells().collect()].concat()])
+            .fit()
+            .to_string()
+    };
+    let widest = |text: &str| text.lines().map(|line| line.chars().count()).max();
+    assert!(table(3).contains(name));
+    let fitted = table(6);
+    assert_eq!(widest(&fitted), Some(100));
+    assert!(fitted.contains("  first gear of the … of the first stage  "), "{fitted}");
+    assert!(table(9).contains(name));
+}
+
 #[test]
 fn columns_line_up() {
     let table = Table::new(["name", "value"]).with([vec!["a".to_owned(), "1".to_owned()], vec!["longer".to_owned()]]);

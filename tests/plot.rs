@@ -6,7 +6,9 @@ mod figures;
 
 use std::sync::Arc;
 
-use flank::plot::{Axis, Cell, Figure, Guide, Item, Panel, Report, Section, Series, Style, Table, Theme, Verdict};
+use flank::plot::{
+    Axis, Cell, Figure, Guide, Item, Panel, Print, Report, Section, Series, Style, Table, Theme, Verdict,
+};
 use resvg::{
     tiny_skia::Pixmap,
     usvg::{Group, Node, Options, Rect, Tree, fontdb::Database, roxmltree::Document},
@@ -338,4 +340,36 @@ fn a_large_page_stays_below_four_megabytes() {
     assert!(all.len() == 13 && points > 100_000, "{} figures, {points} points", all.len());
     let length = report(all).html().len();
     assert!(length < 4_000_000, "{length}");
+}
+
+/// A figure for a paper has the width that is asked for, in millimetres, and letters of the size that is asked for; PDF and PNG follow.
+#[test]
+fn figures_have_the_size_that_a_paper_wants() {
+    let figure = figures::all().into_iter().find(|figure| figure.columns > 1).unwrap();
+    for (size, width, height) in [("85mm", 85.0, None), ("178mm", 178.0, None), ("120x80mm", 120.0, Some(80.0))] {
+        for points in [7.0, 10.0] {
+            let print = Print::default().sized(size).unwrap().lettered(points).unwrap();
+            let svg = figure.printed(&print, Theme::Light);
+            assert!(svg.contains(&format!("width=\"{width:.3}mm\"")), "{}", &svg[..200]);
+            let of = |name: &str| svg.split_once(&format!("{name}=\"")).unwrap().1.split_once("mm").unwrap().0;
+            if let Some(height) = height {
+                // Whole pixels of the sheet.
+                assert!((of("height").parse::<f64>().unwrap() - height).abs() < 0.4, "{}", of("height"));
+            }
+            // Numbers at axes: 11 pixels of the sheet, which is scaled to the width.
+            let sheet: f64 = svg.split_once("viewBox=\"0 0 ").unwrap().1.split_once(' ').unwrap().0.parse().unwrap();
+            let letters = 11.0 * width / (sheet / 10.0) / 25.4 * 72.0;
+            assert!((letters - points).abs() < 0.02 * points, "{size}: {letters} for {points}");
+            let pdf = figure.pdf(&print).unwrap();
+            assert!(pdf.starts_with(b"%PDF-") && pdf == figure.pdf(&print).unwrap());
+        }
+    }
+    // One panel without the figure's title has fewer words.
+    let one = Print { panels: vec![2], has_titles: false, ..Print::default() };
+    let words = |svg: &str| svg.matches("<text").count();
+    assert!(words(&figure.printed(&one, Theme::Light)) < words(&figure.svg(Theme::Light)));
+    for bad in ["8mm", "wide", "85x", "1x2x3", "2000mm"] {
+        assert!(Print::default().sized(bad).is_err(), "{bad}");
+    }
+    assert!(Print::default().lettered(2.0).is_err());
 }

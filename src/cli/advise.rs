@@ -150,12 +150,12 @@ fn text(advice: &Advice, timing: &Timing) -> String {
         text += &format!("{freedoms}\n");
     }
     for line in advice.verdicts() {
-        text += &wrapped(&line, "");
+        text += &(wrapped(&line, "") + "\n");
     }
     if let Some(faster) = faster(advice, timing) {
         text += &faster;
     }
-    text + "\n" + &wrapped(&advice.rule_in_words(), "")
+    text + "\n" + &wrapped(&advice.rule_in_words(), "") + "\n"
 }
 
 /// What the least model saves in time.

@@ -174,7 +174,7 @@ fn text(simulation: &Simulation, summary: &Summary) -> Result<String, std::fmt::
     tables.extend((!summary.bearings.is_empty()).then(|| summary.bearing_table(simulation)));
     tables.push(summary.energy_table(simulation));
     for table in tables {
-        write!(out, "\n{}\n{table}", table.title)?;
+        write!(out, "\n{}\n{}", table.title.clone(), table.fit())?;
     }
     let w = &summary.work;
     writeln!(

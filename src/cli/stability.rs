@@ -179,6 +179,6 @@ fn values(name: &str, text: &str, (low, high): (f64, f64), faults: &mut Vec<Faul
 fn text(simulation: &Simulation, map: &Map, out: Option<&Path>) -> String {
     let unit = simulation.unit("s");
     let mut text = format!("{}: factors on the {} of every contact\n\n", simulation.name, map.over.word());
-    text += &format!("{}\n{}\n{}", map.summary_table(unit), map.factor_table(), wrapped(&map.rules(unit), ""));
+    text += &format!("{}\n{}\n{}\n", map.summary_table(unit), map.factor_table(), wrapped(&map.rules(unit), ""));
     text + &report_line(out)
 }

@@ -75,11 +75,41 @@ impl Table {
         self
     }
 
+    /// The table with shorter names in its first column, if that makes it fit a terminal of 100 columns.
+    #[must_use]
+    pub fn fit(mut self) -> Self {
+        let rows = || std::iter::once(&self.head).chain(&self.rows);
+        let width = |i: usize| rows().filter_map(|row| row.get(i)).map(|cell| cell.chars().count()).max().unwrap_or(0);
+        let columns = rows().map(Vec::len).max().unwrap_or(0);
+        let excess = (0..columns).map(|i| width(i) + 2).sum::<usize>().saturating_sub(COLUMNS);
+        let length = width(0).saturating_sub(excess);
+        if excess > 0 && length >= SHORTEST {
+            let names = self.rows.iter_mut().filter_map(|row| row.first_mut());
+            names.for_each(|name| *name = shortened(name, length));
+        }
+        self
+    }
+
     /// The table under a title, with a note below it.
     #[must_use]
     pub fn titled(self, title: &str, note: impl Into<String>) -> Self {
         Self { title: title.to_owned(), note: note.into(), ..self }
     }
+}
+
+/// Columns of a terminal that a table fits if it can, and letters that are left of a name at least.
+const COLUMNS: usize = 100;
+const SHORTEST: usize = 16;
+
+/// A name of at most `length` letters: its beginning and its end.
+fn shortened(name: &str, length: usize) -> String {
+    let letters: Vec<char> = name.chars().collect();
+    if letters.len() <= length {
+        return name.to_owned();
+    }
+    let head = (length - 1) / 2;
+    let tail = letters.len() - (length - 1 - head);
+    letters[..head].iter().chain(&['…']).chain(&letters[tail..]).collect()
 }
 
 impl fmt::Display for Table {

@@ -574,7 +574,7 @@
         const box = (from, to, state) => svg("rect", { x: from, y: top + 16, width: Math.max(0, to - from), height: 16, fill: states[state], opacity: 0.45 });
         const state = (name) => data.states.indexOf(name);
         const [drive, back] = contact.flanks.map(X);
-        picture.append(words(`${contact.name}: deflection`, 8, top + 10, { "font-size": SMALL }),
+        picture.append(words(room < 420 ? contact.name : `${contact.name}: deflection`, 8, top + 10, { "font-size": SMALL }),
           box(drive, room - 8, state("on the drive flank")), box(back === undefined ? 8 : back, drive, state("separated")));
         if (back !== undefined) picture.append(box(8, back, state("on the back flank")));
         const value = words("", room - 8, top + 10, { "font-size": SMALL, "text-anchor": "end" });
@@ -583,7 +583,7 @@
         movers.push((k) => {
           dot.setAttribute("cx", X(contact.deflection[k]));
           dot.setAttribute("fill", states[contact.state[k]]);
-          value.textContent = `${digits(Number(contact.deflection[k].toPrecision(4)))} ${data.unit}, ${data.states[contact.state[k]]}`;
+          value.textContent = `${digits(Number(contact.deflection[k].toPrecision(4)))} ${data.unit}${room < 420 ? "" : `, ${data.states[contact.state[k]]}`}`;
         });
       });
       return picture;

@@ -182,6 +182,8 @@ fn raster(svg: &str, scale: f64) -> Vec<u8> {
 
 /// Width of a panel beside another one, px, at least.
 const LEAST: f64 = 230.0;
+/// Height of a panel, px, at least.
+const LOWEST: f64 = 130.0;
 /// Letters of the numbers at axes, px.
 const NUMBERS: f64 = 11.0;
 
@@ -231,6 +233,7 @@ impl<'a> Page<'a> {
             (_, _, 1) if wanted.is_none() => 280.0,
             _ => (0.68 * across).max(if wanted.is_none() { 230.0 } else { 0.0 }),
         } * figure.height();
+        let high = high.max(LOWEST);
         let high = print.height_mm.map(pixels).map_or(high, |height| {
             ((height - top - EDGE + GAP) / rows.max(1) as f64 - GAP).max(0.3 * across.min(LEAST))
         });

@@ -119,7 +119,7 @@ pub(super) struct Units {
     /// µm
     pub length: (f64, &'static str),
     /// N
-    force: &'static str,
+    pub force: &'static str,
     /// Hz
     frequency: &'static str,
 }

@@ -161,9 +161,9 @@ fn impacts(simulation: &Simulation, start: State, end: Instant) -> Result<Vec<Im
 fn colour(mode: ContactMode) -> usize {
     match mode {
         ContactMode::Separated => 6,
+        _ if !mode.is_closed() => 2,
         _ if mode.side() < 0.0 => 5,
-        _ if mode.is_closed() => 0,
-        _ => 2,
+        _ => 0,
     }
 }
 
@@ -193,7 +193,10 @@ impl Shown {
                 cycles => format!(" It was decided in {cycles} cycles after the end of the run."),
             };
             if let Some([exponent, band]) = motion.exponent {
-                line += &format!(" Largest exponent {exponent:.4} ± {band:.1e} per unit of time.");
+                line += &format!(
+                    " Largest exponent {exponent:.4}, to {band:.1e}, per {}.",
+                    if self.units.force.is_empty() { "unit of time" } else { "second" }
+                );
             }
             lines.push(line);
             lines.extend(
