@@ -29,11 +29,27 @@ pub struct Rule {
     pub measured_cycles: u64,
     /// Cycles measured of an irregular motion.
     pub irregular_cycles: u64,
+    /// Cycles by which the kind of a motion without an orbit is decided, at most; as many as it takes, if none.
+    #[serde(skip)]
+    pub watched_cycles: Option<u64>,
+}
+
+impl Rule {
+    fn watching(&self) -> Watching {
+        let usual = Watching::default();
+        Watching { cycles: usual.cycles.min(self.watched_cycles.unwrap_or(u64::MAX)), ..usual }
+    }
 }
 
 impl Default for Rule {
     fn default() -> Self {
-        Self { approach: Approach::default(), decides: true, measured_cycles: 4, irregular_cycles: 200 }
+        Self {
+            approach: Approach::default(),
+            decides: true,
+            measured_cycles: 4,
+            irregular_cycles: 200,
+            watched_cycles: None,
+        }
     }
 }
 
@@ -194,7 +210,7 @@ fn along_torus<'c>(
     let mut engine = simulation.engine(start)?;
     go_on(&mut engine, simulation.clock(), rule.approach.most_cycles, observer, task)?;
     let mut motion = if rule.decides {
-        let decided = decide_on_torus(&map, &mut engine, why, Watching::default(), observer, task)?;
+        let decided = decide_on_torus(&map, &mut engine, why, rule.watching(), observer, task)?;
         decided.ok_or_else(|| broken(&engine, task))?
     } else {
         Motion { reason: Some(why.to_owned()), ..Motion::of(&Approached::default()) }
@@ -255,7 +271,7 @@ fn transient<'c>(
     let mut engine = simulation.engine(start)?;
     // Limits count periods of the scene's clock.
     let most_cycles = simulation.cycles_in(rule.approach.most_cycles, COMMON_CYCLES);
-    let watched = Watching::default();
+    let watched = rule.watching();
     let watching = Watching { cycles: simulation.cycles_in(watched.cycles, WATCHED_COMMON_CYCLES), ..watched };
     let approached = Approach { most_cycles, ..rule.approach }.run(&map, &mut engine, observer, task)?;
     let approached = approached.ok_or_else(|| broken(&engine, task))?;

@@ -17,6 +17,7 @@ use crate::{
     hybrid::{ContactMode, Instant},
     orbit::{Kind, Motion},
     plot::{Item, Report, Section},
+    scene::Duration,
     simulation::{Ended, Simulation, Summary},
     system::Flanks,
     task::Task,
@@ -34,6 +35,8 @@ const IRREGULAR: u64 = 200;
 const LONGEST_CYCLE: u64 = 100;
 /// Samples of a run without forcing.
 const SAMPLES: f64 = 4000.0;
+/// Cycles of a run by which the motion goes on at most.
+const LONGER: u64 = 4;
 /// Cycles drawn against time.
 const SHOWN: u64 = 4;
 
@@ -66,7 +69,9 @@ struct Shown {
 /// # Errors
 /// [`StudyError`] if the motion cannot be followed.
 pub fn page(simulation: &Simulation, summary: &Summary, end: &State, task: Task<'_>) -> Result<Report, StudyError> {
-    let shown = if summary.outcome.kind == Ended::ReachedEnd && simulation.period().is_ok() {
+    // A run to a given time is shown as it is.
+    let counts_cycles = matches!(simulation.settings.duration, Duration::Cycles(_));
+    let shown = if summary.outcome.kind == Ended::ReachedEnd && counts_cycles && simulation.period().is_ok() {
         settled_motion(simulation, end, task)?
     } else {
         whole_run(simulation, end)?
@@ -93,6 +98,8 @@ pub fn page(simulation: &Simulation, summary: &Summary, end: &State, task: Task<
 
 fn settled_motion(simulation: &Simulation, end: &State, task: Task<'_>) -> Result<Shown, StudyError> {
     let clock = *simulation.clock();
+    // A page takes some times as long as its run: the motion goes on for a few times as many cycles at most.
+    let most = LONGER * (end.at.cycle - simulation.instants()[0].cycle).max(1).unsigned_abs();
     let mut engine = simulation.engine(end.clone())?;
     if end.at.phase.value() != 0.0 {
         until(&mut engine, cycles_later(&clock, end.at, 1), &mut (), task)?;
@@ -107,8 +114,12 @@ fn settled_motion(simulation: &Simulation, end: &State, task: Task<'_>) -> Resul
         simulation = simulation.in_common_cycles()?;
     }
     let periods = simulation.periods_per_cycle();
-    let (mut engine, motion, _) = settled(&simulation, Some(&seed), &Rule::default(), task)?;
-    let cycles = motion.period.map_or((IRREGULAR / periods).max(8), |period| SHOWN.next_multiple_of(period));
+    let mut rule = Rule::default();
+    rule.approach.most_cycles = rule.approach.most_cycles.min(most);
+    rule.watched_cycles = Some(most);
+    let (mut engine, motion, _) = settled(&simulation, Some(&seed), &rule, task)?;
+    let irregular = (IRREGULAR.min(most) / periods).max(SHOWN);
+    let cycles = motion.period.map_or(irregular, |period| SHOWN.next_multiple_of(period));
     let start = engine.state().clone();
     // OK to convert: a cycle has few periods.
     let per_cycle = PER_CYCLE.max(PER_PERIOD * periods as u32);
