@@ -34,7 +34,7 @@ pub struct Bearings<'s> {
 #[derive(Clone, Debug)]
 struct Track {
     directions: Vec<Direction>,
-    /// Of the square of the size.
+    /// Range of the square of the size.
     square: Extent,
 }
 

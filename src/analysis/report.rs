@@ -161,7 +161,7 @@ pub struct BearingForce {
     pub max: f64,
 }
 
-/// What was measured on one bearing, over the measured time.
+/// Measures of one bearing, over the measured time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BearingReport {
     /// Name of the body that it carries.

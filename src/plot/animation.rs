@@ -12,7 +12,7 @@ pub struct Animation {
     pub id: String,
     /// Title.
     pub title: String,
-    /// What is seen.
+    /// Words below it.
     pub caption: String,
     /// Gears in place; none of a train without them.
     pub gears: Vec<AnimatedGear>,

@@ -29,7 +29,7 @@ pub struct Rule {
     pub measured_cycles: u64,
     /// Cycles measured of an irregular motion.
     pub irregular_cycles: u64,
-    /// Cycles by which the kind of a motion without an orbit is decided, at most; as many as it takes, if none.
+    /// Cycles by which the kind of a motion without an orbit is decided, at most, but 2000 at least; as many as it takes, if none.
     #[serde(skip)]
     pub watched_cycles: Option<u64>,
 }
@@ -37,7 +37,9 @@ pub struct Rule {
 impl Rule {
     fn watching(&self) -> Watching {
         let usual = Watching::default();
-        Watching { cycles: usual.cycles.min(self.watched_cycles.unwrap_or(u64::MAX)), ..usual }
+        // Averages over fewer cycles than the usual first ones decide nothing.
+        let most = self.watched_cycles.unwrap_or(u64::MAX);
+        Watching { doublings: usual.doublings.min((most / usual.cycles).max(1).ilog2()), ..usual }
     }
 }
 

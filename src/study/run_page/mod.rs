@@ -36,7 +36,11 @@ const LONGEST_CYCLE: u64 = 100;
 /// Samples of a run without forcing.
 const SAMPLES: f64 = 4000.0;
 /// Cycles of a run by which the motion goes on at most.
-const LONGER: u64 = 4;
+const LONGER: u64 = 5;
+/// Cycles that it takes to decide the kind of a motion without an orbit, at least.
+const WATCHED: u64 = 2000;
+/// The same where a cycle is several periods of the scene's clock.
+const WATCHED_CYCLES: u64 = 200;
 /// Cycles drawn against time.
 const SHOWN: u64 = 4;
 
@@ -116,6 +120,8 @@ fn settled_motion(simulation: &Simulation, end: &State, task: Task<'_>) -> Resul
     let periods = simulation.periods_per_cycle();
     let mut rule = Rule::default();
     rule.approach.most_cycles = rule.approach.most_cycles.min(most);
+    // Fewer cycles decide nothing: the motion is then told to be undecided.
+    rule.decides = most >= WATCHED.max(WATCHED_CYCLES * periods);
     rule.watched_cycles = Some(most);
     let (mut engine, motion, _) = settled(&simulation, Some(&seed), &rule, task)?;
     let irregular = (IRREGULAR.min(most) / periods).max(SHOWN);
@@ -188,20 +194,22 @@ fn state_name(mode: ContactMode) -> &'static str {
 }
 
 impl Shown {
-    /// What the motion is, sentence by sentence.
+    /// Says of which kind the motion is, sentence by sentence.
     fn words(&self) -> Vec<String> {
         let mut lines = Vec::new();
         if let Some(motion) = &self.motion {
             let mut line = match (motion.kind, motion.period) {
                 (Kind::Periodic, Some(1)) => "The motion is periodic, of one forcing cycle.".to_owned(),
                 (Kind::Periodic, Some(period)) => format!("The motion is periodic, of {period} forcing cycles."),
-                (Kind::Undecided, _) => "The kind of the motion is undecided.".to_owned(),
+                (Kind::Undecided, _) => {
+                    "The kind of the motion is undecided: flank sweep decides it, or a longer run.".to_owned()
+                }
                 (Kind::Transient, _) => "The motion is not steady yet.".to_owned(),
                 _ => format!("The motion is {}.", motion.kind.word()),
             };
             line += &match motion.cycles {
                 0 => " The run ends on it.".to_owned(),
-                cycles => format!(" It was decided in {cycles} cycles after the end of the run."),
+                cycles => format!(" It was followed for {cycles} cycles after the end of the run."),
             };
             if let Some([exponent, band]) = motion.exponent {
                 line += &format!(
