@@ -236,10 +236,9 @@ fn a_browser_shows_the_report() {
 fn a_browser_shows_the_study() {
     let context = Context { rule: Rule::default(), task: Task::default() };
     let plan = Plan::reference().unwrap().varied(Some(vec![0.0, 20.0, 40.0]), Some(vec![500.0, 1000.0, 2000.0]));
-    let plan = Plan { path_speeds: vec![100.0], threshold_speeds: vec![500.0], ..plan };
-    let kinds = Kind::ALL.into_iter().filter(|kind| !kind.is_of_reference());
+    let kinds = Kind::ALL.into_iter().filter(|kind| !kind.is_table());
     let entries = kinds.map(|kind| (kind, plan.make(kind, &context).unwrap())).collect();
-    let report = Contents { title: "Study".into(), entries, ..Contents::default() }.report();
+    let report = Contents { title: "Study".into(), entries, ..Contents::default() }.report(&plan);
     let items = report.sections.iter().flat_map(|section| &section.items);
     let figures = items.filter_map(|item| if let Item::Figure(figure) = item { Some(figure.clone()) } else { None });
     let figures: Vec<Figure> = figures.collect();

@@ -33,16 +33,7 @@ fn context() -> Context<'static> {
 
 /// The reference study on a few speeds and loads.
 fn small() -> Plan {
-    let plan = Plan::reference().unwrap();
-    Plan {
-        loads: vec![0.0, 10.0, 20.0, 22.0, 40.0],
-        speeds: vec![50.0, 500.0, 2000.0],
-        threshold_speeds: vec![500.0],
-        heavy_speeds: vec![500.0, 1050.0, 2000.0, 3000.0],
-        path_speeds: vec![100.0],
-        history_speed: 500.0,
-        ..plan
-    }
+    Plan::reference().unwrap().varied(Some(vec![0.0, 10.0, 20.0, 22.0, 40.0]), Some(vec![500.0, 1050.0, 2000.0]))
 }
 
 #[track_caller]
@@ -74,7 +65,7 @@ fn every_figure_of_the_reference_study_is_made() {
             assert_eq!(figure.id, kind.id());
             check(figure);
         }
-        assert_eq!(entry.figure.is_none(), kind.is_of_reference());
+        assert_eq!(entry.figure.is_none(), kind.is_table());
         assert_eq!(entry.scene[1].len(), 64);
         if let Some(listing) = &entry.listing {
             assert!(!listing.rows.is_empty() && listing.rows.iter().all(|row| row.len() == listing.head.len()));
@@ -154,9 +145,7 @@ fn identified_numbers_come_out_again() {
 
 #[test]
 fn kinds_are_those_of_the_classifier() {
-    let entry = Plan { path_speeds: vec![100.0, 300.0], ..Plan::reference().unwrap() }
-        .make(Kind::Trajectories, &context())
-        .unwrap();
+    let entry = Plan::reference().unwrap().make(Kind::Trajectories, &context()).unwrap();
     let row = |words: &str| entry.comparisons.iter().find(|row| row.quantity.contains(words)).unwrap();
     assert!(
         row("100 rev/min").found.starts_with("periodic, period 1") && row("100 rev/min").verdict == Verdict::Agrees

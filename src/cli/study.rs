@@ -16,7 +16,7 @@ use flank::{
         plan::{Entry, Plan},
         steady::Rule,
     },
-    sweep::GridError,
+    sweep::{Axis, GridError},
 };
 use rayon::prelude::*;
 use serde::Serialize;
@@ -27,7 +27,7 @@ use super::{CliError, Done, axis, pictures::Pictures, print, progress::counted, 
 /// Arguments of `flank study`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Scene file; the reference planetary set, beside its published numbers, if left out
+    /// Scene, or study file with scenes, plots and claims; the reference planetary set, beside its published numbers, if left out
     scene: Option<PathBuf>,
     /// Folder of report.html, the figures and their data
     #[arg(long, value_name = "DIR", default_value = "study")]
@@ -35,10 +35,10 @@ pub struct Arguments {
     /// Make only these figures
     #[arg(long, value_name = "FIG", num_args = 1.., value_parser = kind)]
     only: Vec<Kind>,
-    /// Loads, N m: FROM:TO:COUNT or V1,V2,…
+    /// Loads, N m: FROM:TO:COUNT or V1,V2,…; POINTER= before them names another number
     #[arg(long, value_name = "AXIS")]
     loads: Option<String>,
-    /// Speeds, rev/min: FROM:TO:COUNT or V1,V2,…
+    /// Speeds, rev/min, likewise
     #[arg(long, value_name = "AXIS")]
     speeds: Option<String>,
     /// Write into a folder that is not empty
@@ -86,8 +86,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let plan = plan(arguments)?;
     let asked: Vec<Kind> = Kind::ALL
         .into_iter()
-        .filter(|kind| arguments.only.is_empty() || arguments.only.contains(kind))
-        .filter(|kind| !plan.claims.is_empty() || !kind.is_of_reference() || arguments.only.contains(kind))
+        .filter(
+            |kind| {
+                if arguments.only.is_empty() { plan.kinds().contains(kind) } else { arguments.only.contains(kind) }
+            },
+        )
         .collect();
 
     let mut files = Report::files(asked.iter().map(|kind| kind.id()), &[TABLE, SUMMARY]);
@@ -112,7 +115,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     })?;
     let mut folder = folder.into_inner().unwrap_or_else(PoisonError::into_inner);
     let (mut failed, mut interrupted) = (false, false);
-    let mut contents = Contents { title: title(&plan), ..Contents::default() };
+    let mut contents = Contents { title: plan.title.clone(), ..Contents::default() };
     for (kind, made) in made {
         match made {
             Ok(entry) => contents.entries.push((kind, entry)),
@@ -123,6 +126,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
             Err(StudyError::Simulation(error @ (SimulationError::Scene(_) | SimulationError::Missing { .. }))) => {
                 return Err(error.into());
             }
+            Err(error @ StudyError::File(_)) => return Err(error.into()),
             Err(StudyError::Interrupted) => interrupted = true,
             // One figure that fails does not take the others with it.
             Err(error) => {
@@ -143,7 +147,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 
     folder.bytes(TABLE, csv(&contents))?;
     folder.complete(SUMMARY, &summary(&contents, rule))?;
-    contents.report().write(&mut folder, &form)?;
+    contents.report(&plan).write(&mut folder, &form)?;
     if !arguments.quiet {
         print(&text(&contents, &arguments.out))?;
     }
@@ -152,15 +156,36 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 
 fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
     let mut faults = Vec::new();
-    let mut values = |name: &str, text: &Option<String>| Some(axis(name, text.as_ref()?, &mut faults)?.all());
-    let (loads, speeds) = (values("loads", &arguments.loads), values("speeds", &arguments.speeds));
+    let mut varied = |name: &str, text: &Option<String>| {
+        let text = text.as_ref()?;
+        let has_pointer = text.contains('=');
+        let read = if has_pointer {
+            Axis::parse(text).map_err(|found| faults.extend(found)).ok()
+        } else {
+            axis(name, text, &mut faults)
+        }?;
+        Some((has_pointer.then(|| read.pointer.clone()), read.all()))
+    };
+    let (loads, speeds) = (varied("loads", &arguments.loads), varied("speeds", &arguments.speeds));
     if !faults.is_empty() {
         return Err(GridError(faults).into());
     }
-    let plan = match &arguments.scene {
-        Some(path) => Plan::of(&read_scene(Some(path))?),
+    let mut plan = match arguments.scene.as_deref() {
+        Some(path) => match study_file(path) {
+            Some(text) => Plan::read(&text, &|name| {
+                let file = path.with_file_name(name);
+                std::fs::read_to_string(&file).map_err(|error| format!("{}: {error}", file.display()))
+            })?,
+            None => Plan::of(&read_scene(Some(path))?)?,
+        },
         None => Plan::reference()?,
     };
+    let split = |varied: Option<(Option<String>, Vec<f64>)>, own: &mut Option<String>| {
+        let (pointer, values) = varied?;
+        *own = pointer.or_else(|| own.take());
+        Some(values)
+    };
+    let (loads, speeds) = (split(loads, &mut plan.load), split(speeds, &mut plan.speed));
     let plan = plan.varied(loads, speeds);
     // Before anything is written.
     match plan.refused().into_iter().next() {
@@ -169,12 +194,12 @@ fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
     }
 }
 
-fn title(plan: &Plan) -> String {
-    if !plan.claims.is_empty() {
-        "Vibro-impact of the reference planetary set".to_owned()
-    } else {
-        format!("Study of {}", plan.light.name())
-    }
+/// The text of a study file; none if the file is a scene.
+fn study_file(path: &Path) -> Option<String> {
+    let text = std::fs::read_to_string(path).ok().filter(|text| text.contains("\"flank_study\""))?;
+    let is_study = |file: &serde_json::Value| file.get("flank_study").is_some();
+    // A text that is not JSON is read again, for its error.
+    serde_json::from_str(&text).map_or(true, |file| is_study(&file)).then_some(text)
 }
 
 fn provenance(contents: &Contents, rule: &Rule) -> Vec<String> {

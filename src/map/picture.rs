@@ -8,11 +8,9 @@ use super::{
     tally::{Class, Shown, Tally},
 };
 use crate::{
-    plot::{Axis, Figure, Guide, Panel, Raster, Series, Style},
+    plot::{Axis, Colour, Figure, Guide, Panel, Raster, SEQUENCE, Series, Style},
     sweep::Grid,
 };
-
-type Colour = [u8; 3];
 
 /// Periods with a colour of their own; the last one stands for all longer ones.
 const PERIODS: [(u64, Colour); 8] = [
@@ -32,17 +30,6 @@ const KINDS: [(&str, Colour); 5] = [
     ("transient", [0x8c, 0x51, 0x0a]),
     ("undecided", [0x00, 0x00, 0x00]),
     ("failed", [0x80, 0x86, 0x8e]),
-];
-/// From little to much, dark on light.
-const SEQUENCE: [Colour; 8] = [
-    [0xff, 0xff, 0xd9],
-    [0xed, 0xf8, 0xb1],
-    [0xc7, 0xe9, 0xb4],
-    [0x7f, 0xcd, 0xbb],
-    [0x41, 0xb6, 0xc4],
-    [0x1d, 0x91, 0xc0],
-    [0x22, 0x5e, 0xa8],
-    [0x0c, 0x2c, 0x84],
 ];
 /// Below zero, from far to near; above it, from near to far.
 const BELOW: [Colour; 4] = [[0x21, 0x66, 0xac], [0x67, 0xa9, 0xcf], [0xb0, 0xd3, 0xe8], [0xe4, 0xf0, 0xf6]];
@@ -135,7 +122,7 @@ impl Place {
                 points.push(class(i * y.cells + j));
             }
         }
-        Raster { x: x.ends, y: y.ends, columns: x.cells, points, classes }
+        Raster { x: x.ends, y: y.ends, columns: x.cells, points, classes, ..Raster::default() }
     }
 }
 

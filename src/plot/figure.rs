@@ -47,23 +47,28 @@ impl Figure {
 
     /// All numbers of the figure as CSV (RFC 4180), one point a row, each with the labels and units of its axes:
     ///
-    /// `panel, panel_title, kind, name, x, x_label, x_unit, y, y_label, y_unit`
+    /// `panel, panel_title, kind, name, x, x_label, x_unit, y, y_label, y_unit, value, value_unit`
     ///
-    /// Panels are counted from 1; `kind` is `series`, `band`, `tile`, `guide` or `note`. A band has two rows, its ends on x, and
+    /// Panels are counted from 1; `kind` is `series`, `band`, `tile`, `cell`, `guide` or `note`. A cell of an image has its middle and a value. A band has two rows, its ends on x, and
     /// no y; a tile two, opposite corners; a vertical guide has an x only, a horizontal one a y only, a slanted one two rows. Floats are as short as
     /// they can be without loss.
     #[must_use]
     pub fn csv(&self) -> String {
-        let mut text = "panel,panel_title,kind,name,x,x_label,x_unit,y,y_label,y_unit\r\n".to_owned();
+        let mut text = "panel,panel_title,kind,name,x,x_label,x_unit,y,y_label,y_unit,value,value_unit\r\n".to_owned();
         for (place, panel) in (1..).zip(&self.panels) {
             let place = i32::to_string(&place);
-            let mut row = |kind: &str, name: &str, x: Option<f64>, y: Option<f64>| {
+            let mut line = |[kind, name]: [&str; 2], [x, y, value]: [Option<f64>; 3], unit: &str| {
                 let (across, up) = (&panel.x, &panel.y);
-                let [x, y] = [x, y].map(|value| value.map(number).unwrap_or_default());
-                let fields =
+                let [x, y, value] = [x, y, value].map(|value| value.map(number).unwrap_or_default());
+                let place =
                     [&place, &panel.title, kind, name, &x, &across.label, &across.unit, &y, &up.label, &up.unit];
-                text += &(csv_line(fields) + "\r\n");
+                text += &(csv_line(place.into_iter().chain([value.as_str(), unit])) + "\r\n");
             };
+            if let Some(Raster { unit, .. }) = &panel.raster {
+                let cells = panel.raster.iter().flat_map(Raster::cells);
+                cells.for_each(|[x, y, value]| line(["cell", ""], [Some(x), Some(y), Some(value)], unit));
+            }
+            let mut row = |kind: &str, name: &str, x, y| line([kind, name], [x, y, None], "");
             for series in &panel.series {
                 series.x.iter().zip(&series.y).for_each(|(x, y)| row("series", &series.name, Some(*x), Some(*y)));
             }
@@ -115,8 +120,8 @@ pub struct Panel {
     /// Rectangles, filled.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub tiles: Vec<Tile>,
-    /// Cells of a map, as an image; under all else.
-    #[serde(skip)]
+    /// Cells of a map, as an image; under all else. Its numbers are data of the figure if it has values.
+    #[serde(skip_serializing_if = "Raster::has_no_values")]
     pub raster: Option<Raster>,
     /// Straight lines across the panel.
     pub guides: Vec<Guide>,
@@ -261,8 +266,23 @@ pub struct Tile {
     pub colour: usize,
 }
 
-/// An image of cells in classes, with its own legend; its numbers are in the table it is drawn from.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// Red, green, blue.
+pub type Colour = [u8; 3];
+
+/// Colours from little to much, dark on light.
+pub const SEQUENCE: [Colour; 8] = [
+    [0xff, 0xff, 0xd9],
+    [0xed, 0xf8, 0xb1],
+    [0xc7, 0xe9, 0xb4],
+    [0x7f, 0xcd, 0xbb],
+    [0x41, 0xb6, 0xc4],
+    [0x1d, 0x91, 0xc0],
+    [0x22, 0x5e, 0xa8],
+    [0x0c, 0x2c, 0x84],
+];
+
+/// An image of cells in classes, with its own legend. Without values its numbers are in the table it is drawn from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Raster {
     /// Its ends on x.
     pub x: [f64; 2],
@@ -271,9 +291,51 @@ pub struct Raster {
     /// Cells in a row.
     pub columns: usize,
     /// The class of each cell, row by row from the top.
+    #[serde(skip)]
     pub points: Vec<u8>,
-    /// Names of classes and their colours, red, green, blue.
-    pub classes: Vec<(String, [u8; 3])>,
+    /// Names of classes and their colours.
+    #[serde(skip)]
+    pub classes: Vec<(String, Colour)>,
+    /// Value of each cell that has one, in the order of `points`; may be empty.
+    pub values: Vec<Option<f64>>,
+    /// Unit of the values.
+    pub unit: String,
+}
+
+impl Raster {
+    /// Values in eight classes `step` wide, the highest of which holds `largest`; the lowest one also holds all below it and cells without a value.
+    #[must_use]
+    pub fn of_levels(self, (largest, step): (f64, f64), unit: &str) -> Self {
+        let count = SEQUENCE.len();
+        let low = (libm::floor(largest / step) - (count - 1) as f64) * step;
+        // OK to convert: below the number of classes.
+        let class = |value: f64| libm::floor((value - low) / step).clamp(0.0, (count - 1) as f64) as u8;
+        let name = |i: usize| match (i, low + i as f64 * step) {
+            (0, from) => format!("below {} {unit}", from + step),
+            (_, from) => format!("{from} to {} {unit}", from + step),
+        };
+        Self {
+            points: self.values.iter().map(|value| value.map_or(0, class)).collect(),
+            classes: SEQUENCE.into_iter().enumerate().map(|(i, colour)| (name(i), colour)).collect(),
+            unit: unit.to_owned(),
+            ..self
+        }
+    }
+
+    /// The middles and values of its cells.
+    fn cells(&self) -> impl Iterator<Item = [f64; 3]> {
+        let rows = self.values.len() / self.columns.max(1);
+        self.values.iter().enumerate().filter_map(move |(i, value)| {
+            let [column, row] = [i % self.columns, i / self.columns].map(|place| place as f64 + 0.5);
+            let x = self.x[0] + column / self.columns as f64 * (self.x[1] - self.x[0]);
+            let y = self.y[1] - row / rows as f64 * (self.y[1] - self.y[0]);
+            Some([x, y, (*value)?])
+        })
+    }
+
+    fn has_no_values(raster: &Option<Self>) -> bool {
+        raster.as_ref().is_none_or(|raster| raster.values.is_empty())
+    }
 }
 
 /// A thin straight line with a name: a natural frequency, an order, a threshold, a published value.

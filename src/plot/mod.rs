@@ -18,7 +18,7 @@ mod report;
 pub use animation::{AnimatedContact, AnimatedGear, Animation};
 #[cfg(feature = "plot")]
 pub use draw::Theme;
-pub use figure::{Axis, Band, Figure, Guide, Note, Panel, Raster, Series, Style, Tile, Verdict};
+pub use figure::{Axis, Band, Colour, Figure, Guide, Note, Panel, Raster, SEQUENCE, Series, Style, Tile, Verdict};
 #[cfg(feature = "plot")]
 pub use print::{Format, Print};
 #[cfg(feature = "plot")]

@@ -246,6 +246,17 @@
     return { lines, texts };
   }
 
+  // The classes of cells as an image, one pixel a cell.
+  function image(raster, X, Y) {
+    const canvas = document.createElement("canvas");
+    [canvas.width, canvas.height] = [raster.columns, raster.points.length / raster.columns];
+    const pixels = new ImageData(canvas.width, canvas.height);
+    for (let i = 0; i < raster.points.length; i++) pixels.data.set([...raster.classes[raster.points.charCodeAt(i) - 48][1], 255], 4 * i);
+    canvas.getContext("2d").putImageData(pixels, 0, 0);
+    const [left, right] = raster.x.map(X.at), [low, top] = raster.y.map(Y.at);
+    return svg("image", { x: left, y: top, width: right - left, height: low - top, href: canvas.toDataURL(), preserveAspectRatio: "none", style: "image-rendering:pixelated" });
+  }
+
   // One panel in a room of `room` by `height`, its frame from `left` to `room - right` and from `top` to `height - bottom`.
   function sheet(figure, panel, i, frame, colours) {
     const { room, height, left, right, top, bottom, titles } = frame;
@@ -260,6 +271,7 @@
     const inside = svg("g", { "clip-path": `url(#${clip})` });
     const box = (x0, x1, y0, y1, fill, opacity) => svg("rect", { class: "shade", x: Math.min(X.at(x0), X.at(x1)), y: Math.min(y0, y1),
       width: Math.abs(X.at(x1) - X.at(x0)), height: Math.abs(y1 - y0), fill, opacity });
+    if (panel.raster) inside.append(image(panel.raster, X, Y));
     for (const tile of panel.tiles) {
       if (!figure.hidden.has("tile " + tile.name)) {
         inside.append(box(...tile.x, ...tile.y.map(Y.at), pick(colours.tiles, tile.colour), colours.tileOpacity));
@@ -273,7 +285,7 @@
     Y.ticks.forEach(([value]) => grid.append(svg("line", { x1: X.from, x2: X.to, y1: Y.at(value), y2: Y.at(value) })));
     const { lines, texts } = guides(panel, X, Y, colours);
     const visible = panel.series.filter((series) => !figure.hidden.has("series " + series.name));
-    inside.append(grid, ...lines, ...visible.map((series) => drawn(series, X, Y, colours)));
+    inside.append(...(panel.raster ? [] : [grid]), ...lines, ...visible.map((series) => drawn(series, X, Y, colours)));
     picture.append(inside, svg("path", { d: `M${left} ${top}V${height - bottom}H${room - right}`, fill: "none", stroke: colours.muted }));
     let free = -Infinity;
     for (const [value, text] of X.ticks) {
@@ -316,6 +328,13 @@
         });
       }
       hover.replaceChildren();
+      const { raster } = panel;
+      if (!best.series && raster) {
+        const [x, y] = [X.value(px), Y.value(py)];
+        const [column, row] = [(x - raster.x[0]) / (raster.x[1] - raster.x[0]) * raster.columns, (raster.y[1] - y) / (raster.y[1] - raster.y[0]) * raster.points.length / raster.columns];
+        const cell = raster.points.charCodeAt(Math.floor(row) * raster.columns + Math.floor(column)) - 48;
+        best = { x, y, series: { name: (raster.classes[cell] || [""])[0] } };
+      }
       if (!best.series) return;
       const value = (axis, number) => `${axis.label} ${digits(number)} ${axis.unit}`.trim();
       const lines = [best.series.name, value(panel.x, best.x), value(panel.y, best.y)].filter((line) => line);
@@ -439,6 +458,13 @@
         draw(figure);
       });
       return toggle;
+    });
+    const classes = new Map(figure.data.panels.flatMap((panel) => (panel.raster ? panel.raster.classes : [])).map(([name, colour]) => [name, colour]));
+    classes.forEach((colour, name) => {
+      const entry = document.createElement("span");
+      entry.innerHTML = `<svg width="22" height="12" aria-hidden="true"><rect width="22" height="12" fill="rgb(${colour})" stroke="${colours.muted}"/></svg>`;
+      entry.append(name);
+      toggles.push(entry);
     });
     const reset = document.createElement("button");
     reset.type = "button";

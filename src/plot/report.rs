@@ -296,8 +296,16 @@ fn panel_data(panel: &Panel) -> Value {
         Guide::Horizontal { y, name } => json!({ "y": y, "name": name }),
         Guide::Slanted { from, to, name } => json!({ "from": from, "to": to, "name": name }),
     };
+    let raster = panel.raster.as_ref().map(|raster| {
+        let points: String = raster.points.iter().map(|class| char::from(b'0' + class)).collect();
+        let classes = raster.classes.iter().map(|(name, [r, g, b])| json!([name, [r, g, b]]));
+        json!({
+            "x": raster.x, "y": raster.y, "columns": raster.columns, "points": points, "classes": classes.collect::<Vec<_>>(),
+        })
+    });
     json!({
         "title": panel.title,
+        "raster": raster,
         "x": axis(&panel.x, x.low, x.high),
         "y": axis(&panel.y, y.low, y.high),
         "equal": panel.equal_scales,

@@ -1,4 +1,4 @@
-//! Which number of the reference set controls which result: one change at a time.
+//! Which number of a scene controls which result: one change at a time.
 
 use std::collections::BTreeMap;
 
@@ -7,32 +7,41 @@ use serde_json::{Map, Value, json};
 
 use super::{
     StudyError,
-    figures::{Context, number},
-    published::table,
+    figures::{Context, Quantity, number},
     threshold::{By, Search, locate},
 };
 use crate::{output::Table, scene::Scene};
 
-/// What a change did to the motion of the last mesh family.
+/// What a change did to the motion of a mesh.
 pub struct Effect {
     /// The change.
     pub words: String,
     /// Time without force over the mesh period at each speed.
     pub apart: Vec<f64>,
-    /// The load at which separations end, N m; 0 if there are none at any load.
+    /// The load at which separations end; 0 if there are none at any load.
     pub threshold: f64,
     /// Largest force, N.
     pub largest: f64,
 }
 
-/// Speeds at which the time apart is compared, rev/min; threshold and force belong to the second.
-const SPEEDS: [f64; 3] = [50.0, 500.0, 2000.0];
+/// Changes to try, and the mesh that is looked at.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Changes {
+    title: String,
+    note: String,
+    /// The mesh: the first whose name starts with this.
+    contact: String,
+    /// The speed of threshold and force.
+    threshold_at: f64,
+    pub changes: Vec<Change>,
+}
 
 /// A change as its table holds it: values to set, factors of numbers, and factors of the harmonics of an error, the last of
 /// which goes for all that follow.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Change {
+pub(super) struct Change {
     words: String,
     #[serde(default)]
     set: Map<String, Value>,
@@ -63,49 +72,39 @@ fn scaled(scene: &Scene, pointer: &str, factors: &[f64]) -> Value {
     harmonics
 }
 
-/// The changes of the reference set under light load.
-pub fn changes() -> Result<Vec<Change>, StudyError> {
-    table(include_str!("published/changes.json"))
-}
+impl Changes {
+    /// Time without force, threshold (by deflection) and largest force of the mesh under each change, all from cold starts.
+    pub fn effects(
+        &self,
+        context: &Context<'_>,
+        scene: &Scene,
+        ([load, speed], speeds): (&[Quantity; 2], &[f64]),
+        search: &Search,
+    ) -> Result<Vec<Effect>, StudyError> {
+        let steady = |scene: &Scene, rpm: f64| context.steady(&scene.with(&speed.pointer, json!(rpm))?, None);
+        context.each(&self.changes, |change| {
+            let changed = change.of(scene)?;
+            let apart = speeds
+                .iter()
+                .map(|rpm| Ok(steady(&changed, *rpm)?.expect(&self.contact, scene)?.report.no_force_fraction));
+            let apart = apart.collect::<Result<_, StudyError>>()?;
+            let at = changed.with(&speed.pointer, json!(self.threshold_at))?;
+            let largest = context.steady(&at, None)?.expect(&self.contact, scene)?.report.force_max.unwrap_or_default();
+            let threshold = locate(context, &at, &load.pointer, (&self.contact, By::Deflection), search)?;
+            Ok(Effect { words: change.words.clone(), apart, threshold: threshold.middle().unwrap_or(0.0), largest })
+        })
+    }
 
-/// Time without force, threshold (by deflection) and largest force of the meshes `stem` under each change, all from cold starts.
-pub fn effects(
-    context: &Context<'_>,
-    scene: &Scene,
-    stem: &str,
-    changes: &[Change],
-    search: &Search,
-) -> Result<Vec<Effect>, StudyError> {
-    context.each(changes, |change| {
-        let changed = change.of(scene)?;
-        let mut apart = Vec::new();
-        let mut largest = 0.0;
-        for rpm in SPEEDS {
-            let steady = context.steady(&changed.with("/train/speed_rpm", json!(rpm))?, None)?;
-            let contact = steady.expect(stem, scene)?;
-            apart.push(contact.report.no_force_fraction);
-            if rpm == SPEEDS[1] {
-                largest = contact.report.force_max.unwrap_or_default();
-            }
-        }
-        let at = changed.with("/train/speed_rpm", json!(SPEEDS[1]))?;
-        let threshold = locate(context, &at, "/train/load/output_torque_nm", (stem, By::Deflection), search)?;
-        Ok(Effect { words: change.words.clone(), apart, threshold: threshold.middle().unwrap_or(0.0), largest })
-    })
-}
-
-/// What controls what, as a table.
-pub fn listing(effects: &[Effect]) -> Table {
-    let cells = |effect: &Effect| {
-        let apart = effect.apart.iter().map(|apart| format!("{apart:.3}"));
-        let rest = [format!("{:.2}", effect.threshold), format!("{:.1}", effect.largest)];
-        std::iter::once(effect.words.clone()).chain(apart).chain(rest).collect()
-    };
-    let speeds = SPEEDS.map(|rpm| format!("Without force at {rpm} rev/min, T"));
-    let head = std::iter::once("Change".to_owned()).chain(speeds);
-    let note = "Ring meshes without load, one change at a time, every motion from a cold start; threshold (by deflection) and force at \
-                500 rev/min. At 2000 rev/min small changes also change the last impact of the sun meshes, and with it the \
-                damping: read that column with care.";
-    let head = head.chain(["Threshold, N m", "Largest force, N"].map(String::from));
-    Table::new(head).with(effects.iter().map(cells)).titled("What controls what", note)
+    /// What controls what, as a table.
+    pub fn listing(&self, effects: &[Effect], speeds: &[f64]) -> Table {
+        let cells = |effect: &Effect| {
+            let apart = effect.apart.iter().map(|apart| format!("{apart:.3}"));
+            let rest = [format!("{:.2}", effect.threshold), format!("{:.1}", effect.largest)];
+            std::iter::once(effect.words.clone()).chain(apart).chain(rest).collect()
+        };
+        let speeds = speeds.iter().map(|rpm| format!("Without force at {rpm} rev/min, T"));
+        let head = std::iter::once("Change".to_owned()).chain(speeds);
+        let head = head.chain(["Threshold, N m", "Largest force, N"].map(String::from));
+        Table::new(head).with(effects.iter().map(cells)).titled(&self.title, &self.note)
+    }
 }

@@ -26,6 +26,9 @@ pub enum StudyError {
     /// A claim or a table of one cannot be read or evaluated.
     #[error("a claim cannot be evaluated: {0}")]
     Claim(String),
+    /// A study file cannot be used.
+    #[error("the study cannot be used: {0}")]
+    File(String),
     /// The user broke off.
     #[error("interrupted")]
     Interrupted,

@@ -1,8 +1,8 @@
 macro_rules! kinds {
     ($($(#[$about:meta])* $kind:ident = $id:literal,)*) => {
         /// A figure a study can make.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub enum Kind { $($(#[$about])* $kind,)* }
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+        pub enum Kind { $($(#[$about])* #[serde(rename = $id)] $kind,)* }
 
         impl Kind {
             /// All of them, in the order of a report.
@@ -20,7 +20,7 @@ macro_rules! kinds {
 kinds! {
     /// Natural modes, drawn.
     Modes = "modes",
-    /// Identified numbers; a table, for the reference set only.
+    /// Numbers of scenes that published values give back; a table.
     Identification = "identification",
     /// Mesh forces over time and their spectra.
     Forces = "forces",
@@ -36,20 +36,20 @@ kinds! {
     ApartVsSpeed = "apart-vs-speed",
     /// Threshold load against speed.
     ThresholdVsSpeed = "threshold-vs-speed",
-    /// What single changes do to the results; a table, for the reference set only.
+    /// What single changes do to the results; a table.
     Changes = "changes",
-    /// Paths of sun and ring.
+    /// Paths of the centres of gears.
     Trajectories = "trajectories",
     /// One displacement over time and its spectrum.
     History = "history",
-    /// Numbers beside those of an independent implementation; a table, for the reference set only.
+    /// Numbers beside those of an independent implementation; a table.
     Values = "values",
 }
 
 impl Kind {
-    /// Whether only the reference set has it.
+    /// Tells that it is a table, which compares what the file of a study lists.
     #[must_use]
-    pub fn is_of_reference(self) -> bool {
+    pub fn is_table(self) -> bool {
         matches!(self, Self::Identification | Self::Changes | Self::Values)
     }
 }

@@ -11,13 +11,14 @@ pub mod claims;
 mod error;
 mod expression;
 mod figures;
+mod file;
 pub mod identify;
 mod kind;
 mod measures;
 #[cfg(feature = "plot")]
 pub mod page;
 pub mod plan;
-mod published;
+mod questions;
 pub mod rattle;
 mod record;
 #[cfg(feature = "plot")]

@@ -3,7 +3,7 @@
 use super::{
     Kind,
     claims::{Comparison, Verdict},
-    plan::Entry,
+    plan::{Entry, Plan},
 };
 use crate::{
     output::label,
@@ -25,27 +25,6 @@ pub struct Contents {
     pub provenance: Vec<String>,
 }
 
-/// Sections of a report and what belongs there.
-const SECTIONS: [(&str, &str, &[Kind]); 4] = [
-    (
-        "Heavy load",
-        "Forces of meshes that stay in contact, and their spectra.",
-        &[Kind::Forces, Kind::Waterfall, Kind::Harmonics],
-    ),
-    (
-        "Light load",
-        "Loss of contact and impact. A mesh is apart between its flanks (by deflection); without force it may also lie inside the \
-         zone of a flank where the law would pull (by force).",
-        &[Kind::Cycles, Kind::ApartVsLoad, Kind::ApartVsSpeed, Kind::ThresholdVsSpeed, Kind::Changes],
-    ),
-    ("Floating bodies", "Paths of the centres and their spectra.", &[Kind::Trajectories, Kind::History]),
-    (
-        "Modes and identified numbers",
-        "Natural frequencies and shapes of the train with every mesh closed.",
-        &[Kind::Modes, Kind::Identification],
-    ),
-];
-
 impl Contents {
     /// All comparisons, in order.
     #[must_use]
@@ -53,13 +32,14 @@ impl Contents {
         self.entries.iter().flat_map(|(_, entry)| &entry.comparisons).collect()
     }
 
-    /// The page.
+    /// The page, in the sections of its plan.
     #[must_use]
-    pub fn report(&self) -> Report {
+    pub fn report(&self, plan: &Plan) -> Report {
         let mut sections = Vec::new();
-        for (title, text, kinds) in SECTIONS {
+        for section in &plan.sections {
             let mut items = Vec::new();
-            for (_, entry) in self.entries.iter().filter(|(kind, _)| kinds.contains(kind)) {
+            let has = |kind: Kind| section.plots.iter().any(|plot| plot.kind == kind);
+            for (_, entry) in self.entries.iter().filter(|(kind, _)| has(*kind)) {
                 if let Some(figure) = &entry.figure {
                     let mut figure = figure.clone();
                     figure.caption = format!("{} Scene: {}.", figure.caption, entry.scene[0]);
@@ -68,7 +48,7 @@ impl Contents {
                 items.extend(entry.listing.clone().map(Item::from));
             }
             if !items.is_empty() {
-                sections.push(Section::new(title, text, items));
+                sections.push(Section::new(&section.title, &section.text, items));
             }
         }
         if self.entries.iter().any(|(_, entry)| !entry.comparisons.is_empty()) {
@@ -77,11 +57,6 @@ impl Contents {
                         was tuned to this page.";
             let items = vec![Item::Table(table("All comparisons", "", &self.comparisons()))];
             sections.push(Section::new("Published, Flank, verdict", text, items));
-        }
-        for (_, entry) in self.entries.iter().filter(|(kind, _)| *kind == Kind::Values) {
-            let items = entry.listing.clone().map(Item::from).into_iter().collect();
-            let text = "The same equations solved elsewhere: what is wrong here is wrong in Flank, or there.";
-            sections.push(Section::new("Independent values", text, items));
         }
         if !self.contradictions.is_empty() {
             let items = vec![Item::Table(table("", "", &self.contradictions.iter().collect::<Vec<_>>()))];

@@ -1,185 +1,217 @@
-//! Which figure of a study is made from which scene.
+//! Plots of a study: which is made from which scene, over which values.
 
 use serde_json::{Map, Value, json};
 
 use super::{
     Kind, StudyError,
-    changes::{self, changes, effects},
+    changes::Changes,
     claims::{Claims, Comparison, Points},
-    figures::{self, Context, ModeRow, fraction_title, load_pointer, speed_pointer},
-    published,
+    figures::{self, Context, ModeRow, Quantity, fraction_title},
+    file::{Plot, Section, StudyFile},
+    questions::Questions,
     steady::ContactSteady,
     threshold::{By, Search, Threshold, locate},
-    values::values,
+    values::Values,
 };
 use crate::{
     output::Table,
-    plot::{Axis, Figure, Guide, Panel, Series, Style},
+    plot::{Figure, Guide, Panel, Series, Style},
     scene::{Scene, SceneError},
 };
 
-/// What one figure came to.
+/// Result of one plot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     /// The figure, if it is one.
     pub figure: Option<Figure>,
     /// The scene it was made from, in words, and its hash.
     pub scene: [String; 2],
-    /// Published numbers beside Flank's, in the study of the reference set.
+    /// Published numbers beside Flank's, where a study has claims.
     pub comparisons: Vec<Comparison>,
     /// Numbers better read than seen.
     pub listing: Option<Table>,
 }
 
-/// A study: scenes, speeds and loads.
+/// A study: scenes, plots of them, and claims about these.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// Scene of the loaded train.
-    pub heavy: Scene,
-    /// Scene of the lightly loaded train.
-    pub light: Scene,
-    /// Scene of the floating train.
-    pub floating: Scene,
+    /// Title of its page.
+    pub title: String,
+    /// Scenes by name.
+    pub(super) scenes: Vec<(String, Scene)>,
+    /// Sections of its page, with their plots.
+    pub sections: Vec<Section>,
     /// What was published about it.
     pub claims: Claims,
-    /// Loads, N m.
-    pub loads: Vec<f64>,
-    /// Loads at which cycles are shown, N m.
-    pub shown_loads: Vec<f64>,
-    /// Speeds of the lightly loaded train, rev/min.
-    pub speeds: Vec<f64>,
-    /// Speeds of the lightly loaded train at which the threshold is sought, rev/min.
-    pub threshold_speeds: Vec<f64>,
-    /// Speeds of the loaded train, rev/min.
-    pub heavy_speeds: Vec<f64>,
-    /// Speeds at which paths are drawn, rev/min.
-    pub path_speeds: Vec<f64>,
-    /// Speed at which one displacement is followed, rev/min.
-    pub history_speed: f64,
-    /// Highest frequency of spectra, Hz.
-    pub highest: [f64; 2],
+    /// Pointer of the load that is varied, if it is not the train's usual one.
+    pub load: Option<String>,
+    /// Pointer of the speed that is varied, if it is not the train's usual one.
+    pub speed: Option<String>,
 }
 
 /// Speeds at which thresholds are sought, at most: each takes some twenty runs.
 const THRESHOLDS: usize = 20;
+/// Speeds of a waterfall, at most.
+const LINES: usize = 60;
 /// Cycles after which a floating motion counts as irregular: such motions are not waited for any longer.
 const FLOATING_CYCLES: u64 = 300;
-
-fn evenly(from: f64, to: f64, count: u32) -> Vec<f64> {
-    (0..count).map(|i| from + (to - from) * f64::from(i) / f64::from(count - 1)).collect()
-}
+/// Mesh frequencies up to which spectra and modes are shown, where a study does not say.
+const HIGHEST: f64 = 7.0;
 
 impl Plan {
-    /// The reference planetary set: presets `reference-heavy`, `reference-light`, `reference-float`.
+    /// The reference planetary set, beside its published numbers.
     ///
     /// # Errors
-    /// [`StudyError`] never in fact: presets and claims are part of the library.
+    /// [`StudyError`] never in fact: scenes and claims are part of the library.
     pub fn reference() -> Result<Self, StudyError> {
-        // The meshes of the first two are in phase, so that one planet stands for all of them, exactly.
-        let scene = |preset: &str, freedoms: &str, rpm: f64| {
-            let train = json!({ "kind": "planetary", "preset": preset, "freedoms": freedoms, "speed_rpm": rpm });
-            Scene::from_value(json!({ "flank": 1, "train": train, "run": { "cycles": 1 } }), preset)
-        };
-        Ok(Self {
-            heavy: scene("reference-heavy", "in-phase", 500.0)?,
-            light: scene("reference-light", "in-phase", 500.0)?,
-            floating: scene("reference-float", "full", 500.0)?,
-            claims: Claims::from_json(include_str!("published/claims.json"))?,
-            loads: evenly(0.0, 40.0, 41),
-            shown_loads: vec![0.0, 21.0],
-            speeds: evenly(50.0, 2000.0, 79),
-            threshold_speeds: evenly(200.0, 2000.0, 19),
-            heavy_speeds: evenly(500.0, 3000.0, 101),
-            path_speeds: vec![100.0, 300.0, 1000.0, 2000.0],
-            history_speed: 2000.0,
-            highest: [1500.0, 3000.0],
-        })
+        StudyFile::reference()?.plan()
     }
 
-    /// The same figures of another scene. Loads and speeds reach from nothing (or a tenth) to twice the scene's own; figures
+    /// The plan in a file, whose text is `text`; `read` gives the files that it names.
+    ///
+    /// # Errors
+    /// [`StudyError::File`] for a text that is no study.
+    pub fn read(text: &str, read: &dyn Fn(&str) -> Result<String, String>) -> Result<Self, StudyError> {
+        StudyFile::read(text, read)?.plan()
+    }
+
+    /// Plots of any scene. Loads and speeds reach from nothing (or a tenth) to twice the scene's own; plots
     /// its train has no freedoms for are refused when they are asked for.
-    #[must_use]
-    pub fn of(scene: &Scene) -> Self {
-        let own = |pointer: Option<&str>| pointer.and_then(|p| figures::number(scene, p).ok()).unwrap_or(0.0);
-        let (load, rpm) = (own(load_pointer(scene)), own(speed_pointer(scene)));
-        let reach = if load > 0.0 { 2.0 * load } else { 40.0 };
-        let loads = evenly(0.0, reach, 41);
-        let speeds = evenly(0.1 * rpm, 2.0 * rpm, 39);
-        let mesh_frequency = scene.built().run.period.map_or(1.0, f64::recip);
-        Self {
-            heavy: scene.clone(),
-            light: scene.clone(),
-            floating: scene.clone(),
-            claims: Claims::default(),
-            shown_loads: vec![load],
-            path_speeds: vec![rpm],
-            history_speed: rpm,
-            highest: [7.0 * mesh_frequency, 7.0 * mesh_frequency],
-            threshold_speeds: thinned(&speeds, THRESHOLDS),
-            heavy_speeds: speeds.clone(),
-            loads,
-            speeds,
-        }
+    ///
+    /// # Errors
+    /// [`StudyError`] never in fact: the plan is part of the library.
+    pub fn of(scene: &Scene) -> Result<Self, StudyError> {
+        let any = StudyFile::any()?.plan()?;
+        let name = scene.given()["name"].as_str().unwrap_or(scene.name());
+        Ok(Self { title: format!("Study of {name}"), scenes: vec![("scene".to_owned(), scene.clone())], ..any })
     }
 
-    /// The same study at other loads, N m, and speeds, rev/min, where any are given; in rising order.
+    pub(super) fn new(file: StudyFile, scenes: Vec<(String, Scene)>, claims: Claims) -> Self {
+        let StudyFile { title, sections, load, speed, .. } = file;
+        Self { title, scenes, sections, claims, load, speed }
+    }
+
+    /// The same study at other loads and speeds, where any are given; in rising order.
     #[must_use]
     pub fn varied(mut self, loads: Option<Vec<f64>>, speeds: Option<Vec<f64>>) -> Self {
-        self.loads = loads.map_or(self.loads, risen);
-        if let Some(speeds) = speeds.map(risen) {
-            self.heavy_speeds.clone_from(&speeds);
-            self.threshold_speeds = thinned(&speeds, THRESHOLDS);
-            self.speeds = speeds;
+        let (loads, speeds) = (loads.map(risen), speeds.map(risen));
+        for plot in self.sections.iter_mut().flat_map(|section| &mut section.plots) {
+            let values = match plot.kind {
+                Kind::ApartVsLoad => loads.clone(),
+                Kind::Harmonics | Kind::ApartVsSpeed => speeds.clone(),
+                Kind::Waterfall => speeds.as_ref().map(|speeds| thinned(speeds, LINES)),
+                Kind::ThresholdVsSpeed => speeds.as_ref().map(|speeds| thinned(speeds, THRESHOLDS)),
+                _ => None,
+            };
+            plot.values = values.or_else(|| plot.values.take());
         }
         self
     }
 
-    /// What a scene does not allow of the loads and speeds: one error for each that it refuses.
+    /// Kinds of its plots.
     #[must_use]
-    pub fn refused(&self) -> Vec<SceneError> {
-        let try_all = |scene: &Scene, pointer: Option<&str>, values: &[f64]| -> Vec<SceneError> {
-            let refused = |value: &f64| scene.with(pointer?, json!(value)).err();
-            values.iter().filter_map(refused).collect()
-        };
-        let light = try_all(&self.light, load_pointer(&self.light), &self.loads);
-        light.into_iter().chain(try_all(&self.light, speed_pointer(&self.light), &self.speeds)).collect()
+    pub fn kinds(&self) -> Vec<Kind> {
+        let all = self.sections.iter().flat_map(|section| &section.plots);
+        all.map(|plot| plot.kind).collect()
     }
 
-    /// Scenes that will be run for a figure, about: what progress is counted in.
-    #[must_use]
-    pub fn runs(&self, kind: Kind) -> usize {
-        match kind {
-            Kind::Forces | Kind::History => 1,
-            Kind::Modes => 1,
-            Kind::Values | Kind::Identification => 160,
-            Kind::Changes => 18 * changes().map_or(0, |changes| changes.len()),
-            Kind::Waterfall => self.waterfall_speeds().len(),
-            Kind::Harmonics => self.heavy_speeds.len(),
-            Kind::Cycles => self.shown_loads.len(),
-            Kind::ApartVsLoad => 3 * self.loads.len() + 20,
-            Kind::ApartVsSpeed => 3 * self.speeds.len(),
-            Kind::ThresholdVsSpeed => 20 * self.threshold_speeds.len(),
-            Kind::Trajectories => self.path_speeds.len(),
+    /// The scene called `name`, or the only one.
+    pub(super) fn scene(&self, name: &str) -> Result<&Scene, StudyError> {
+        let named = self.scenes.iter().find(|(known, _)| known == name);
+        named.map(|(_, scene)| scene).ok_or_else(|| {
+            let names: Vec<&str> = self.scenes.iter().map(|(name, _)| name.as_str()).collect();
+            StudyError::File(format!("scenes: no scene {name:?}; it has {}", names.join(", ")))
+        })
+    }
+
+    pub(super) fn plot(&self, kind: Kind) -> Result<&Plot, StudyError> {
+        let plot = self.sections.iter().flat_map(|section| &section.plots).find(|plot| plot.kind == kind);
+        plot.ok_or_else(|| {
+            let ids: Vec<&str> = self.kinds().into_iter().map(Kind::id).collect();
+            StudyError::File(format!("this study has no {}; it has {}", kind.id(), ids.join(", ")))
+        })
+    }
+
+    /// Load of a scene, the study's own or the train's usual one.
+    pub(super) fn load(&self, scene: &Scene) -> Result<Quantity, StudyError> {
+        figures::quantity(scene, self.load.as_deref(), figures::load).ok_or_else(|| lacks(scene, "load"))
+    }
+
+    /// Speed of a scene, likewise.
+    pub(super) fn speed(&self, scene: &Scene) -> Result<Quantity, StudyError> {
+        figures::quantity(scene, self.speed.as_deref(), figures::speed).ok_or_else(|| lacks(scene, "speed"))
+    }
+
+    /// Values of a plot: the plan's, or those that fit the scene's own.
+    fn values(&self, plot: &Plot, scene: &Scene) -> Vec<f64> {
+        if let Some(values) = &plot.values {
+            return values.clone();
+        }
+        let own = |quantity: Result<Quantity, StudyError>| {
+            quantity.ok().and_then(|quantity| figures::number(scene, &quantity.pointer).ok())
+        };
+        let speeds = || own(self.speed(scene)).map_or_else(Vec::new, |speed| evenly(0.1 * speed, 2.0 * speed, 39));
+        match plot.kind {
+            Kind::ApartVsLoad => own(self.load(scene)).map_or_else(Vec::new, |load| match load {
+                0.0 => evenly(0.0, 40.0, 41),
+                load => evenly(0.0, 2.0 * load, 41),
+            }),
+            Kind::Harmonics | Kind::ApartVsSpeed => speeds(),
+            Kind::Waterfall => thinned(&speeds(), LINES),
+            Kind::ThresholdVsSpeed => thinned(&speeds(), THRESHOLDS),
+            Kind::Cycles => own(self.load(scene)).into_iter().collect(),
+            _ => own(self.speed(scene)).into_iter().collect(),
         }
     }
 
-    /// About 26 of the loaded train's speeds: more lines cannot be told apart.
-    fn waterfall_speeds(&self) -> Vec<f64> {
-        thinned(&self.heavy_speeds, 26)
+    /// Errors of the scenes at loads and speeds that they do not allow.
+    #[must_use]
+    pub fn refused(&self) -> Vec<SceneError> {
+        let mut refused = Vec::new();
+        for plot in self.sections.iter().flat_map(|section| &section.plots) {
+            let Ok(scene) = self.scene(&plot.scene) else { continue };
+            let varied = match plot.kind {
+                Kind::ApartVsLoad | Kind::Cycles => self.load(scene),
+                Kind::Harmonics | Kind::ApartVsSpeed | Kind::Waterfall | Kind::ThresholdVsSpeed => self.speed(scene),
+                _ => continue,
+            };
+            let Ok(Quantity { pointer, .. }) = varied else { continue };
+            let values = self.values(plot, scene);
+            refused.extend(values.into_iter().filter_map(|value| scene.with(&pointer, json!(value)).err()));
+        }
+        refused
     }
 
-    /// Makes a figure.
+    /// Number of scenes that are run for a plot, about; progress is counted in it.
+    #[must_use]
+    pub fn runs(&self, kind: Kind) -> usize {
+        let Ok(plot) = self.plot(kind) else { return 0 };
+        let count = self.scene(&plot.scene).map_or(0, |scene| self.values(plot, scene).len());
+        match kind {
+            Kind::Forces | Kind::History | Kind::Modes => 1,
+            Kind::Values | Kind::Identification => 160,
+            Kind::Changes => 18 * 22,
+            Kind::Waterfall | Kind::Harmonics | Kind::Cycles | Kind::Trajectories => count,
+            Kind::ApartVsLoad => 3 * count + 20,
+            Kind::ApartVsSpeed => 3 * count,
+            Kind::ThresholdVsSpeed => 20 * count,
+        }
+    }
+
+    /// Makes a plot.
     ///
     /// # Errors
-    /// [`StudyError`] of the runs, or of a scene without what the figure shows; [`StudyError::Interrupted`] once the task is
+    /// [`StudyError`] of the runs, or of a scene without what the plot shows; [`StudyError::Interrupted`] once the task is
     /// cancelled.
     pub fn make(&self, kind: Kind, context: &Context<'_>) -> Result<Entry, StudyError> {
         if context.task.is_cancelled() {
             return Err(StudyError::Interrupted);
         }
-        let speed = |scene: &Scene| speed_pointer(scene).ok_or_else(|| lacks(scene, "speed in rev/min"));
-        let load = |scene: &Scene| load_pointer(scene).ok_or_else(|| lacks(scene, "load in N m"));
-        let entry = |figure: Option<Figure>, scene: &Scene, words: &str, facts: Value| {
+        let plot = self.plot(kind)?;
+        let scene = self.scene(&plot.scene)?;
+        let values = self.values(plot, scene);
+        let highest = plot.highest_hz.unwrap_or(HIGHEST / scene.built().run.period.unwrap_or(HIGHEST));
+        let entry = |figure: Option<Figure>, words: &str, facts: Value| {
             Ok::<_, StudyError>(Entry {
                 figure,
                 scene: [format!("{}{}{words}", scene.name(), if words.is_empty() { "" } else { ", " }), scene.hash()],
@@ -187,144 +219,133 @@ impl Plan {
                 comparisons: self.claims.compare(kind.id(), facts)?,
             })
         };
+        let listed = |listing: Table, words: &str| {
+            Ok::<_, StudyError>(Entry { listing: Some(listing), ..entry(None, words, Value::Null)? })
+        };
         let hasty = Context { rule: floating(context), ..*context };
         Ok(match kind {
             Kind::Modes => {
-                let (figure, rows) = figures::modes(&self.full()?, self.highest[1])?;
-                let listing = Some(figures::listing(&rows));
+                let (figure, rows) = figures::modes(scene, highest)?;
                 let named = |row: &ModeRow| {
                     let (part, share) = row.shares.first()?;
                     Some((row.name.clone(), json!({ "hertz": row.hertz, "part": part, "share": share })))
                 };
                 let facts: Map<String, Value> = rows.iter().filter_map(named).collect();
-                Entry { listing, ..entry(Some(figure), &self.full()?, "all freedoms", facts.into())? }
+                Entry { listing: Some(figures::listing(&rows)), ..entry(figure, "all freedoms", facts.into())? }
             }
             Kind::Identification => {
-                self.only_reference("printed values to identify it from; see flank identify")?;
-                let listing = Some(published::identified(context.task)?);
-                Entry { listing, ..entry(None, &self.full()?, "all freedoms", Value::Null)? }
+                let questions: Questions = plot.table()?;
+                listed(questions.identified(|name| self.scene(name), context.task)?, "all freedoms")?
             }
             Kind::Forces => {
-                let (figure, facts) = figures::forces(context, &self.heavy, self.highest[0])?;
-                entry(Some(figure), &self.heavy, "", facts.into())?
+                let (figure, facts) = figures::forces(context, scene, highest)?;
+                entry(Some(figure), "", facts.into())?
             }
             Kind::Waterfall => {
-                let pointer = speed(&self.heavy)?;
-                let modes = figures::modes(&self.full()?, self.highest[1]);
+                let modes = figures::modes(self.scene(plot.modes_of.as_deref().unwrap_or(&plot.scene))?, highest);
                 let natural = modes.map_or_else(|_| Vec::new(), |(_, rows)| rows);
-                let speeds = self.waterfall_speeds();
                 let (figure, facts) =
-                    figures::waterfall(context, &self.heavy, (pointer, &speeds), &natural, self.highest[1])?;
-                entry(Some(figure), &self.heavy, "speed varied", facts.into())?
+                    figures::waterfall(context, scene, (&self.speed(scene)?, &values), &natural, highest)?;
+                entry(Some(figure), "speed varied", facts.into())?
             }
             Kind::Harmonics => {
-                let pointer = speed(&self.heavy)?;
-                let (figure, facts) = figures::harmonics(context, &self.heavy, (pointer, &self.heavy_speeds))?;
-                entry(Some(figure), &self.heavy, "speed varied", facts.into())?
+                let (figure, facts) = figures::harmonics(context, scene, (&self.speed(scene)?, &values))?;
+                entry(Some(figure), "speed varied", facts.into())?
             }
             Kind::Cycles => {
-                let (figure, found) = figures::cycles(context, &self.light, &self.shown_loads)?;
-                entry(Some(figure), &self.light, "load varied", found.into())?
+                let varied = [self.load(scene).ok(), self.speed(scene).ok()];
+                let (figure, found) = figures::cycles(context, scene, varied, &values)?;
+                entry(Some(figure), "load varied", found.into())?
             }
-            Kind::ApartVsLoad => self.by_load(context, load(&self.light)?, entry)?,
+            Kind::ApartVsLoad => {
+                let (figure, facts) = self.by_load(context, scene, &values)?;
+                entry(Some(figure), "load varied", facts)?
+            }
             Kind::ApartVsSpeed => {
-                let pointer = speed(&self.light)?;
-                let x = Axis::new("speed", "rev/min");
-                let (mut figure, curves) = figures::apart(context, &self.light, kind.id(), x, (pointer, &self.speeds))?;
-                self.publish(&mut figure)?;
-                entry(Some(figure), &self.light, "speed varied", figures::facts(&curves, &self.speeds))?
+                let (mut figure, curves) = figures::apart(context, scene, kind.id(), (&self.speed(scene)?, &values))?;
+                self.publish(&mut figure, &last_family(scene)?);
+                entry(Some(figure), "speed varied", figures::facts(&curves, &values))?
             }
             Kind::ThresholdVsSpeed => {
-                let (stem, speeds) = (self.last_family()?, &self.threshold_speeds);
-                let (figure, facts) = figures::threshold(context, &self.light, &stem, speeds, &self.search())?;
-                entry(Some(figure), &self.light, "speed and load varied", facts)?
+                let (stem, varied) = (last_family(scene)?, [self.load(scene)?, self.speed(scene)?]);
+                let (figure, facts) =
+                    figures::threshold(context, scene, &stem, (&varied, &values), &self.search(scene))?;
+                entry(Some(figure), "speed and load varied", facts)?
             }
             Kind::Changes => {
-                self.only_reference("a list of changes to try; see flank sweep")?;
-                let tried = changes()?;
-                let effects = effects(context, &self.light, &self.last_family()?, &tried, &self.search())?;
-                let listing = Some(changes::listing(&effects));
-                Entry { listing, ..entry(None, &self.light, "numbers varied", Value::Null)? }
+                let changes: Changes = plot.table()?;
+                let varied = [self.load(scene)?, self.speed(scene)?];
+                let effects = changes.effects(context, scene, (&varied, &values), &self.search(scene))?;
+                listed(changes.listing(&effects, &values), "numbers varied")?
             }
             Kind::Values => {
-                self.only_reference("independent values to compare with")?;
-                let listing = Some(values(context, self)?);
-                Entry { listing, ..entry(None, &self.light, "and others", Value::Null)? }
+                let table: Values = plot.table()?;
+                listed(table.compared(context, self)?, "and others")?
             }
             Kind::Trajectories => {
-                let pointer = speed(&self.floating)?;
-                let (figure, found) = figures::trajectories(&hasty, &self.floating, (pointer, &self.path_speeds))?;
-                entry(Some(figure), &self.floating, "speed varied", found.into())?
+                let (figure, found) = figures::trajectories(&hasty, scene, (self.speed(scene).ok().as_ref(), &values))?;
+                entry(Some(figure), "speed varied", found.into())?
             }
             Kind::History => {
-                let scene = match speed_pointer(&self.floating) {
-                    Some(pointer) => self.floating.with(pointer, json!(self.history_speed))?,
-                    None => self.floating.clone(),
+                let (scene, words) = match (self.speed(scene), values.first()) {
+                    (Ok(speed), Some(value)) => {
+                        (scene.with(&speed.pointer, json!(value))?, format!("{value} {}", speed.axis.unit))
+                    }
+                    _ => (scene.clone(), String::new()),
                 };
                 let first = scene.built().spec.freedoms.first().cloned().unwrap_or_default();
                 let (figure, facts) = figures::history(&hasty, &scene, &first)?;
-                let words = format!("{} rev/min", self.history_speed);
-                entry(Some(figure), &self.floating, &words, facts)?
+                entry(Some(figure), &words, facts)?
             }
         })
     }
 
-    fn by_load(
-        &self,
-        context: &Context<'_>,
-        pointer: &str,
-        entry: impl Fn(Option<Figure>, &Scene, &str, Value) -> Result<Entry, StudyError>,
-    ) -> Result<Entry, StudyError> {
-        let x = Axis::new("load", "N m");
-        let id = Kind::ApartVsLoad.id();
-        let (mut figure, curves) = figures::apart(context, &self.light, id, x, (pointer, &self.loads))?;
-        let stem = self.last_family()?;
+    fn by_load(&self, context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Figure, Value), StudyError> {
+        let load = self.load(scene)?;
+        let (mut figure, curves) = figures::apart(context, scene, Kind::ApartVsLoad.id(), (&load, loads))?;
+        let stem = last_family(scene)?;
         // The grid has found where to look: between its last load at which contact is lost and the next one.
         let find = |by: By, time: fn(&ContactSteady) -> f64| {
             let last = figures::along(&curves[0], &stem, time).iter().rposition(|time| *time > 0.0);
-            let bracket = last.and_then(|i| Some([self.loads[i], *self.loads.get(i + 1)?]));
+            let bracket = last.and_then(|i| Some([loads[i], *loads.get(i + 1)?]));
             match bracket {
                 Some(range) => {
-                    locate(context, &self.light, pointer, (&stem, by), &Search { range, scan: 2, ..self.search() })
+                    let search = Search { range, scan: 2, ..self.search(scene) };
+                    locate(context, scene, &load.pointer, (&stem, by), &search)
                 }
-                None => Ok(last.map_or(Threshold::None, |i| Threshold::Beyond { value: self.loads[i] })),
+                None => Ok(last.map_or(Threshold::None, |i| Threshold::Beyond { value: loads[i] })),
             }
         };
         let deflection = find(By::Deflection, |c| c.report.apart_time)?;
         let force = find(By::Force, |c| c.report.no_force_time)?;
         if let Some(panel) = fraction_panel(&mut figure, &stem) {
             for (threshold, words) in [(deflection, "between the flanks"), (force, "without force")] {
-                let guide = |x: f64| Guide::Vertical { x, name: format!("{words} up to {x:.2} N m") };
+                let guide = |x: f64| Guide::Vertical { x, name: format!("{words} up to {x:.2} {}", load.axis.unit) };
                 panel.guides.extend(threshold.located().map(guide));
             }
         }
-        self.publish(&mut figure)?;
-        let mut facts = figures::facts(&curves, &self.loads);
+        self.publish(&mut figure, &stem);
+        let mut facts = figures::facts(&curves, loads);
         facts["threshold"] = json!({ "deflection": deflection, "force": force });
-        entry(Some(figure), &self.light, "load varied", facts)
+        Ok((figure, facts))
     }
 
-    fn search(&self) -> Search {
-        let ends = |pick: fn(f64, f64) -> f64, start: f64| self.loads.iter().copied().fold(start, pick);
+    /// Loads among which thresholds of a scene are sought.
+    pub(super) fn search(&self, scene: &Scene) -> Search {
+        let loads = self.plot(Kind::ApartVsLoad).map_or_else(|_| Vec::new(), |plot| self.values(plot, scene));
+        let ends = |pick: fn(f64, f64) -> f64, start: f64| loads.iter().copied().fold(start, pick);
         let (low, high) = (ends(f64::min, f64::INFINITY), ends(f64::max, f64::NEG_INFINITY));
         // Thresholds reach beyond the loads of interest at resonances.
         let high = low + 1.5 * (high - low);
         Search { range: [low, high], scan: 13, resolution: 2.5e-4 * (high - low) }
     }
 
-    /// The family of meshes whose loss of contact is looked at: the last one, as the ring's in a planetary stage.
-    fn last_family(&self) -> Result<String, StudyError> {
-        let last = self.light.built().spec.contacts.last().ok_or_else(|| lacks(&self.light, "contact"))?;
-        Ok(figures::family(&last.name).to_owned())
-    }
-
-    /// Puts published times without force into the panel of the last family.
-    fn publish(&self, figure: &mut Figure) -> Result<(), StudyError> {
+    /// Puts published times without force into the panel of a family.
+    fn publish(&self, figure: &mut Figure, family: &str) {
         let points = self.claims.points(&figure.id).cloned();
-        if let (Some(Points { x, y }), Some(panel)) = (points, fraction_panel(figure, &self.last_family()?)) {
+        if let (Some(Points { x, y }), Some(panel)) = (points, fraction_panel(figure, family)) {
             panel.series.push(Series { name: "published".to_owned(), x, y, style: Style::Points, colour: 6 });
         }
-        Ok(())
     }
 
     /// Where the source contradicts itself, from its own data.
@@ -332,25 +353,15 @@ impl Plan {
     /// # Errors
     /// [`StudyError::Claim`] for a claim that cannot be evaluated.
     pub fn contradictions(&self) -> Result<Vec<Comparison>, StudyError> {
-        let train = |scene: &Scene| scene.resolved()["train"].clone();
-        self.claims.compare("contradictions", json!({ "heavy": train(&self.heavy), "light": train(&self.light) }))
+        let trains = self.scenes.iter().map(|(name, scene)| (name.clone(), scene.resolved()["train"].clone()));
+        self.claims.compare("contradictions", Value::Object(trains.collect()))
     }
+}
 
-    /// What only the reference set has.
-    fn only_reference(&self, what: &str) -> Result<(), StudyError> {
-        if !self.claims.is_empty() {
-            return Ok(());
-        }
-        Err(StudyError::missing(self.light.name(), format!("only the reference set has {what}")))
-    }
-
-    /// The loaded train in all its freedoms.
-    fn full(&self) -> Result<Scene, StudyError> {
-        if self.claims.is_empty() {
-            return Ok(self.heavy.clone());
-        }
-        Ok(self.heavy.with("/train/freedoms", json!("full"))?)
-    }
+/// The family of contacts whose loss of contact is looked at: the last one, as the ring's in a planetary stage.
+fn last_family(scene: &Scene) -> Result<String, StudyError> {
+    let last = scene.built().spec.contacts.last().ok_or_else(|| lacks(scene, "contact"))?;
+    Ok(figures::family(&last.name).to_owned())
 }
 
 fn floating(context: &Context<'_>) -> super::steady::Rule {
@@ -360,7 +371,12 @@ fn floating(context: &Context<'_>) -> super::steady::Rule {
 }
 
 fn lacks(scene: &Scene, what: &str) -> StudyError {
-    StudyError::missing(scene.name(), format!("a train of kind {} has no {what}", figures::kind(scene)))
+    let remedy = format!("it has no usual {what}: name its number, as in --{what}s POINTER=FROM:TO:COUNT");
+    StudyError::missing(scene.name(), remedy)
+}
+
+fn evenly(from: f64, to: f64, count: u32) -> Vec<f64> {
+    (0..count).map(|i| from + (to - from) * f64::from(i) / f64::from(count - 1)).collect()
 }
 
 /// In rising order, each once.

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, RowDVector};
 /// Gears and meshes of a train in the plane.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Drawing {
-    /// Gears.
+    /// Gears and the carrier of a stage.
     pub gears: Vec<GearDrawing>,
     /// Pitch point of each contact, m.
     pub points: Vec<[f64; 2]>,
@@ -20,7 +20,7 @@ pub struct GearDrawing {
     pub centre: [f64; 2],
     /// Radius of its working pitch circle, m.
     pub radius: f64,
-    /// Tooth number.
+    /// Tooth number; 0 of a carrier, whose circle goes through the centres of its planets.
     pub teeth: u32,
     /// Its teeth point inwards.
     pub is_ring: bool,

@@ -8,8 +8,8 @@
 use serde_json::{Value, json};
 
 use super::{
-    Context,
-    changes::{changes, effects},
+    Context, Kind,
+    changes::Changes,
     figures::{self, along},
     plan::Plan,
     steady::Rule,
@@ -35,15 +35,16 @@ fn number(value: &Value) -> f64 {
 #[test]
 fn the_threshold_is_located_in_the_load() {
     let plan = Plan::reference().unwrap();
+    let light = plan.scene("light").unwrap();
     let search = Search { range: [0.0, 40.0], scan: 9, resolution: 0.01 };
-    let found = locate(&context(), &plan.light, LOAD, ("ring", By::Deflection), &search).unwrap();
+    let found = locate(&context(), light, LOAD, ("ring", By::Deflection), &search).unwrap();
     let Threshold::Located { below, above, clearance_below, clearance_above } = found else { panic!("{found:?}") };
     // Separations vanish between 20.5 and 20.8 N m, whichever way the search goes.
     assert!(20.5 <= below && above <= 20.8 && above - below <= 0.01, "{found:?}");
     // They do not shrink to nothing: the motion that separates ends.
     assert!(clearance_below < -1e-7 && clearance_above >= 0.0, "{found:?}");
     // Nothing to locate where everything separates, or nothing does.
-    let at = |by, range| locate(&context(), &plan.light, LOAD, ("ring", by), &Search { range, ..search });
+    let at = |by, range| locate(&context(), light, LOAD, ("ring", by), &Search { range, ..search });
     assert_eq!(at(By::Deflection, [0.0, 10.0]).unwrap(), Threshold::Beyond { value: 10.0 });
     assert_eq!(at(By::Deflection, [30.0, 40.0]).unwrap(), Threshold::None);
     // At 22 N m the meshes stay at their flanks, and carry no force for a ninth of a period.
@@ -55,8 +56,8 @@ fn the_threshold_is_located_in_the_load() {
 #[test]
 fn modes_of_the_reference_set() {
     let plan = Plan::reference().unwrap();
-    let full = plan.heavy.with("/train/freedoms", Value::from("full")).unwrap();
-    let (figure, rows) = figures::modes(&full, 3000.0).unwrap();
+    let (figure, rows) = figures::modes(plan.scene("full").unwrap(), 3000.0).unwrap();
+    let figure = figure.unwrap();
     for (name, hertz) in [
         ("T1", 431.39),
         ("R1", 434.01),
@@ -81,7 +82,9 @@ fn modes_of_the_reference_set() {
 #[test]
 fn paths_at_a_hundred_revolutions() {
     let plan = Plan::reference().unwrap();
-    let (figure, found) = figures::trajectories(&context(), &plan.floating, ("/train/speed_rpm", &[100.0])).unwrap();
+    let floating = plan.scene("floating").unwrap();
+    let speed = plan.speed(floating).unwrap();
+    let (figure, found) = figures::trajectories(&context(), floating, (Some(&speed), &[100.0])).unwrap();
     let [sun, ring] = &found[..] else { panic!("two centres") };
     assert_eq!((&sun["period"], &sun["leaves"]), (&json!(1), &json!(288)));
     // Printed to 0.1 µm and 0.001 µm.
@@ -94,7 +97,9 @@ fn paths_at_a_hundred_revolutions() {
 #[test]
 fn cycles_at_rest_and_under_load() {
     let plan = Plan::reference().unwrap();
-    let (figure, found) = figures::cycles(&context(), &plan.light, &[0.0, 21.0]).unwrap();
+    let light = plan.scene("light").unwrap();
+    let varied = || [plan.load(light).ok(), plan.speed(light).ok()];
+    let (figure, found) = figures::cycles(&context(), light, varied(), &[0.0, 21.0]).unwrap();
     assert_eq!((&found[0]["peaks"], &found[1]["peaks"]), (&json!(2), &json!(2)));
     for (h, wanted) in [18.4, 37.5, 10.3].into_iter().enumerate() {
         close(number(&found[0]["harmonics"][h]), wanted, 0.06);
@@ -108,8 +113,8 @@ fn cycles_at_rest_and_under_load() {
     let ends: Vec<f64> = upper.bands.iter().flat_map(|band| band.x).collect();
     assert_eq!(marks.x, ends);
     // Both meshes of a planet apart at once: at slow speeds only.
-    let slow = plan.light.with("/train/speed_rpm", Value::from(50.0)).unwrap();
-    let (_, found) = figures::cycles(&context(), &slow, &[0.0]).unwrap();
+    let slow = light.with("/train/speed_rpm", Value::from(50.0)).unwrap();
+    let (_, found) = figures::cycles(&context(), &slow, varied(), &[0.0]).unwrap();
     close(number(&found[0]["together"]), 0.243, 0.002);
 }
 
@@ -117,9 +122,9 @@ fn cycles_at_rest_and_under_load() {
 fn a_motion_followed_down_keeps_its_branch() {
     let plan = Plan::reference().unwrap();
     let loads: Vec<f64> = (0..8).map(|i| 16.0 + f64::from(i)).collect();
-    let x = crate::plot::Axis::new("load", "N m");
-    let pointer = ("/train/load/output_torque_nm", &loads[..]);
-    let (_, curves) = figures::apart(&context(), &plan.light, "by-load", x, pointer).unwrap();
+    let light = plan.scene("light").unwrap();
+    let load = plan.load(light).unwrap();
+    let (_, curves) = figures::apart(&context(), light, "by-load", (&load, &loads)).unwrap();
     let apart = |branch: usize| along(&curves[branch], "ring", |c| c.report.apart_fraction);
     // From above, contact is kept well below the load at which it is first reached from below.
     let (up, down) = (apart(1), apart(2));
@@ -155,11 +160,13 @@ fn changes_do_what_they_did_in_the_prototype() {
         ("sun shaft damping x 0.75", 0.350, 0.242, 113.0),
         ("sun shaft damping x 1.25", 0.349, 0.264, 127.0),
     ];
-    let all = changes().unwrap();
-    assert_eq!(all.len(), table.len() + 2);
+    let all: Changes = plan.plot(Kind::Changes).unwrap().table().unwrap();
+    assert_eq!(all.changes.len(), table.len() + 2);
     // Two loads, no bisection: thresholds are not asked for.
     let search = Search { range: [0.0, 60.0], scan: 2, resolution: 60.0 };
-    let found = effects(&context(), &plan.light, "ring", &all, &search).unwrap();
+    let light = plan.scene("light").unwrap();
+    let varied = [plan.load(light).unwrap(), plan.speed(light).unwrap()];
+    let found = all.effects(&context(), light, (&varied, &[50.0, 500.0, 2000.0]), &search).unwrap();
     let effect = |words: &str| found.iter().find(|effect| effect.words == words).unwrap();
     for (words, slow, middle, force) in table {
         // The tolerance of all fractions of this set.

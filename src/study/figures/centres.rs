@@ -2,57 +2,81 @@
 
 use serde_json::{Value, json};
 
-use super::{Context, Units, lines, maxima, number};
+use super::{Context, Quantity, Units, lines, maxima, words};
 use crate::{
     analysis::Spectrum,
     plot::{Axis, Band, Figure, Guide, Panel, Series, Style},
     scene::Scene,
     simulation::Simulation,
     study::{StudyError, steady},
-    train::frame::to_fixed,
+    train::{GearDrawing, frame::to_fixed},
 };
 
 /// Samples of a path in a mesh period.
 pub(super) const PER_CYCLE: u32 = 128;
-const BODIES: [(&str, &str, &str); 2] = [("sun", "x_s", "y_s"), ("ring", "x_r", "y_r")];
+/// Paths beside each other, at most.
+const MOST_COLUMNS: usize = 4;
+/// Mesh periods of paths in a frame at rest, about.
+const SHOWN: u64 = 16;
 
-/// Paths of the centres of sun and ring in the fixed frame over one turn of the carrier; a train without these freedoms has
-/// none. The facts are in m, those on the spectrum and on `x(t + T) − x(t)` in the carrier's frame.
+/// Paths of the centres of gears in the fixed frame: in a train with a carrier of those on its axis over one turn of it, else of
+/// all over some mesh periods. A train whose centres do not move has none. The facts are in m, those on the spectrum and on
+/// `x(t + T) − x(t)` in the frame of the scene.
 pub fn trajectories(
     context: &Context<'_>,
     scene: &Scene,
-    (pointer, speeds): (&str, &[f64]),
+    (speed, speeds): (Option<&Quantity>, &[f64]),
 ) -> Result<(Figure, Vec<Value>), StudyError> {
-    let columns = context.each(speeds, |&rpm| {
-        let scene = scene.with(pointer, json!(rpm))?;
-        let simulation = Simulation::from_scene(&scene)?;
-        let bodies = BODIES
-            .iter()
-            .filter_map(|(body, x, y)| Some((*body, simulation.freedom(x).ok()?, simulation.freedom(y).ok()?)));
-        let bodies: Vec<(&'static str, usize, usize)> = bodies.collect();
-        let Some(speed) = simulation.carrier_speed.filter(|_| !bodies.is_empty()) else {
-            return Err(simulation
-                .missing("it has no centres that move in a carrier's frame (x_s, y_s or x_r, y_r)")
-                .into());
+    let speeds: Vec<Option<f64>> =
+        if speeds.is_empty() { vec![None] } else { speeds.iter().map(|v| Some(*v)).collect() };
+    let has_carrier = scene.built().carrier_speed.is_some();
+    let columns = context.each(&speeds, |value| {
+        let scene = match (speed, value) {
+            (Some(speed), Some(value)) => scene.with(&speed.pointer, json!(value))?,
+            _ => scene.clone(),
         };
-        // The carrier turns once while Z_r teeth of the ring pass.
-        let turn = number(&scene, "/train/teeth/ring")? as u64;
-        let (recording, settled) = context.recorded(&simulation, (PER_CYCLE, true), |_| turn)?;
+        let simulation = Simulation::from_scene(&scene)?;
+        let carrier = simulation.carrier_speed;
+        let moves = |gear: &&GearDrawing| {
+            let is_on_axis = gear.centre == [0.0; 2] && gear.teeth > 0;
+            (carrier.is_none() || is_on_axis) && gear.motion[..2].iter().flatten().any(|part| *part != 0.0)
+        };
+        let gears: Vec<&GearDrawing> =
+            simulation.drawing.iter().flat_map(|drawing| &drawing.gears).filter(moves).collect();
+        if gears.is_empty() {
+            return Err(simulation.missing("the centres of its gears do not move").into());
+        }
+        // The carrier turns once while the teeth of the ring pass.
+        let ring = simulation.drawing.iter().flat_map(|drawing| &drawing.gears).find(|gear| gear.is_ring);
+        let turn = carrier.and(ring).map(|ring| u64::from(ring.teeth));
+        let cycles = |period: Option<u64>| turn.unwrap_or_else(|| SHOWN.next_multiple_of(period.unwrap_or(1)));
+        let (recording, settled) = context.recorded(&simulation, (PER_CYCLE, true), cycles)?;
         let mut found = Vec::new();
-        for (body, x, y) in bodies {
-            let points = recording.t.iter().zip(recording.x[x].iter().zip(&recording.x[y]));
-            let path: Vec<[f64; 2]> = points.map(|(t, (x, y))| to_fixed([*x, *y], speed * t)).collect();
+        for gear in gears {
+            let along = |row: &[f64]| -> Vec<f64> {
+                let value = |i: usize| row.iter().zip(&recording.x).map(|(r, x)| r * x[i]).sum();
+                (0..recording.t.len()).map(value).collect()
+            };
+            let [x, y] = [0, 1].map(|i| along(&gear.motion[i]));
+            let points = recording.t.iter().zip(x.iter().zip(&y));
+            let turned = |t: &f64| carrier.unwrap_or(0.0) * t;
+            let path: Vec<[f64; 2]> = points.map(|(t, (x, y))| to_fixed([*x, *y], turned(t))).collect();
             let radius: Vec<f64> = path.iter().map(|p| libm::hypot(p[0], p[1])).collect();
             let leaves = settled.period.map(|period| (period, maxima(&radius)));
-            let kind =
-                leaves.map_or(settled.kind.word().to_owned(), |(period, leaves)| format!("period {period}, {leaves} leaves"));
+            let kind = match leaves {
+                Some((period, leaves)) if has_carrier => format!("period {period}, {leaves} leaves"),
+                Some((period, _)) => format!("period {period}"),
+                None => settled.kind.word().to_owned(),
+            };
             let facts = json!({
-                "body": body, "rpm": rpm, "kind": settled.kind, "period": settled.period, "leaves": leaves.map(|(_, leaves)| leaves),
-                "range": radius.iter().copied().fold(0.0, f64::max), "residual": residual(&recording.x[x]),
+                "body": gear.name, "rpm": value, "kind": settled.kind, "period": settled.period,
+                "leaves": leaves.map(|(_, leaves)| leaves), "range": radius.iter().copied().fold(0.0, f64::max),
+                "residual": residual(&x),
             });
             let (px, py) = path.iter().map(|p| (1e6 * p[0], 1e6 * p[1])).unzip();
+            let at = value.zip(speed).map_or(String::new(), |(value, speed)| format!(", {value} {}", speed.axis.unit));
             let panel = Panel {
-                title: format!("{body}, {rpm} rev/min: {kind}"),
+                title: format!("{}{at}: {kind}", gear.name),
                 x: Axis::new("x", "µm"),
                 y: Axis::new("y", "µm"),
                 equal_scales: true,
@@ -63,17 +87,24 @@ pub fn trajectories(
         }
         Ok(found)
     })?;
+    let (over, counted) = if has_carrier {
+        (
+            " over one turn of the carrier",
+            " Leaves of a periodic path are the maxima of the distance from the centre, counted on 128 samples a mesh period.",
+        )
+    } else {
+        ("", "")
+    };
+    let bodies = columns.iter().map(Vec::len).min().unwrap_or(0);
     let mut figure = Figure {
         id: "trajectories".to_owned(),
-        title: "Paths of the centres over one turn of the carrier".to_owned(),
-        caption:
-            "Fixed frame. Leaves of a periodic path are the maxima of the distance from the centre, counted on 128 samples a mesh period."
-                .to_owned(),
-        columns: speeds.len(),
+        title: format!("Paths of the centres{over}"),
+        caption: format!("Fixed frame.{counted}"),
+        columns: if speeds.len() > 1 { speeds.len() } else { bodies.min(MOST_COLUMNS) },
         ..Figure::default()
     };
     let mut found = Vec::new();
-    for body in 0..columns.iter().map(Vec::len).min().unwrap_or(0) {
+    for body in 0..bodies {
         for column in &columns {
             let (panel, facts) = column[body].clone();
             figure.panels.push(panel);
@@ -121,24 +152,27 @@ pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(F
         "kind": settled.kind, "period": settled.period, "half": spectrum.at(0.5 * mesh_frequency),
         "floor": around.get(around.len() / 2).copied().unwrap_or(0.0),
     });
-    let units = Units::of(&simulation);
+    let span = recording.x[row].iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(*x), b.max(*x)]);
+    let units = Units::of(&simulation).fit(0.0, span[1] - span[0]);
+    let of = words(scene, freedom);
     let shown = SHOWN * PER_CYCLE as usize + 1;
     let shown = recording.t.iter().zip(&recording.x[row]).take(shown);
     let (t, x): (Vec<f64>, Vec<f64>) = shown.map(|(t, x)| (units.time.0 * t, units.length.0 * x)).unzip();
     let (f, a) = bins.into_iter().map(|(f, a)| (f, units.length.0 * a)).unzip();
     let figure = Figure {
         id: "history".to_owned(),
-        title: format!("Displacement {freedom} and its spectrum"),
+        title: format!("Spectrum of a motion: {of}"),
         caption: format!(
-            "{SHOWN} of {CYCLES} mesh periods, carrier frame; spectrum over all of them ({}). Shaded: where a subharmonic of \
+            "{SHOWN} of {CYCLES} mesh periods{}; spectrum over all of them ({}). Shaded: where a subharmonic of \
              order 1/2 would stand.",
+            if simulation.carrier_speed.is_some() { ", carrier frame" } else { "" },
             if settled.period.is_some() { "no window: the motion is periodic" } else { "Hann window" }
         ),
         columns: 2,
         panels: vec![
             Panel {
                 x: Axis::new("time", units.time.1),
-                y: Axis::new(format!("displacement {freedom}"), units.length.1),
+                y: Axis::new(of, units.length.1),
                 series: vec![Series::line("", 0, t, x)],
                 ..Panel::default()
             },

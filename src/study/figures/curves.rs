@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::{Context, by_name, families, load_pointer, number, speed_pointer};
+use super::{Context, Quantity, by_name, families, number};
 use crate::{
     analysis::ContactReport,
     plot::{Axis, Figure, Guide, Panel, Series, Style},
@@ -59,15 +59,15 @@ pub fn fraction_title(family: &str) -> String {
     format!("{family}: time without force")
 }
 
-/// Time without force and force amplitude against the number at `pointer`, started in three ways so that branches which exist side by
+/// Time without force and force amplitude against a number, started in three ways so that branches which exist side by
 /// side show. The steady motions are those of cold starts, followed up and followed down.
 pub fn apart(
     context: &Context<'_>,
     scene: &Scene,
     id: &str,
-    x: Axis,
-    (pointer, values): (&str, &[f64]),
+    (Quantity { pointer, axis: x }, values): (&Quantity, &[f64]),
 ) -> Result<(Figure, Vec<Vec<Steady>>), StudyError> {
+    let force = if scene.built().dimensionless { "" } else { "N" };
     let curves = context.each(&WAYS, |&(way, ..)| match way {
         Way::Cold => context.cold(scene, pointer, values),
         Way::Up => context.followed(scene, pointer, values.iter().copied()),
@@ -86,8 +86,8 @@ pub fn apart(
     let (mut closed, mut rest) = (Vec::new(), Vec::new());
     for (_, family) in curves[0].first().map(families).unwrap_or_default() {
         let panel = |title: String, y: Axis| Panel { title, x: x.clone(), y, ..Panel::default() };
-        let mut fraction = panel(fraction_title(&family), Axis::new("share of the mesh period", ""));
-        let mut amplitude = panel(format!("{family}: force amplitude"), Axis::new("half of the force's range", "N"));
+        let mut fraction = panel(fraction_title(&family), Axis::new("share of the time", ""));
+        let mut amplitude = panel(format!("{family}: force amplitude"), Axis::new("half of the force's range", force));
         for (rows, (way, name, style)) in curves.iter().zip(WAYS) {
             let series = |y: Vec<f64>| Series::line(name, way as usize, values.to_vec(), y).styled(style);
             fraction.series.push(series(along(rows, &family, |c| c.report.no_force_fraction)));
@@ -125,17 +125,18 @@ pub fn apart(
 pub fn harmonics(
     context: &Context<'_>,
     scene: &Scene,
-    (pointer, speeds): (&str, &[f64]),
+    (Quantity { pointer, axis }, speeds): (&Quantity, &[f64]),
 ) -> Result<(Figure, Map<String, Value>), StudyError> {
+    let force = if scene.built().dimensionless { "" } else { "N" };
     let rows = context.cold(scene, pointer, speeds)?;
     let panel = |title: &str, label: &str| Panel {
         title: title.to_owned(),
-        x: Axis::new("speed of the sun", "rev/min"),
-        y: Axis::new(label, "N"),
+        x: axis.clone(),
+        y: Axis::new(label, force),
         ..Panel::default()
     };
     let mut panels = [
-        panel("First harmonic", "amplitude at the mesh frequency"),
+        panel("First harmonic", "amplitude at the frequency of the cycle"),
         panel("Range of the force", "largest and smallest force"),
     ];
     let mut facts = vec![("speeds".to_owned(), json!(speeds))];
@@ -169,25 +170,23 @@ pub fn threshold(
     context: &Context<'_>,
     scene: &Scene,
     stem: &str,
-    speeds: &[f64],
+    ([load, speed], speeds): (&[Quantity; 2], &[f64]),
     search: &Search,
 ) -> Result<(Figure, Value), StudyError> {
-    let (Some(speed), Some(load)) = (speed_pointer(scene), load_pointer(scene)) else {
-        return Err(StudyError::missing(scene.name(), "its train has no speed and load in rev/min and N m"));
-    };
+    let drag = |scene: &Scene, key: &str| number(scene, &format!("/train/load/{key}")).unwrap_or(0.0);
     let rows = context.each(speeds, |&rpm| {
-        let scene = scene.with(speed, json!(rpm))?;
-        let threshold = locate(context, &scene, load, (stem, By::Deflection), search)?;
-        let drag =
-            number(&scene, "/train/load/drag_torque_nm")? + rpm * number(&scene, "/train/load/drag_torque_nm_per_rpm")?;
-        Ok((rpm, threshold, drag))
+        let scene = scene.with(&speed.pointer, json!(rpm))?;
+        let threshold = locate(context, &scene, &load.pointer, (stem, By::Deflection), search)?;
+        Ok((rpm, threshold, drag(&scene, "drag_torque_nm") + rpm * drag(&scene, "drag_torque_nm_per_rpm")))
     })?;
     let located = || rows.iter().filter_map(|(rpm, threshold, drag)| Some((*rpm, threshold.located()?, *drag)));
     let (speeds, loads): (Vec<f64>, Vec<f64>) = located().map(|(rpm, load, _)| (rpm, load)).unzip();
-    let with_drag = located().map(|(_, load, drag)| load + drag).collect();
+    let with_drag: Vec<f64> = located().map(|(_, load, drag)| load + drag).collect();
+    let has_drag = with_drag != loads;
     let facts = json!({ "speeds": speeds, "loads": loads });
     let line = |name: &str, colour, y| Series::line(name, colour, speeds.clone(), y).styled(Style::Joined);
-    let series = vec![line("load", 0, loads), line("load and drag", 1, with_drag)];
+    let mut series = vec![line("load", 0, loads)];
+    series.extend(has_drag.then(|| line("load and drag", 1, with_drag)));
     let count = |wanted: fn(&Threshold) -> bool| rows.iter().filter(|(_, threshold, _)| wanted(threshold)).count();
     let beyond = count(|threshold| matches!(threshold, Threshold::Beyond { .. }));
     let none = count(|threshold| matches!(threshold, Threshold::None));
@@ -195,18 +194,15 @@ pub fn threshold(
         id: "threshold-vs-speed".to_owned(),
         title: "Threshold load (by deflection) against speed".to_owned(),
         caption: format!(
-            "Largest output torque at which the {stem} meshes still leave their flanks, each found by bisection to {} N m \
-             with a cold start at every load; with the drag torque at that speed added. Not drawn: {beyond} speeds whose \
-             threshold lies beyond the loads searched, {none} at which they never leave their flanks.",
-            search.resolution
+            "Largest {} at which {stem} still leaves its flank, found by bisection to {} {} with a cold start at every load{}. \
+             Not drawn: {beyond} speeds whose threshold lies beyond the loads searched, {none} at which the flank is never left.",
+            load.axis.label,
+            search.resolution,
+            load.axis.unit,
+            if has_drag { "; with the drag torque at that speed added" } else { "" },
         ),
         columns: 1,
-        panels: vec![Panel {
-            x: Axis::new("speed of the sun", "rev/min"),
-            y: Axis::new("torque at the output", "N m"),
-            series,
-            ..Panel::default()
-        }],
+        panels: vec![Panel { x: speed.axis.clone(), y: load.axis.clone(), series, ..Panel::default() }],
     };
     Ok((figure, facts))
 }

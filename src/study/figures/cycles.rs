@@ -1,6 +1,8 @@
+use std::f64::consts::TAU;
+
 use serde_json::{Value, json};
 
-use super::{Context, Units, load_pointer, maxima, number, representatives, speed_pointer};
+use super::{Context, Quantity, Units, maxima, number, representatives};
 use crate::{
     analysis::{Spectrum, Window},
     hybrid::ContactMode,
@@ -14,42 +16,58 @@ use crate::{
     },
 };
 
-/// Mesh periods shown.
-const SHOWN: u64 = 3;
+/// Cycles shown, at least and at most.
+const SHOWN: [u64; 2] = [3, 60];
 /// Mesh periods measured of a motion without a period.
 const IRREGULAR: u64 = 60;
 const PER_CYCLE: u32 = 512;
 
-/// Forces over a few mesh periods at several loads, N m, with the modes of the last mesh family shaded and its events
+/// Forces over a few mesh periods at several loads (of a train without one, at its own), with the modes of the last mesh family shaded and its events
 /// marked; below them the angular speed of a planet (or the deflection, in other trains).
-pub fn cycles(context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Figure, Vec<Value>), StudyError> {
-    let columns = context.each(loads, |&load| {
-        let scene = match load_pointer(scene) {
-            Some(pointer) => scene.with(pointer, json!(load))?,
-            None => scene.clone(),
+pub fn cycles(
+    context: &Context<'_>,
+    scene: &Scene,
+    [load, speed]: [Option<Quantity>; 2],
+    loads: &[f64],
+) -> Result<(Figure, Vec<Value>), StudyError> {
+    let loads: Vec<Option<f64>> = match &load {
+        Some(_) => loads.iter().copied().map(Some).collect(),
+        None => vec![None],
+    };
+    let columns = context.each(&loads, |value| {
+        let scene = match (&load, value) {
+            (Some(load), Some(value)) => scene.with(&load.pointer, json!(value))?,
+            _ => scene.clone(),
         };
         let simulation = Simulation::from_scene(&scene)?;
         // Whole periods of the motion are measured, three mesh periods are shown.
-        let cycles = |period: Option<u64>| period.map_or(IRREGULAR, |period| SHOWN.next_multiple_of(period));
+        // The slowest forcing is shown whole, if that is readable.
+        let own = simulation.period()?;
+        let slowest = simulation.structure.oscillators.iter().map(|o| TAU / o.omega.abs() / own).fold(0.0, f64::max);
+        // OK to convert: a few cycles.
+        let count = (slowest.min(SHOWN[1] as f64) - 1e-9).ceil().max(SHOWN[0] as f64) as u64;
+        let cycles = |period: Option<u64>| period.map_or(IRREGULAR, |period| count.next_multiple_of(period));
         let (recording, settled) = context.recorded(&simulation, (PER_CYCLE, false), cycles)?;
         let contacts = representatives(&simulation);
         let shaded = contacts.last().cloned().unwrap_or_default();
-        let at_load = load_pointer(&scene).map(|_| format!("{load} N m"));
-        let at_speed =
-            speed_pointer(&scene).and_then(|pointer| Some(format!("{} rev/min", number(&scene, pointer).ok()?)));
-        let title = at_load.into_iter().chain(at_speed).collect::<Vec<_>>().join(", ");
-        let found = found(load, &recording, &contacts, steady::window(&settled));
-        let shown = Shown { recording: &recording.first(SHOWN), shaded, units: Units::of(&simulation) };
+        let told = |quantity: &Option<Quantity>| {
+            let Quantity { pointer, axis } = quantity.as_ref()?;
+            Some(format!("{} {}", number(&scene, pointer).ok()?, axis.unit).trim_end().to_owned())
+        };
+        let title = [&load, &speed].into_iter().filter_map(told).collect::<Vec<_>>().join(", ");
+        let found = found(*value, &recording, &contacts, steady::window(&settled));
+        let shown = Shown { recording: &recording.first(count), shaded, units: Units::of(&simulation) };
         let upper = shown.forces(&title, &contacts);
         let lower = shown.speed_of_planet(&simulation, &scene).unwrap_or_else(|| shown.deflection());
-        Ok(([upper, lower], found))
+        Ok(([upper, lower], found, count))
     })?;
-    let (columns, found): (Vec<_>, Vec<_>) = columns.into_iter().unzip();
+    let cycles = columns.iter().map(|(.., cycles)| *cycles).max().unwrap_or(SHOWN[0]);
+    let (columns, found): (Vec<_>, Vec<_>) = columns.into_iter().map(|(panels, found, _)| (panels, found)).unzip();
     let count = columns.len();
     let (upper, lower): (Vec<Panel>, Vec<Panel>) = columns.into_iter().map(|[upper, lower]| (upper, lower)).unzip();
     let figure = Figure {
         id: "cycles".to_owned(),
-        title: "Contact and separation over three mesh periods".to_owned(),
+        title: format!("Contact and separation over {cycles} mesh periods"),
         caption:
             "Shaded: the mesh carries no force (separated: between the flanks; detached: inside the flank's zone while \
                   the law would pull). Open circles: its events, at their exact times."
@@ -62,7 +80,7 @@ pub fn cycles(context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Fi
 
 /// What one load showed, of the last family of meshes: maxima of the force in a mesh period, its smallest value and its
 /// harmonics, and the shares of the mesh period in which this family (`apart`) and all families (`together`) carry none.
-fn found(load: f64, recording: &Recording, contacts: &[(usize, String)], window: Window) -> Value {
+fn found(load: Option<f64>, recording: &Recording, contacts: &[(usize, String)], window: Window) -> Value {
     let Some(&(last, _)) = contacts.last() else {
         return json!({ "load": load, "peaks": 0, "smallest": 0.0, "harmonics": [], "apart": 0.0, "together": 0.0 });
     };
@@ -112,7 +130,7 @@ impl Shown<'_> {
         });
         Panel {
             title: title.to_owned(),
-            x: Axis::new("time", unit).between(0.0, factor * SHOWN as f64 * self.recording.period),
+            x: Axis::new("time", unit).between(0.0, factor * self.recording.t.last().copied().unwrap_or_default()),
             y,
             bands: bands.collect(),
             ..Panel::default()

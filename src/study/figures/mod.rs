@@ -25,7 +25,10 @@ use super::{
     record::{Recording, record},
     steady::{Rule, Seed, Steady, settled, steady},
 };
-use crate::{analysis::Spectrum, hybrid::ContactView, orbit::Motion, scene::Scene, simulation::Simulation, task::Task};
+use crate::{
+    analysis::Spectrum, hybrid::ContactView, orbit::Motion, plot::Axis, scene::Scene, simulation::Simulation,
+    task::Task,
+};
 
 /// What every figure needs besides its scene.
 #[derive(Clone, Copy)]
@@ -93,18 +96,67 @@ impl Context<'_> {
     }
 }
 
-/// Where a train of this kind has its speed, rev/min.
-pub(super) fn speed_pointer(scene: &Scene) -> Option<&'static str> {
-    matches!(kind(scene), "planetary" | "gear-pair").then_some("/train/speed_rpm")
+/// A number of a scene that a study varies.
+pub(super) struct Quantity {
+    /// Its place.
+    pub pointer: String,
+    /// Its words and unit.
+    pub axis: Axis,
 }
 
-/// Where a train of this kind has its load, N m.
-pub(super) fn load_pointer(scene: &Scene) -> Option<&'static str> {
-    match kind(scene) {
-        "planetary" => Some("/train/load/output_torque_nm"),
-        "gear-pair" => Some("/train/torque_nm"),
-        _ => None,
-    }
+/// The number at `pointer` of a scene, or else the `usual` one.
+pub(super) fn quantity(
+    scene: &Scene,
+    pointer: Option<&str>,
+    usual: fn(&Scene) -> Option<Quantity>,
+) -> Option<Quantity> {
+    let at = |pointer: &str| Quantity {
+        pointer: pointer.to_owned(),
+        axis: Axis::of_number(pointer, scene.built().dimensionless),
+    };
+    pointer.map(at).or_else(|| usual(scene))
+}
+
+/// The speed of a train: of its sun, its driving gear, or the shaft whose speed a gearbox gives.
+pub(super) fn speed(scene: &Scene) -> Option<Quantity> {
+    let (pointer, label) = match kind(scene) {
+        "planetary" => ("/train/speed_rpm".to_owned(), "speed of the sun".to_owned()),
+        "gear-pair" => ("/train/speed_rpm".to_owned(), "speed".to_owned()),
+        "gearbox" => part(scene, "shafts", |shaft| shaft["speed_rpm"].is_number(), "speed_rpm", "speed of")?,
+        _ => return None,
+    };
+    Some(Quantity { pointer, axis: Axis::new(label, "rev/min") })
+}
+
+/// The load of a train: its output torque, the torque of a gear pair, the first torque of a shaft in a gearbox; where no shaft
+/// carries one, the drag of a loose gear.
+pub(super) fn load(scene: &Scene) -> Option<Quantity> {
+    let is_loaded = |shaft: &Value| shaft["torque_nm"].as_f64().is_some_and(|torque| torque != 0.0);
+    let (pointer, label) = match kind(scene) {
+        "planetary" => ("/train/load/output_torque_nm".to_owned(), "torque at the output".to_owned()),
+        "gear-pair" => ("/train/torque_nm".to_owned(), "torque".to_owned()),
+        "gearbox" => part(scene, "shafts", is_loaded, "torque_nm", "torque of").or_else(|| drag(scene))?,
+        _ => return None,
+    };
+    Some(Quantity { pointer, axis: Axis::new(label, "N m") })
+}
+
+/// Pointer to `key` of the first part of a gearbox of which `has` is true, and words for it.
+fn part(scene: &Scene, list: &str, has: impl Fn(&Value) -> bool, key: &str, words: &str) -> Option<(String, String)> {
+    let parts = scene.resolved()["train"][list].as_array()?;
+    let i = parts.iter().position(has)?;
+    Some((format!("/train/{list}/{i}/{key}"), format!("{words} {}", parts[i]["name"].as_str().unwrap_or_default())))
+}
+
+/// Pointer to the drag torque of the first loose gear that has one, and words for it.
+fn drag(scene: &Scene) -> Option<(String, String)> {
+    let shafts = scene.resolved()["train"]["shafts"].as_array()?;
+    shafts.iter().enumerate().find_map(|(i, shaft)| {
+        let gears = shaft["gears"].as_array()?;
+        let k = gears.iter().position(|gear| gear["drag"]["torque_nm"].as_f64().is_some_and(|drag| drag != 0.0))?;
+        let name = gears[k]["name"].as_str().unwrap_or_default();
+        Some((format!("/train/shafts/{i}/gears/{k}/drag/torque_nm"), format!("drag torque of {name}")))
+    })
 }
 
 /// The kind of a scene's train.
@@ -133,7 +185,6 @@ impl Units {
         }
     }
 
-    #[cfg(feature = "plot")]
     /// The same for times up to `time`, s, and lengths up to `length`, m.
     pub fn fit(self, time: f64, length: f64) -> Self {
         if self.force.is_empty() {
@@ -150,9 +201,12 @@ impl Units {
 }
 
 /// A contact's name without its number: `ring-planet 2` is one of the `ring-planet` meshes. Contacts without names of their own,
-/// `contact 2`, are no family.
+/// `contact 2`, are no family, nor are meshes of numbered gears, `z23-z34`.
 pub(super) fn family(name: &str) -> &str {
-    if name.starts_with("contact ") { name } else { name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end() }
+    match name.rsplit_once(' ') {
+        Some((stem, number)) if stem != "contact" && number.bytes().all(|byte| byte.is_ascii_digit()) => stem,
+        _ => name,
+    }
 }
 
 /// The first contact of each family of a case, in order: `(number, family)`.
@@ -174,6 +228,36 @@ pub(super) fn firsts<'n>(families: impl Iterator<Item = &'n str>) -> Vec<(usize,
         }
     }
     found
+}
+
+/// Mesh frequency of a contact, Hz: its own where the scene gives its teeth, else that of the cycle.
+pub(super) fn mesh_frequency(simulation: &Simulation, contact: usize) -> Result<f64, StudyError> {
+    let name = family(simulation.structure.contact_name(contact));
+    let own = simulation.meshes.iter().find(|mesh| family(&mesh.name) == name && mesh.frequency > 0.0);
+    Ok(own.map_or(1.0 / simulation.period()?, |mesh| mesh.frequency))
+}
+
+/// Words for a freedom: the body it moves and how.
+pub(super) fn words(scene: &Scene, freedom: &str) -> String {
+    let (stem, body) = freedom.split_once('_').unwrap_or((freedom, ""));
+    let body = match (kind(scene), body) {
+        ("planetary", "s") => "the sun".to_owned(),
+        ("planetary", "r") => "the ring".to_owned(),
+        ("planetary", "c") => "the carrier".to_owned(),
+        ("planetary", "") => "the planets".to_owned(),
+        ("planetary", number) => format!("planet {number}"),
+        ("gear-pair", number) => format!("gear {number}"),
+        ("gearbox", name) => name.to_owned(),
+        _ => return format!("displacement {freedom}"),
+    };
+    match stem {
+        "x" | "y" => format!("displacement {stem} of {body}"),
+        "xi" => format!("radial displacement of {body}"),
+        "eta" => format!("tangential displacement of {body}"),
+        "u" => format!("rotation of {body}, on the base circle"),
+        "w" => format!("axial displacement of {body}"),
+        _ => format!("displacement {freedom}"),
+    }
 }
 
 /// Frequencies and amplitudes of a spectrum up to `highest`, without its mean.

@@ -2,10 +2,10 @@
 
 use serde_json::{Map, Value, json};
 
-use super::{Context, ModeRow, Units, by_name, lines, representatives};
+use super::{Context, ModeRow, Quantity, Units, by_name, lines, mesh_frequency, representatives};
 use crate::{
     analysis::Spectrum,
-    plot::{Axis, Figure, Guide, Panel, Series, Style},
+    plot::{Axis, Figure, Guide, Panel, Raster, Series, Style},
     scene::Scene,
     simulation::Simulation,
     study::{StudyError, steady},
@@ -50,7 +50,8 @@ pub fn forces(context: &Context<'_>, scene: &Scene, highest: f64) -> Result<(Fig
         let (frequency, amplitude): (Vec<f64>, Vec<f64>) = lines.into_iter().filter(|l| l.1 > floor).unzip();
         // Room for the names of the orders above the lines.
         let top = f64::max(1.25e6 * floor, f64::MIN_POSITIVE);
-        let orders = (1..5).map(|h| (h, f64::from(h) / period)).take_while(|(_, f)| *f <= highest);
+        let own = mesh_frequency(&simulation, j)?;
+        let orders = (1..5).map(|h| (h, f64::from(h) * own)).take_while(|(_, f)| *f <= highest);
         figure.panels.push(Panel {
             title: format!("{family}: spectrum"),
             x: Axis::new("frequency", units.frequency).between(0.0, highest),
@@ -89,19 +90,18 @@ fn order(h: u32) -> String {
     if h == 1 { "f_m".to_owned() } else { format!("{h} f_m") }
 }
 
-/// One spectrum of each mesh family.
+/// Levels of each mesh family at one speed.
 struct Row {
-    rpm: f64,
-    mesh_frequency: f64,
-    spectra: Vec<(String, Spectrum)>,
+    mesh_frequency: Vec<f64>,
+    spectra: Vec<Spectrum>,
 }
 
-/// Spectra of the mesh forces at several speeds, one line above the other, with order lines and the natural
-/// frequencies `natural` up to `highest`, Hz; the strongest line of each family over all speeds.
+/// Levels of the mesh forces over frequency and speed, with order lines and the natural frequencies `natural` up to
+/// `highest`, Hz; the strongest line of each family over all speeds.
 pub fn waterfall(
     context: &Context<'_>,
     scene: &Scene,
-    (pointer, speeds): (&str, &[f64]),
+    (Quantity { pointer, axis }, speeds): (&Quantity, &[f64]),
     natural: &[ModeRow],
     highest: f64,
 ) -> Result<(Figure, Map<String, Value>), StudyError> {
@@ -109,86 +109,108 @@ pub fn waterfall(
     const PER_CYCLE: u32 = 64;
     /// Order lines drawn.
     const ORDERS: u32 = 4;
-    /// Bins of less than this share of the strongest line are drawn as the base line.
-    const SHOWN: f64 = 1e-3;
+    /// Cells along the frequency, and along the speed at most.
+    const CELLS: [usize; 2] = [300, 200];
+    /// Width of a class, dB.
+    const STEP: f64 = 6.0;
 
-    let rows = context.each(speeds, |&rpm| {
-        let simulation = Simulation::from_scene(&scene.with(pointer, json!(rpm))?)?;
+    let families = representatives(&Simulation::from_scene(scene)?);
+    let rows = context.each(speeds, |&speed| {
+        let simulation = Simulation::from_scene(&scene.with(pointer, json!(speed))?)?;
         let cycles = |period: Option<u64>| period.map_or(2 * CYCLES, |period| CYCLES.next_multiple_of(period));
         let (recording, settled) = context.recorded(&simulation, (PER_CYCLE, false), cycles)?;
         let window = steady::window(&settled);
         let rate = f64::from(PER_CYCLE) / simulation.period()?;
-        let spectrum = |(j, family): (usize, String)| (family, Spectrum::new(&recording.force[j], rate, window));
-        let spectra = representatives(&simulation).into_iter().map(spectrum).collect();
-        Ok(Row { rpm, mesh_frequency: 1.0 / simulation.period()?, spectra })
+        let own = families.iter().map(|(j, _)| mesh_frequency(&simulation, *j)).collect::<Result<_, _>>()?;
+        let spectra = families.iter().map(|(j, _)| Spectrum::new(&recording.force[*j], rate, window)).collect();
+        Ok(Row { mesh_frequency: own, spectra })
     })?;
+    let (Some(first), Some(last)) = (rows.first(), rows.last()) else {
+        return Err(StudyError::missing(scene.name(), "no speed is given"));
+    };
+    let (hertz, unit) = if scene.built().dimensionless { ("", "dB re 1") } else { ("Hz", "dB re 1 N") };
+    // Cells are as high as the smallest step between speeds; each shows the nearest speed.
+    let [slow, fast] = [speeds[0], speeds[speeds.len() - 1]];
     let step = speeds.windows(2).map(|w| (w[1] - w[0]).abs()).fold(f64::INFINITY, f64::min);
-    let step = if step.is_finite() && step > 0.0 { step } else { 1.0 };
-    let count = rows.first().map_or(0, |row| row.spectra.len());
+    let high = if step.is_finite() && step > 0.0 { ((fast - slow) / step).round() as usize + 1 } else { 1 };
+    let high = high.min(CELLS[1]);
+    let half = if high > 1 { 0.5 * (fast - slow) / (high - 1) as f64 } else { 0.5 * slow.abs().max(1.0) };
+    let nearest =
+        |at: f64| (0..speeds.len()).min_by(|a, b| (speeds[*a] - at).abs().total_cmp(&(speeds[*b] - at).abs()));
+    let of_row: Vec<usize> = (0..high).rev().filter_map(|k| nearest(slow + 2.0 * half * k as f64)).collect();
     let mut figure = Figure {
         id: "waterfall".to_owned(),
-        title: "Spectra of the mesh forces against speed".to_owned(),
+        title: format!("Spectra of the mesh forces against {}", axis.label),
+        caption: format!(
+            "Levels of the amplitude of the force, {unit}. Slanted: orders of the mesh frequency f_m; upright: natural frequencies with \
+             every mesh closed."
+        ),
         columns: 2,
         ..Figure::default()
     };
-    let (mut scales, mut facts) = (Vec::new(), Vec::new());
-    for family in 0..count {
+    let mut facts = Vec::new();
+    let mut levels = Vec::new();
+    for (family, (_, name)) in families.iter().enumerate() {
         let up_to = |s: &Spectrum| ((highest / s.resolution) as usize + 1).min(s.amplitude.len());
-        let lines = rows.iter().flat_map(|row| {
-            let spectrum = &row.spectra[family].1;
-            (1..up_to(spectrum)).map(move |k| (row, k as f64 * spectrum.resolution, spectrum.amplitude[k]))
+        let lines = rows.iter().zip(speeds).flat_map(|(row, speed)| {
+            let spectrum = &row.spectra[family];
+            let line = move |k: usize| {
+                (*speed, k as f64 * spectrum.resolution / row.mesh_frequency[family], spectrum.amplitude[k])
+            };
+            (1..up_to(spectrum)).map(line)
         });
-        let line = lines.fold(None, |best: Option<(&Row, f64, f64)>, line| match best {
+        let strongest = lines.fold(None, |best: Option<(f64, f64, f64)>, line| match best {
             Some(best) if best.2 >= line.2 => Some(best),
             _ => Some(line),
         });
-        let Some((row, frequency, strongest)) = line else { continue };
-        let name = &rows[0].spectra[family].0;
-        let order_there = frequency / row.mesh_frequency;
-        facts.push((name.clone(), json!({ "rpm": row.rpm, "order": order_there, "amplitude": strongest })));
-        // The strongest line reaches over six speeds.
-        let scale = if strongest > 0.0 { 6.0 * step / strongest.sqrt() } else { 0.0 };
-        scales.push(format!("{name}: {strongest:.0} N"));
-        let series = rows
-            .iter()
-            .map(|row| {
-                let spectrum = &row.spectra[family].1;
-                let last = up_to(spectrum);
-                let height = |k: usize| if k == 0 { 0.0 } else { spectrum.amplitude[k] };
-                // Along the base line its ends are enough.
-                let flat = |k: usize| height(k) < SHOWN * strongest;
-                let drawn = (0..last).filter(|&k| k == 0 || k + 1 == last || !(flat(k - 1) && flat(k) && flat(k + 1)));
-                let (x, y) =
-                    drawn.map(|k| (k as f64 * spectrum.resolution, row.rpm + scale * height(k).sqrt())).unzip();
-                Series::line("", family, x, y).styled(Style::Hairline)
-            })
-            .collect();
-        let (first, last) = (&rows[0], &rows[rows.len() - 1]);
+        let Some((speed, order, amplitude)) = strongest else { continue };
+        facts.push((name.clone(), json!({ "rpm": speed, "order": order, "amplitude": amplitude })));
+        let values = of_row.iter().flat_map(|row| {
+            let spectrum = &rows[*row].spectra[family];
+            (0..CELLS[0]).map(move |cell| level(spectrum, cell, highest / CELLS[0] as f64))
+        });
+        levels.push((family, 20.0 * libm::log10(amplitude.max(f64::MIN_POSITIVE)), values.collect::<Vec<_>>()));
+    }
+    let largest = levels.iter().fold(f64::NEG_INFINITY, |most, (_, level, _)| most.max(*level));
+    for (family, _, values) in levels {
+        let at = |row: &Row, h: u32| f64::from(h) * row.mesh_frequency[family];
         let orders = (1..=ORDERS).filter_map(|h| {
-            let at = |row: &Row| f64::from(h) * row.mesh_frequency;
-            let share = ((highest - at(first)) / (at(last) - at(first))).min(1.0);
+            let [from, to] = [at(first, h), at(last, h)];
+            let share = if to > from { ((highest - from) / (to - from)).min(1.0) } else { 0.0 };
             (share > 0.0).then(|| Guide::Slanted {
-                from: [at(first), first.rpm],
-                to: [at(first) + share * (at(last) - at(first)), first.rpm + share * (last.rpm - first.rpm)],
+                from: [from, slow],
+                to: [from + share * (to - from), slow + share * (fast - slow)],
                 name: order(h),
             })
         });
-        let lines = natural.iter().filter(|mode| mode.hertz <= highest);
+        let lines = natural.iter().filter(|mode| 0.0 < mode.hertz && mode.hertz <= highest);
         let lines = lines.map(|mode| Guide::Vertical { x: mode.hertz, name: mode.name.clone() });
+        let raster =
+            Raster { x: [0.0, highest], y: [slow - half, fast + half], columns: CELLS[0], values, ..Raster::default() };
         figure.panels.push(Panel {
-            title: name.clone(),
-            x: Axis::new("frequency", "Hz").between(0.0, highest),
-            y: Axis::new("speed", "rev/min"),
-            series,
+            title: families[family].1.clone(),
+            x: Axis::new("frequency", hertz).between(0.0, highest),
+            y: axis.clone().between(slow - half, fast + half),
+            raster: Some(raster.of_levels((largest, STEP), unit)),
             guides: orders.chain(lines).collect(),
             ..Panel::default()
         });
     }
-    figure.caption = format!(
-        "Each line is the spectrum at one speed, raised by the square root of its amplitude so that weak lines show beside \
-         strong ones; the strongest line ({}) reaches over six speed steps. Slanted: orders of the mesh frequency; upright: \
-         natural frequencies.",
-        scales.join(", ")
-    );
     Ok((figure, by_name(facts)))
+}
+
+/// Level of the strongest bin of a cell `wide` Hz wide, or of the nearest one, dB re 1; none beyond the spectrum, and of the mean.
+fn level(spectrum: &Spectrum, cell: usize, wide: f64) -> Option<f64> {
+    let bin = |at: f64| at / spectrum.resolution;
+    // OK to convert: bins are few.
+    let first = bin(cell as f64 * wide).ceil() as usize;
+    let end = bin((cell + 1) as f64 * wide).ceil() as usize;
+    let inside = first.max(1)..end.max(1);
+    let amplitude = if inside.is_empty() {
+        let nearest = bin((cell as f64 + 0.5) * wide).round() as usize;
+        spectrum.amplitude.get(nearest).copied().filter(|_| nearest > 0)
+    } else {
+        spectrum.amplitude.get(inside).map(|bins| bins.iter().fold(0.0, |most: f64, a| most.max(*a)))
+    };
+    amplitude.filter(|a| *a > 0.0).map(|a| 20.0 * libm::log10(a))
 }

@@ -33,7 +33,8 @@ impl Shown {
         });
         let value = |row: &[f64], i: usize| (0..n).fold(0.0, |sum, k| sum + row[k] * r.x[k][i]);
         let mut gears = Vec::new();
-        for gear in drawing.iter().flat_map(|drawing| &drawing.gears) {
+        let toothed = drawing.iter().flat_map(|drawing| &drawing.gears).filter(|gear| gear.teeth > 0);
+        for gear in toothed {
             let mut motion: Vec<[f64; 3]> =
                 places.iter().map(|i| [0, 1, 2].map(|part| value(&gear.motion[part], *i))).collect();
             for part in 0..3 {

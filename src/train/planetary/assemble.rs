@@ -82,6 +82,9 @@ impl Planetary {
         let ring = rows(n, carrier + 3, 0.0, (carrier + 5, self.ring.radius.recip()));
         let own = gear("ring".to_owned(), [0.0; 2], self.ring.radius / ring_cos, self.teeth.ring, angle, ring);
         gears.push(GearDrawing { is_ring: true, speed: -own.speed, ..own });
+        let moves = rows(n, carrier, 0.0, (carrier + 2, self.carrier.radius.recip()));
+        let own = gear("carrier".to_owned(), [0.0; 2], self.carrier.radius, 0, 0.0, moves);
+        gears.push(GearDrawing { speed: 0.0, ..own });
         gears.iter_mut().for_each(|gear| gear.reduce(&p, names.len()));
         if *freedoms == Freedoms::InPhase {
             points.iter_mut().for_each(|points| points.truncate(1));
