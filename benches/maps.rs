@@ -59,17 +59,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     let cells = |folder: &Path| {
         let mut lines = map.open(folder, Begin::Replace)?.ok_or("a finished map")?;
         map.run(&mut lines, Task::default())?;
-        Ok(map.finish(lines, |_| None)?.cells())
+        Ok(map.finish(lines, |_, _| Ok(()))?.cells())
     };
     let ends = |folder: &Path| {
         let mut lines = basins.open(folder, Begin::Replace)?.ok_or("finished basins")?;
         let (_, attractors) = basins.run(&mut lines, Task::default())?;
-        Ok(basins.finish(lines, attractors, |_| None)?.figures.starts)
+        Ok(basins.finish(lines, attractors, |_, _| Ok(()))?.figures.starts)
     };
     let points = |folder: &Path| {
         let mut rows = diagram.open(folder, Begin::Replace)?.ok_or("a finished diagram")?;
         diagram.run(&mut rows, Task::default())?;
-        Ok(diagram.finish(rows, |_| None)?.sections as usize)
+        Ok(diagram.finish(rows, |_, _| Ok(()))?.sections as usize)
     };
     let mut out = io::stdout();
     writeln!(out, "Thousands a second\n\n| what | one thread | two threads |\n|---|---|---|")?;

@@ -214,7 +214,7 @@ fn a_branch_is_two_tables_and_a_picture() {
     assert_eq!((rows[0][1], rows[rows.len() - 1][1]), ("0.55", "0.75"));
     let special = fs::read_to_string(out.join("special.csv")).unwrap();
     assert!(special.starts_with("kind,parameter,period_cycles,word,residual,multiplier_re,multiplier_im"));
-    assert!(fs::read_to_string(out.join("branches.svg")).unwrap().starts_with("<svg"));
+    assert!(fs::read_to_string(out.join("figures/branches.svg")).unwrap().starts_with("<svg"));
     // The same bytes for any number of threads.
     let again = folder.path().join("again");
     flank(&["continue", PAIR, "--vary", &axis, "--doublings", "0", "--threads", "2"], &again).code(0);
@@ -256,9 +256,10 @@ fn curves_are_a_table_and_a_picture_and_work_goes_on() {
     let table = fs::read_to_string(out.join("curves.csv")).unwrap();
     assert!(table.starts_with("curve,kind,parameter,second,period_cycles,word,codimension_two"));
     assert!(table.lines().count() > 10 && table.lines().skip(1).all(|line| line.contains(",period-doubling,")));
-    assert!(fs::read_to_string(out.join("curves.svg")).unwrap().starts_with("<svg"));
+    assert!(fs::read_to_string(out.join("figures/curves.svg")).unwrap().starts_with("<svg"));
     // What an interrupt at the beginning leaves: neither work nor an end.
-    let files = ["branches.csv", "special.csv", "branches.svg", "curves.csv", "curves.svg", "continue.json"];
+    let files =
+        ["branches.csv", "special.csv", "figures/branches.svg", "curves.csv", "figures/curves.svg", "continue.json"];
     let whole: Vec<Vec<u8>> = files.iter().map(|name| fs::read(out.join(name)).unwrap()).collect();
     let mut state = json(&out.join("continue.json"));
     assert_eq!(state["finished"], "Completely");

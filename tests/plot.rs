@@ -40,7 +40,10 @@ fn rows(text: &str) -> Vec<Vec<String>> {
 fn csv_holds_every_number_in_full() {
     for figure in figures::all().into_iter().chain([figures::hard()]) {
         let table = rows(&figure.csv());
-        assert_eq!(table[0].join(" "), "panel panel_title kind name x x_label x_unit y y_label y_unit");
+        assert_eq!(
+            table[0].join(" "),
+            "panel panel_title kind name x x_label x_unit y y_label y_unit value value_unit"
+        );
         let mut rest = table[1..].iter();
         let number = |field: &str| field.parse::<f64>().unwrap().to_bits();
         for (i, panel) in figure.panels.iter().enumerate() {

@@ -11,6 +11,7 @@ use flank::{
 use super::{
     CliError, Done,
     map::{RuleArguments, Work, stem},
+    pictures::Pictures,
     progress::counted,
     read_scene, threads,
 };
@@ -31,9 +32,11 @@ pub struct Arguments {
     rule: RuleArguments,
     #[command(flatten)]
     work: Work,
-    /// Folder of basins.csv, attractors.json, basins.svg and basins.json
+    /// Folder of basins.csv, attractors.json, basins.json and the figure
     #[arg(long, value_name = "DIR", default_value = "basins")]
     out: PathBuf,
+    #[command(flatten)]
+    pictures: Pictures,
 }
 
 /// What was found, for the terminal.
@@ -79,6 +82,7 @@ impl From<BasinsError> for CliError {
 /// Finds where each start ends.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let Arguments { work, out, .. } = arguments;
+    let form = arguments.pictures.print()?;
     let scene = read_scene(arguments.scene.as_deref())?;
     let name = stem(scene.name());
     let basins = Basins::new(scene, &arguments.vary, arguments.rule.rule())?;
@@ -97,11 +101,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if ending == Ending::Interrupted {
         return work.interrupted(&format!("{} of {starts} starts", lines.count()), out);
     }
-    let found = basins.finish(lines, attractors, |found| {
-        Some(
-            basins_figure(&name, basins.grid(), found, basins.simulation().dimensionless)
-                .svg(flank::plot::Theme::Light),
-        )
+    let found = basins.finish(lines, attractors, |found, folder| {
+        basins_figure(&name, basins.grid(), found, basins.simulation().dimensionless).draw_into(folder, &form)
     })?;
     work.say(&format!("{}{} starts: {}\n", text(&found), found.figures.starts, out.join("basins.csv").display()))?;
     let failed = found.figures.fractions.last().is_some_and(|failed| failed.fraction >= 1.0);

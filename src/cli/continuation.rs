@@ -9,7 +9,8 @@ use std::{
 use flank::{
     Progress,
     branch::{Continuation, Curve, Family, Followed, Kind, curves},
-    output::{Fault, Folder, OutputError, Request, Table, five_digits as number},
+    output::{Fault, Request, Table, five_digits as number},
+    plot::Figure,
     scene::Scene,
     simulation::{Parameter, SimulationError},
     study::branches::{Branches, curve_table},
@@ -22,6 +23,7 @@ use serde_json::json;
 use super::{
     CliError, Done,
     checkpoint::{Begun, Checkpoint},
+    pictures::Pictures,
     print,
     progress::{cancellable, catch_interrupt, running, show},
     read_scene, threads,
@@ -29,9 +31,7 @@ use super::{
 
 const TABLE: &str = "branches.csv";
 const SPECIAL: &str = "special.csv";
-const PICTURE: &str = "branches.svg";
 const CURVES: &str = "curves.csv";
-const PLANE: &str = "curves.svg";
 /// Characters of a word in the table that is printed: eight events.
 const LONGEST: usize = 31;
 /// What a later command goes on with.
@@ -45,9 +45,11 @@ pub struct Arguments {
     /// The number to vary, by JSON pointer: POINTER=FROM:TO; P1,P2,…=FROM:TO moves further frequencies and periods with the first
     #[arg(long, value_name = "AXIS")]
     vary: String,
-    /// Folder of branches.csv, special.csv and their picture
+    /// Folder of branches.csv, special.csv and the figures
     #[arg(long, value_name = "DIR", default_value = "continue")]
     out: PathBuf,
+    #[command(flatten)]
+    pictures: Pictures,
     /// Period of the first orbit, cycles; the smallest that is found if left out
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     period: Option<u64>,
@@ -117,11 +119,14 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let scene = read_scene(arguments.scene.as_deref())?;
     let (parameter, ends) = number_of(&scene, &arguments.vary)?;
     let mut family = Family::new(&scene, parameter, ends)?;
-    let mut files = [STATE, TABLE, SPECIAL, PICTURE].map(String::from).to_vec();
+    let form = arguments.pictures.print()?;
+    let mut files = [STATE, TABLE, SPECIAL].map(String::from).to_vec();
+    files.extend(Figure::files("branches"));
     if let Some(second) = &arguments.second {
         let (second, ends) = number_of(&scene, second)?;
         family = family.with(second, ends)?;
-        files.extend([CURVES, PLANE].map(String::from));
+        files.push(CURVES.to_owned());
+        files.extend(Figure::files("curves"));
     }
     let asked = json!({
         "flank": env!("CARGO_PKG_VERSION"), "scene_sha256": scene.hash(), "vary": arguments.vary, "period": arguments.period,
@@ -150,9 +155,19 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let pool = threads(arguments.threads)?;
     let mut keep = |followed: &Followed, curves: &[Curve], finished: Option<bool>| -> Result<(), CliError> {
         branches.take(&followed.branches, task);
-        write(&mut checkpoint.folder, &branches, &name)?;
+        let folder = &mut checkpoint.folder;
+        folder.bytes(TABLE, branches.table())?;
+        folder.bytes(SPECIAL, branches.special_table())?;
+        // Figures are drawn at the end: tables are what is gone on with.
+        let is_last = finished != Some(false);
+        if is_last {
+            branches.figure(&name).draw_into(folder, &form)?;
+        }
         if arguments.follow.is_some() {
-            write_curves(&mut checkpoint.folder, &branches, curves, &name)?;
+            folder.bytes(CURVES, curve_table(curves))?;
+            if is_last {
+                branches.plane(curves, &name).draw_into(folder, &form)?;
+            }
         }
         match finished {
             Some(false) => checkpoint.keep(&Work { followed: followed.clone(), curves: curves.to_vec() })?,
@@ -197,25 +212,6 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         print("interrupted: the branches so far are kept; the same command with --resume goes on\n")?;
     }
     Ok(Done::Partly)
-}
-
-/// Writes the tables and the picture anew.
-#[cfg_attr(not(feature = "plot"), allow(unused_variables))]
-fn write(folder: &mut Folder, branches: &Branches, name: &str) -> Result<(), OutputError> {
-    folder.bytes(TABLE, branches.table())?;
-    folder.bytes(SPECIAL, branches.special_table())?;
-    #[cfg(feature = "plot")]
-    folder.bytes(PICTURE, branches.figure(name).svg(flank::plot::Theme::Light))?;
-    Ok(())
-}
-
-/// The same for curves.
-#[cfg_attr(not(feature = "plot"), allow(unused_variables))]
-fn write_curves(folder: &mut Folder, branches: &Branches, curves: &[Curve], name: &str) -> Result<(), OutputError> {
-    folder.bytes(CURVES, curve_table(curves))?;
-    #[cfg(feature = "plot")]
-    folder.bytes(PLANE, branches.plane(curves, name).svg(flank::plot::Theme::Light))?;
-    Ok(())
 }
 
 /// One line for each curve, one for each point that is special in its turn.

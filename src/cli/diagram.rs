@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use flank::{
     map::{Diagram, Sampling, diagram_figure},
-    orbit::components,
     output::Fault,
     sweep::{Begin, Ending, Seeding},
 };
@@ -12,6 +11,7 @@ use flank::{
 use super::{
     CliError, Done,
     map::{Work, stem},
+    pictures::Pictures,
     progress::counted,
     read_scene, threads,
 };
@@ -41,14 +41,17 @@ pub struct Arguments {
     branches: Option<PathBuf>,
     #[command(flatten)]
     work: Work,
-    /// Folder of diagram.csv, impacts.csv, exponents.csv, diagram.svg and diagram.json
+    /// Folder of diagram.csv, impacts.csv, exponents.csv, diagram.json and the figure
     #[arg(long, value_name = "DIR", default_value = "diagram")]
     out: PathBuf,
+    #[command(flatten)]
+    pictures: Pictures,
 }
 
 /// Draws a diagram.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let Arguments { work, out, .. } = arguments;
+    let form = arguments.pictures.print()?;
     let scene = read_scene(arguments.scene.as_deref())?;
     let name = stem(scene.name());
     let seeding = match arguments.seed.as_str() {
@@ -83,10 +86,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         return work.interrupted(&format!("{} of {count} values", rows.kept()), out);
     }
     let own = diagram.own();
-    let first = components(own).into_iter().next().unwrap_or_default();
-    let points = diagram.finish(rows, |points| {
-        let figure = diagram_figure(&name, (&diagram.pointer(), &first, own.dimensionless), points, &branches);
-        Some(figure.svg(flank::plot::Theme::Light))
+    let first = own.structure.spec().freedoms.first().map_or_else(String::new, |freedom| own.in_words(freedom));
+    let points = diagram.finish(rows, |points, folder| {
+        diagram_figure(&name, (&diagram.pointer(), &first, own.dimensionless), points, &branches)
+            .draw_into(folder, &form)
     })?;
     let failed = match points.failed {
         0 => String::new(),

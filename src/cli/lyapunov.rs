@@ -9,13 +9,14 @@ use std::{
 use flank::{
     orbit::{Averaging, Exponents, INTERRUPTED, Lyapunov, SectionMap, pictures},
     output::{Request, Table, five_digits as number},
+    plot::Figure,
 };
 use serde_json::json;
 
 use super::{
     CliError, Done,
     checkpoint::{Begun, Checkpoint},
-    open, picture_files,
+    open,
     pictures::Pictures,
     print,
     progress::{cancellable, catch_interrupt, running, show},
@@ -65,7 +66,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
     SectionMap::new(&simulation)?;
-    let mut files = picture_files(pictures::EXPONENTS, LYAPUNOV);
+    let mut files = [&Figure::files(pictures::EXPONENTS)[..], &[LYAPUNOV.to_owned()]].concat();
     files.push(STATE.to_owned());
     let force = arguments.force || arguments.resume;
     let request =

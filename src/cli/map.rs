@@ -7,7 +7,7 @@ use flank::{
     sweep::{Begin, Ending},
 };
 
-use super::{CliError, Done, print, progress::counted, read_scene, threads};
+use super::{CliError, Done, pictures::Pictures, print, progress::counted, read_scene, threads};
 
 /// Arguments of `flank map`.
 #[derive(Debug, clap::Args)]
@@ -25,9 +25,11 @@ pub struct Arguments {
     rule: RuleArguments,
     #[command(flatten)]
     work: Work,
-    /// Folder of map.csv, map.svg and map.json
+    /// Folder of map.csv, map.json and the figure
     #[arg(long, value_name = "DIR", default_value = "map")]
     out: PathBuf,
+    #[command(flatten)]
+    pictures: Pictures,
 }
 
 /// How long motions are run.
@@ -101,6 +103,7 @@ pub fn counts(tally: &Tally) -> String {
 /// Maps the kinds of motion.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let Arguments { work, out, .. } = arguments;
+    let form = arguments.pictures.print()?;
     let scene = read_scene(arguments.scene.as_deref())?;
     let map = KindMap::new(scene, &arguments.vary, arguments.rule.rule(), &arguments.columns)?;
     let begin = work.begin();
@@ -118,10 +121,9 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         return work.interrupted(&format!("{} of {cells} cells", lines.count()), out);
     }
     let name = stem(map.plane().scene().name());
-    let tally = map.finish(lines, |tally| {
+    let tally = map.finish(lines, |tally, folder| {
         let dimensionless = map.plane().own().dimensionless;
-        let figure = figure(&name, map.plane().grid(), tally, &map.shown(), dimensionless);
-        Some(figure.svg(flank::plot::Theme::Light))
+        figure(&name, map.plane().grid(), tally, &map.shown(), dimensionless).draw_into(folder, &form)
     })?;
     work.say(&format!("{}{} cells: {}\n", counts(&tally), tally.cells(), out.join("map.csv").display()))?;
     Ok(if tally.failed() < tally.cells() as u64 { Done::Completely } else { Done::Partly })

@@ -213,12 +213,6 @@ fn request<'a>(
     Ok(request)
 }
 
-/// The files of a command that writes one picture and one file of data.
-fn picture_files(picture: &str, data: &str) -> Vec<String> {
-    let of = |ending: &str| format!("figures/{picture}.{ending}");
-    ["csv", "json", "pdf", "png", "svg"].iter().map(|ending| of(ending)).chain([data.to_owned()]).collect()
-}
-
 /// Where the page of a command lies; nothing if it writes none.
 fn report_line(out: Option<&Path>) -> String {
     out.map_or_else(String::new, |out| format!("report: {}\n", out.join("report.html").display()))

@@ -6,13 +6,14 @@ use flank::{
     Simulation,
     orbit::{Found, Search, Searched, SectionMap, pictures},
     output::{Request, Table, five_digits as number},
+    plot::Figure,
 };
 use serde_json::json;
 
 use super::{
     CliError, Done,
     checkpoint::{Begun, Checkpoint},
-    open, picture_files,
+    open,
     pictures::Pictures,
     print,
     progress::{cancellable, catch_interrupt, running, show},
@@ -57,7 +58,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?.in_common_cycles()?;
     SectionMap::new(&simulation)?.repeats()?;
-    let mut files = picture_files(pictures::ORBIT, ORBIT);
+    let mut files = [&Figure::files(pictures::ORBIT)[..], &[ORBIT.to_owned()]].concat();
     files.push(STATE.to_owned());
     let force = arguments.force || arguments.resume;
     let request = Request { folder: &arguments.out, command: "orbit", input: arguments.scene.as_deref(), force, files };

@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use flank::{
+    map::sweep_figure,
     study::{SteadySweep, steady::Rule},
     sweep::{Begin, Ending, Grid, Journal, Plan, Seeding},
 };
 
-use super::{CliError, Done, print, progress::counted, read_scene, threads};
+use super::{CliError, Done, map::stem, pictures::Pictures, print, progress::counted, read_scene, threads};
 
 /// Arguments of `flank sweep`.
 #[derive(Debug, clap::Args)]
@@ -21,9 +22,11 @@ pub struct Arguments {
     /// Where a point starts: as the scene says, or from the end of its neighbour along the last axis
     #[arg(long, value_enum, default_value = "fresh")]
     seed: Seeding,
-    /// Folder of sweep.csv, sweep.svg, sweep.jsonl and sweep.json
+    /// Folder of sweep.csv, sweep.jsonl, sweep.json and the figure
     #[arg(long, value_name = "DIR", default_value = "sweep")]
     out: PathBuf,
+    #[command(flatten)]
+    pictures: Pictures,
     /// Go on with a sweep that was broken off
     #[arg(long, conflicts_with = "force")]
     resume: bool,
@@ -58,7 +61,9 @@ fn tolerance(word: &str) -> Result<f64, String> {
 
 /// Sweeps a scene.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let form = arguments.pictures.print()?;
     let scene = read_scene(arguments.scene.as_deref())?;
+    let name = stem(scene.name());
     let grid = Grid::parse(&arguments.vary)?;
     let sweep = SteadySweep::new(scene, Plan::new(grid, arguments.seed), rule(arguments))?;
     let sweep = sweep.with_columns(&arguments.columns).map_err(CliError::Arguments)?;
@@ -83,7 +88,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         say(format!("interrupted: {kept} of {rows} rows are kept in {out}; the same command with --resume goes on\n"))?;
         return Ok(Done::Partly);
     }
-    let tally = sweep.finish(journal)?;
+    let tally =
+        sweep.finish(journal, |rows, folder| match sweep_figure(&name, sweep.plan(), rows, sweep.dimensionless()) {
+            Some(figure) => figure.draw_into(folder, &form),
+            None => Ok(()),
+        })?;
     let failed = match tally.failed {
         0 => String::new(),
         failed => format!(", {failed} of them failed (column error)"),

@@ -65,6 +65,25 @@ impl Stiffness {
         }
     }
 
+    /// Value at time `t`, s.
+    #[must_use]
+    pub fn at(&self, t: f64) -> f64 {
+        match self {
+            Self::Constant(k) => *k,
+            Self::Harmonic { mean, harmonics } => {
+                let wave = |h: &Harmonic| h.amplitude * libm::cos(h.omega * t + h.phase);
+                mean * (1.0 + harmonics.iter().map(wave).sum::<f64>())
+            }
+            Self::Periodic { period, origin, pieces } => {
+                let turn = ((t - origin) / period).rem_euclid(1.0);
+                // Before the first piece the last one of the period before runs on.
+                let piece = pieces.iter().rev().find(|piece| piece.start <= turn).or(pieces.last());
+                piece.map_or(0.0, |piece| piece.value + piece.slope * (turn - piece.start).rem_euclid(1.0) * period)
+            }
+            Self::Switched { times, levels } => levels[times.iter().filter(|[at, _]| *at <= t).count() % 2],
+        }
+    }
+
     /// Time average over a period (of the two levels, for a list of times).
     #[must_use]
     pub fn mean(&self) -> f64 {

@@ -13,7 +13,7 @@ use crate::{
     engine::State,
     ensemble::in_order,
     orbit::{Drift, Kind, Section, SectionMap, rest::NEUTRAL, unknowns::distance},
-    output::{Fault, csv_line, in_a_line, number},
+    output::{Fault, Folder, OutputError, csv_line, in_a_line, number},
     scene::Scene,
     simulation::{Simulation, SimulationError},
     sweep::{Begin, Ending, Grid, GridError, Kept, Lines, SweepError},
@@ -169,10 +169,8 @@ pub struct Found {
 
 impl Basins {
     /// The files of `flank basins`.
-    pub const FILES: Kept = Kept {
-        command: "basins",
-        files: &["basins.rows", "basins.json", "basins.csv", "attractors.json", "basins.svg"],
-    };
+    pub const FILES: Kept =
+        Kept { command: "basins", files: &["basins.rows", "basins.json", "basins.csv", "attractors.json"] };
 
     /// Starts of `scene` over two `axes`, `/initial/q/I` or `/initial/v/I`, I a number or a name of a freedom. The other coordinates and
     /// velocities are those that the scene writes, and zero where it writes none or starts `static` or at `rest`.
@@ -421,7 +419,7 @@ impl Basins {
         Ok((if lines.count() == total { Ending::Complete } else { Ending::Interrupted }, all))
     }
 
-    /// Measures the basins and writes the final files. `picture` draws.
+    /// Measures the basins and writes the final files. `picture` draws them into the folder.
     ///
     /// # Errors
     /// As [`Lines::finish`].
@@ -429,7 +427,7 @@ impl Basins {
         &self,
         mut lines: Lines,
         attractors: Vec<Attractor>,
-        picture: impl FnOnce(&Found) -> Option<String>,
+        picture: impl FnOnce(&Found, &mut Folder) -> Result<(), OutputError>,
     ) -> Result<Found, SweepError> {
         let mut boundary = Boundary::new([0, 1].map(|i| self.values[i].len()), attractors.len());
         lines.each(|row| {
@@ -438,8 +436,8 @@ impl Basins {
         })?;
         let figures = boundary.figures();
         let found = Found { attractors, boundary, figures };
-        let mut others = vec![("attractors.json", format!("{:#}\n", self.report(&found)))];
-        others.extend(picture(&found).map(|picture| ("basins.svg", picture)));
+        picture(&found, &mut lines.outputs()?)?;
+        let others = [("attractors.json", format!("{:#}\n", self.report(&found)))];
         lines.finish(&self.head(), &others, &json!(found.figures))?;
         Ok(found)
     }

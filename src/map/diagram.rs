@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     orbit::{Section, SectionMap, components},
-    output::{Fault, csv_line, in_a_line, label, number},
+    output::{Fault, Folder, OutputError, csv_line, in_a_line, label, number},
     scene::Scene,
     simulation::{Parameter, Simulation, SimulationError},
     study::numbered,
@@ -101,6 +101,8 @@ pub(super) const SECTIONS: usize = 0;
 pub(super) const PHASES: usize = 1;
 pub(super) const SPEEDS: usize = 2;
 pub(super) const EXPONENTS: usize = 3;
+/// Ends of the bands of exponents.
+pub(super) const BANDS: usize = 4;
 
 /// What is known of a diagram, for a picture. Memory does not grow with its points.
 #[derive(Clone, Debug)]
@@ -114,7 +116,7 @@ pub struct Points {
     /// Starts that run side by side.
     pub starts: usize,
     /// Each upwards and downwards. A point belongs to a start, what is struck to the drive flank (0) or the back flank (1).
-    pub(super) shown: [[Thinned; 2]; 4],
+    pub(super) shown: [[Thinned; 2]; 5],
 }
 
 impl Points {
@@ -133,7 +135,10 @@ impl Points {
             push(PHASES, flank, strike.phase);
             push(SPEEDS, flank, strike.speed);
         }
-        record.exponent.iter().for_each(|[exponent, _]| push(EXPONENTS, start, *exponent));
+        if let Some([exponent, band]) = record.exponent {
+            push(EXPONENTS, start, exponent);
+            [exponent - band, exponent + band].into_iter().for_each(|end| push(BANDS, start, end));
+        }
     }
 }
 
@@ -162,7 +167,7 @@ impl Diagram {
     /// The files of `flank diagram`.
     pub const FILES: Kept = Kept {
         command: "diagram",
-        files: &["diagram.journal", "diagram.json", "diagram.csv", "impacts.csv", "exponents.csv", "diagram.svg"],
+        files: &["diagram.journal", "diagram.json", "diagram.csv", "impacts.csv", "exponents.csv"],
     };
 
     /// A diagram over `axis` of `scene`, in the directions of `seeding`.
@@ -315,14 +320,14 @@ impl Diagram {
         csv_line(["parameter", "direction", "start"].into_iter().chain(more))
     }
 
-    /// Writes the final files. `picture` draws.
+    /// Writes the final files. `picture` draws the diagram into the folder.
     ///
     /// # Errors
     /// [`SweepError::Output`] if a file cannot be read or written.
     pub fn finish(
         &self,
         mut rows: Rows,
-        picture: impl FnOnce(&Points) -> Option<String>,
+        picture: impl FnOnce(&Points, &mut Folder) -> Result<(), OutputError>,
     ) -> Result<Points, SweepError> {
         let row = |entry: Option<Entry<Record, Seed>>, cell: &Cell| {
             let start = [number(cell.values[1]), label(cell.direction), (cell.values[0] as usize).to_string()];
@@ -338,7 +343,7 @@ impl Diagram {
                 _ => points.failed += 1,
             }
         }
-        let picture: Vec<(&str, String)> = picture(&points).map(|p| ("diagram.svg", p)).into_iter().collect();
+        picture(&points, &mut rows.outputs()?)?;
         let found = json!({ "rows": self.rows(), "failed": points.failed });
         let contacts = numbered(self.own.structure.contacts().iter().map(|contact| &*contact.spec.name));
         let plan = &self.plan;
@@ -381,7 +386,7 @@ impl Diagram {
             }
             Ok(())
         };
-        rows.seal(&["diagram.csv", "impacts.csv", "exponents.csv"], write, &picture, &found)?;
+        rows.seal(&["diagram.csv", "impacts.csv", "exponents.csv"], write, &[], &found)?;
         Ok(points)
     }
 

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     ensemble::in_order,
-    output::{csv_line, in_a_line, number},
+    output::{Folder, OutputError, csv_line, in_a_line, number},
     scene::Scene,
     study::{Measures, StudyError, measured},
     sweep::{Ending, GridError, Kept, Lines, SweepError},
@@ -36,7 +36,7 @@ type Values = Vec<Option<f64>>;
 /// let map = KindMap::new(scene, &axes, Rule::default(), &["apart_fraction"])?;
 /// let mut lines = map.open("map".as_ref(), Begin::New)?.expect("a new map is open");
 /// map.run(&mut lines, Task::default())?;
-/// let tally = map.finish(lines, |_| None)?;
+/// let tally = map.finish(lines, |_, _| Ok(()))?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
@@ -49,7 +49,7 @@ pub struct KindMap {
 
 impl KindMap {
     /// The files of `flank map`.
-    pub const FILES: Kept = Kept { command: "map", files: &["map.rows", "map.json", "map.csv", "map.svg"] };
+    pub const FILES: Kept = Kept { command: "map", files: &["map.rows", "map.json", "map.csv"] };
 
     /// A map over `axes` of `scene` with further `columns` of contacts, by their names in `sweep.csv` without unit; the share of time
     /// separated if none are named.
@@ -174,14 +174,14 @@ impl KindMap {
         Ok(if lines.count() == total { Ending::Complete } else { Ending::Interrupted })
     }
 
-    /// Counts the cells, draws the map and writes the final files. `picture` draws.
+    /// Counts the cells and writes the final files. `picture` draws the map into the folder.
     ///
     /// # Errors
     /// As [`Lines::finish`].
     pub fn finish(
         &self,
         mut lines: Lines,
-        picture: impl FnOnce(&Tally) -> Option<String>,
+        picture: impl FnOnce(&Tally, &mut Folder) -> Result<(), OutputError>,
     ) -> Result<Tally, SweepError> {
         let axes = self.plane.grid().axes();
         let before = 2 + FIRST.len();
@@ -192,8 +192,8 @@ impl KindMap {
             tally.add(row);
             Ok(())
         })?;
-        let picture: Vec<(&str, String)> = picture(&tally).map(|picture| ("map.svg", picture)).into_iter().collect();
-        lines.finish(&self.head(), &picture, &tally.found())?;
+        picture(&tally, &mut lines.outputs()?)?;
+        lines.finish(&self.head(), &[], &tally.found())?;
         Ok(tally)
     }
 }

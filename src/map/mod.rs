@@ -12,6 +12,7 @@ mod lane;
 mod picture;
 mod plane;
 mod runner;
+mod sweep_figure;
 mod tally;
 mod walk;
 
@@ -22,5 +23,6 @@ pub use edges::{Boundary, Figures, Fraction, Measured};
 pub use kinds::KindMap;
 pub use picture::{basins_figure, diagram_figure, figure};
 pub use plane::{MOST_CELLS, Plane, PlaneError};
+pub use sweep_figure::sweep_figure;
 pub use tally::{Class, Shown, Tally};
 pub use walk::{Record, Strike};

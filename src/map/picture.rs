@@ -3,7 +3,7 @@
 use super::{
     basins::Found,
     cell::Impacts,
-    diagram::{BranchLine, EXPONENTS, PHASES, Points, SECTIONS, SPEEDS, Thinned},
+    diagram::{BANDS, BranchLine, EXPONENTS, PHASES, Points, SECTIONS, SPEEDS, Thinned},
     edges::Measured,
     tally::{Class, Shown, Tally},
 };
@@ -18,7 +18,7 @@ const PERIODS: [(u64, Colour); 8] = [
     (2, [0x6b, 0xae, 0xd6]),
     (3, [0x00, 0x9e, 0x73]),
     (4, [0x21, 0x71, 0xb5]),
-    (5, [0xcc, 0x79, 0xa7]),
+    (5, [0xf0, 0xe4, 0x42]),
     (6, [0x7f, 0xcd, 0xa0]),
     (8, [0x08, 0x30, 0x6b]),
     (u64::MAX, [0x99, 0x8e, 0xc3]),
@@ -26,8 +26,8 @@ const PERIODS: [(u64, Colour); 8] = [
 /// The other kinds, and failed cells.
 const KINDS: [(&str, Colour); 5] = [
     ("chaotic", [0xe6, 0x9f, 0x00]),
-    ("quasi-periodic", [0xf0, 0xe4, 0x42]),
-    ("transient", [0x8c, 0x51, 0x0a]),
+    ("quasi-periodic", [0xcc, 0x79, 0xa7]),
+    ("transient", [0xd5, 0x5e, 0x00]),
     ("undecided", [0x00, 0x00, 0x00]),
     ("failed", [0x80, 0x86, 0x8e]),
 ];
@@ -40,7 +40,7 @@ const IMPACTS: [Colour; 3] = [SEQUENCE[1], SEQUENCE[4], SEQUENCE[7]];
 const NONE: Colour = [0xcf, 0xcf, 0xcf];
 
 /// What is drawn of a class: its name without counts, and its colour.
-fn look((kind, period): &Class) -> (usize, String, Colour) {
+pub(super) fn look((kind, period): &Class) -> (usize, String, Colour) {
     if let Some(period) = period {
         let place = PERIODS.iter().position(|(p, _)| period <= p && (*p == *period || *p == u64::MAX));
         let place = place.unwrap_or(PERIODS.len() - 1);
@@ -97,22 +97,22 @@ impl Side {
 }
 
 /// Where the cells of a grid that are shown lie: the first number to the right, the second one upwards.
-struct Place {
+pub(super) struct Place {
     sides: [Side; 2],
 }
 
 impl Place {
-    fn new(grid: &Grid, cells: [usize; 2], dimensionless: bool) -> Self {
+    pub fn new(grid: &Grid, cells: [usize; 2], dimensionless: bool) -> Self {
         Self { sides: [0, 1].map(|i| Side::new(&grid.axes()[i], cells[i], dimensionless)) }
     }
 
-    fn panel(&self, title: &str, raster: Raster) -> Panel {
+    pub fn panel(&self, title: &str, raster: Raster) -> Panel {
         let [x, y] = [0, 1].map(|i| self.sides[i].axis.clone().between(self.sides[i].ends[0], self.sides[i].ends[1]));
         Panel { title: title.to_owned(), x, y, raster: Some(raster), ..Panel::default() }
     }
 
     /// The image of `class` of each cell, the second number fastest.
-    fn raster(&self, class: impl Fn(usize) -> u8, classes: Vec<(String, Colour)>) -> Raster {
+    pub fn raster(&self, class: impl Fn(usize) -> u8, classes: Vec<(String, Colour)>) -> Raster {
         let [x, y] = &self.sides;
         let mut points = Vec::with_capacity(x.cells * y.cells);
         for row in 0..y.cells {
@@ -298,7 +298,10 @@ pub fn diagram_figure(
     let directions: Vec<usize> =
         (0..2).filter(|down| points.shown.iter().any(|shown| !shown[*down].is_empty())).collect();
     let row = |shown: usize, title: &str, y: Axis| {
-        let of_points = directions.iter().flat_map(|down| points.shown[shown][*down].points().map(|(_, [_, y])| y));
+        let seen = [Some(shown), (shown == EXPONENTS).then_some(BANDS)];
+        let of_points =
+            directions.iter().flat_map(|down| seen.into_iter().flatten().map(|shown| &points.shown[shown][*down]));
+        let of_points = of_points.flat_map(|points| points.points().map(|(_, [_, y])| y));
         let of_orbits = branches.iter().filter(|_| shown == SECTIONS).flat_map(|line| line.y.iter().copied());
         let [low, high] =
             of_points.chain(of_orbits).fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)]);
@@ -323,9 +326,14 @@ pub fn diagram_figure(
     panels.extend(row(PHASES, "contacts gained: phase", Axis::new("part of the period", "").between(0.0, 1.0)));
     panels.extend(row(SPEEDS, "contacts gained: speed of approach", Axis::new("speed", unit("m/s"))));
     panels.extend(
-        row(EXPONENTS, "largest exponent", Axis::new("exponent", unit("1/s")))
-            .into_iter()
-            .map(|panel| Panel { guides: vec![Guide::Horizontal { y: 0.0, name: String::new() }], ..panel }),
+        row(EXPONENTS, "largest exponent", Axis::new("exponent", unit("1/s"))).into_iter().zip(&directions).map(
+            |(mut panel, down)| {
+                let (x, y) = points.shown[BANDS][*down].points().map(|(_, [x, y])| (x, y)).unzip();
+                let ends = Series::line("ends of the exponent's band", 7, x, y).styled(Style::Points);
+                panel.series.insert(0, ends);
+                Panel { guides: vec![Guide::Horizontal { y: 0.0, name: String::new() }], ..panel }
+            },
+        ),
     );
     Figure {
         id: "diagram".to_owned(),
@@ -378,7 +386,7 @@ fn exponents(place: &Place, shown: &[Shown]) -> Raster {
 }
 
 /// A measure in eight equal parts from its least to its largest value; zero apart.
-fn measures(place: &Place, shown: &[Option<f64>]) -> Raster {
+pub(super) fn measures(place: &Place, shown: &[Option<f64>]) -> Raster {
     let values = || shown.iter().copied().flatten();
     let (low, high) = values().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
     let (has_zero, low, high) = (low == 0.0, low, if high > low { high } else { low + 1.0 });

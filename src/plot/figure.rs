@@ -311,12 +311,14 @@ impl Raster {
         // OK to convert: below the number of classes.
         let class = |value: f64| libm::floor((value - low) / step).clamp(0.0, (count - 1) as f64) as u8;
         let name = |i: usize| match (i, low + i as f64 * step) {
-            (0, from) => format!("below {} {unit}", from + step),
-            (_, from) => format!("{from} to {} {unit}", from + step),
+            (0, from) => format!("below {}", from + step),
+            (_, from) => format!("{from} to {}", from + step),
         };
+        // What is below all others is the paper.
+        let colour = |i: usize| if i == 0 { [0xff; 3] } else { SEQUENCE[i] };
         Self {
             points: self.values.iter().map(|value| value.map_or(0, class)).collect(),
-            classes: SEQUENCE.into_iter().enumerate().map(|(i, colour)| (name(i), colour)).collect(),
+            classes: (0..count).map(|i| (name(i), colour(i))).collect(),
             unit: unit.to_owned(),
             ..self
         }

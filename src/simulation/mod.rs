@@ -279,6 +279,30 @@ impl Simulation {
         if own == 1 { periods } else { periods.div_ceil(own).max(least) }
     }
 
+    /// Words for a freedom: the body it moves and how.
+    #[must_use]
+    pub fn in_words(&self, freedom: &str) -> String {
+        let (stem, body) = freedom.split_once('_').unwrap_or((freedom, ""));
+        let body = match (self.kind(), body) {
+            ("planetary", "s") => "the sun".to_owned(),
+            ("planetary", "r") => "the ring".to_owned(),
+            ("planetary", "c") => "the carrier".to_owned(),
+            ("planetary", "") => "the planets".to_owned(),
+            ("planetary", number) => format!("planet {number}"),
+            ("gear-pair", number) => format!("gear {number}"),
+            ("gearbox", name) => name.to_owned(),
+            _ => return format!("displacement {freedom}"),
+        };
+        match stem {
+            "x" | "y" => format!("displacement {stem} of {body}"),
+            "xi" => format!("radial displacement of {body}"),
+            "eta" => format!("tangential displacement of {body}"),
+            "u" => format!("rotation of {body}, on the base circle"),
+            "w" => format!("axial displacement of {body}"),
+            _ => format!("displacement {freedom}"),
+        }
+    }
+
     /// The error of a measure that needs more than the simulation has.
     #[must_use]
     pub fn missing(&self, missing: impl Into<String>) -> SimulationError {
@@ -372,11 +396,18 @@ impl Simulation {
                 .filter(|watch| on(watch))
                 .any(|watch| watch.side() * rate <= *floor)
         });
-        let of_start = at_rest.map(|(_, c, floor)| {
+        let mut by_floor: Vec<(f64, Vec<&str>)> = Vec::new();
+        for (_, c, floor) in at_rest {
+            match by_floor.iter_mut().find(|(known, _)| *known == floor) {
+                Some((_, names)) => names.push(&c.spec.name),
+                None => by_floor.push((floor, vec![&c.spec.name])),
+            }
+        }
+        let of_start = by_floor.into_iter().map(|(floor, names)| {
             format!(
-                "{} starts exactly on its flank without an approach speed: where it closes it latches its speed floor of {floor:e} m/s, by \
-                 which its hysteresis damps very strongly; start it inside the flank, or give it a speed",
-                c.spec.name
+                "{}: exactly on its flank at the start, without an approach speed. Where it closes, it latches its speed floor of {floor:e} \
+                 m/s, by which its hysteresis damps very strongly. Start it inside the flank, or give it a speed",
+                names.join(", ")
             )
         });
         of_train.chain(of_start).collect()

@@ -5,7 +5,12 @@ use std::f64::consts::{PI, TAU};
 use serde::Serialize;
 
 use super::Simulation;
-use crate::system::{bonded_modes, contact_mode};
+use crate::{
+    gear::contact::{Law, Release},
+    linalg::multiplicities,
+    output::{Table, five_digits as number},
+    system::{ContactSpec, Flanks, bonded_modes, contact_mode},
+};
 
 /// Harmonics of a mesh frequency that are listed.
 const HARMONICS: u32 = 5;
@@ -13,6 +18,8 @@ const HARMONICS: u32 = 5;
 const NAMED: usize = 3;
 /// Least share of the kinetic energy of a freedom that names a mode.
 const SHARE: f64 = 0.05;
+/// Frequencies closer than this, relative, are one.
+const SAME: f64 = 1e-9;
 
 /// Contents of a scene, as `flank check --json` writes them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -84,6 +91,12 @@ pub struct ContactAtStart {
     pub half_backlash_m: f64,
     /// Mean stiffness, N/m (of a power law of exponent n N/mⁿ).
     pub mean_stiffness: f64,
+    /// Its law, in words.
+    pub law: &'static str,
+    /// Modes that it has.
+    pub modes: String,
+    /// Its guards.
+    pub guards: String,
     /// Its mode at the start; none if the scene has no start that fits.
     pub starts: Option<String>,
 }
@@ -125,11 +138,17 @@ impl Simulation {
     pub fn report(&self) -> Report {
         let spec = self.structure.spec();
         let start = self.start().ok();
-        let contacts = spec.contacts.iter().enumerate().map(|(j, contact)| ContactAtStart {
-            name: contact.name.clone(),
-            half_backlash_m: contact.half_backlash,
-            mean_stiffness: contact.stiffness.mean(),
-            starts: start.as_ref().map(|start| contact_mode(&start.jump.mode, j).name().to_owned()),
+        let contacts = spec.contacts.iter().enumerate().map(|(j, contact)| {
+            let (law, modes, guards) = automaton(contact);
+            ContactAtStart {
+                name: contact.name.clone(),
+                half_backlash_m: contact.half_backlash,
+                mean_stiffness: contact.stiffness.mean(),
+                law,
+                modes,
+                guards,
+                starts: start.as_ref().map(|start| contact_mode(&start.jump.mode, j).name().to_owned()),
+            }
         });
         let speeds = self.speeds.iter().map(|(name, speed)| Speed {
             name: name.clone(),
@@ -188,7 +207,7 @@ impl Simulation {
     }
 
     /// All that excites: harmonics of the meshes, rotations of the shafts, loads, with their frequencies, Hz.
-    fn orders(&self) -> Vec<(String, f64)> {
+    pub(crate) fn orders(&self) -> Vec<(String, f64)> {
         let meshes = self.meshes.iter().filter(|mesh| mesh.frequency > 0.0).flat_map(|mesh| {
             (1..=HARMONICS).map(move |n| (format!("{} x {n}", mesh.name), f64::from(n) * mesh.frequency))
         });
@@ -198,5 +217,94 @@ impl Simulation {
         let loads = loads.iter().enumerate().map(|(i, load)| (format!("load {}", i + 1), load.omega / TAU));
         let all = meshes.chain(shafts).chain(loads);
         if self.dimensionless { all.map(|(name, hz)| (name, hz * TAU)).collect() } else { all.collect() }
+    }
+}
+
+/// Law, modes and guards of a contact, in words.
+fn automaton(contact: &ContactSpec) -> (&'static str, String, String) {
+    let (law, can_detach) = match contact.law {
+        Law::Bilateral(_) => return ("bilateral", "closed".to_owned(), "none".to_owned()),
+        Law::KelvinVoigt(l, Release::Force) if l.damping > 0.0 => ("linear, never pulls", true),
+        Law::KelvinVoigt(..) => ("linear", false),
+        Law::Power(l) if l.hysteresis > 0.0 => ("power, hysteresis", true),
+        Law::Power(_) => ("power", false),
+        Law::Rigid(_) => ("rigid", false),
+    };
+    let (sides, flanks) =
+        if contact.flanks == Flanks::Both { ("drive, back", "delta = ±b") } else { ("drive", "delta = b") };
+    match contact.law {
+        Law::Rigid(_) => {
+            let where_to = if contact.flanks == Flanks::Both { "resting on either flank" } else { "resting" };
+            (law, format!("separated, {where_to}"), format!("{flanks}; F = 0"))
+        }
+        _ if can_detach => (law, format!("separated, {sides}, detached"), format!("{flanks}; F = 0")),
+        _ => (law, format!("separated, {sides}"), flanks.to_owned()),
+    }
+}
+
+impl Report {
+    /// The same as tables: contacts, natural frequencies beside what excites them, and the clocks and geometry of the meshes.
+    #[must_use]
+    pub fn tables(&self) -> Vec<Table> {
+        let words = |values: &[f64]| values.iter().map(|v| number(*v)).collect::<Vec<_>>().join(" ");
+        let contacts = self.contacts.iter().map(|c| {
+            let [b, stiffness] = [c.half_backlash_m, c.mean_stiffness].map(number);
+            let starts = c.starts.clone().unwrap_or_else(|| "-".to_owned());
+            vec![c.name.clone(), c.law.to_owned(), b, stiffness, c.modes.clone(), c.guards.clone(), starts]
+        });
+        let mut tables = vec![
+            Table::new(["contact", "law", "b", "mean stiffness", "modes", "guards", "starts"])
+                .with(contacts)
+                .titled("Contacts, delta positive towards the drive flank", ""),
+        ];
+        let unit = if self.is_dimensionless { "rad per unit of time" } else { "Hz" };
+        let frequencies: Vec<f64> = self.modes.iter().map(|mode| mode.frequency_hz).collect();
+        let mut k = 0;
+        let modes = multiplicities(&frequencies, SAME).into_iter().map(|(frequency, count)| {
+            let mode = &self.modes[k];
+            k += count;
+            let moves = mode.moves.iter().map(|share| format!("{} {:.0}", share.freedom, 100.0 * share.share));
+            let mut row = vec![number(frequency), count.to_string(), moves.collect::<Vec<_>>().join(", ")];
+            row.extend(match &mode.nearest {
+                Some(order) => [order.of.clone(), number(order.frequency_hz), number(100.0 * order.apart)],
+                None => ["-", "-", "-"].map(str::to_owned),
+            });
+            row
+        });
+        let is_linear = self.contacts.iter().all(|c| c.law.starts_with("linear") || c.law == "bilateral");
+        let note = if is_linear {
+            ""
+        } else {
+            "Laws that are not linear are taken at stiffness K: an order of magnitude at best."
+        };
+        let head = [unit, "times", "moves, % of its energy", "nearest order", unit, "apart %"];
+        let modes = Table::new(head).with(modes);
+        if !modes.rows.is_empty() {
+            tables.push(modes.titled("Natural frequencies, every contact closed at its mean stiffness", note));
+        }
+        if !self.speeds.is_empty() {
+            let rows = self.speeds.iter().map(|s| vec![s.name.clone(), number(s.speed_rpm), number(s.frequency_hz)]);
+            let table = Table::new(["shaft", "rev/min", "Hz"]).with(rows);
+            tables.push(table.titled("Speeds, counter-clockwise positive", ""));
+        }
+        if self.meshes.iter().any(|mesh| mesh.frequency_hz > 0.0) {
+            let rows = self.meshes.iter().map(|m| vec![m.name.clone(), number(m.frequency_hz), words(&m.phases)]);
+            let table = Table::new(["mesh", "frequency Hz", "phases, periods"]).with(rows);
+            tables.push(table.titled("Mesh clocks", ""));
+        }
+        let geometry = self.meshes.iter().filter_map(|m| {
+            let radii = words(&m.base_radii_m?.map(|r| 1e3 * r));
+            let distance = m.centre_distance_m.map(|a| 1e3 * a);
+            let [angle, distance, ratio, overlap] =
+                [m.working_angle_deg, distance, m.contact_ratio, m.overlap_ratio].map(number);
+            Some(vec![m.name.clone(), angle, distance, radii, ratio, overlap])
+        });
+        let geometry: Vec<Vec<String>> = geometry.collect();
+        if !geometry.is_empty() {
+            let head =
+                ["mesh", "working angle deg", "centre distance mm", "base radii mm", "contact ratio", "overlap ratio"];
+            tables.push(Table::new(head).with(geometry).titled("Mesh geometry", ""));
+        }
+        tables
     }
 }

@@ -12,7 +12,8 @@ use super::{figures::families, steady::ContactSteady};
 #[cfg(feature = "plot")]
 use crate::{
     branch::Kind,
-    plot::{Axis, Band, Figure, Panel, Series, Style},
+    output::five_digits,
+    plot::{Axis, Band, Figure, Note, Panel, Series, Style},
     simulation::Parameter,
 };
 use crate::{
@@ -25,6 +26,9 @@ use crate::{
 /// Families of contacts drawn.
 #[cfg(feature = "plot")]
 const MOST: usize = 3;
+/// Special points of a panel with their numbers beside them, at most.
+#[cfg(feature = "plot")]
+const NUMBERED: usize = 16;
 /// Largest multiplier drawn.
 #[cfg(feature = "plot")]
 const LARGEST: f64 = 3.0;
@@ -313,8 +317,14 @@ impl Branches {
             });
             let (x, y): (Vec<f64>, Vec<f64>) = points.unzip();
             if !x.is_empty() {
+                let notes = x.iter().zip(&y).map(|(x, y)| Note { at: [*x, *y], text: five_digits(*x) });
+                panel.notes.extend(notes);
                 panel.series.push(Series::line(kind.word(), FIRST_COLOUR + colour, x, y).styled(Style::Marks));
             }
+        }
+        // More numbers cannot be read.
+        if panel.notes.len() > NUMBERED {
+            panel.notes.clear();
         }
         panel
     }

@@ -7,6 +7,8 @@
 pub mod advise;
 pub mod branches;
 mod changes;
+#[cfg(feature = "plot")]
+pub mod check_page;
 pub mod claims;
 mod error;
 mod expression;
@@ -26,8 +28,6 @@ pub mod run_page;
 pub mod sound;
 pub mod steady;
 mod steady_sweep;
-#[cfg(feature = "plot")]
-mod sweep_figure;
 #[cfg(test)]
 #[path = "../../tests/unit/study.rs"]
 mod tests;
@@ -39,4 +39,4 @@ pub use figures::Context;
 pub use kind::Kind;
 pub(crate) use measures::{Measures, numbered};
 pub(crate) use steady::measured;
-pub use steady_sweep::SteadySweep;
+pub use steady_sweep::{Shown, SteadySweep, SweepRow};

@@ -2,11 +2,13 @@ use serde_json::{Map, Value, json};
 
 use super::{
     StudyError,
+    figures::families,
     measures::Measures,
     steady::{Rule, Seed, Steady, steady},
 };
 use crate::{
-    output::{Fault, in_a_line, number},
+    orbit::Motion,
+    output::{Fault, Folder, OutputError, in_a_line, number},
     scene::{Scene, SceneError},
     simulation::Simulation,
     sweep::{Cell, Ending, Entry, Journal, Outcome, Plan, SweepError, Tally, run},
@@ -23,7 +25,7 @@ use crate::{
 /// let folder = std::path::Path::new("sweep");
 /// let mut journal = Journal::open(folder, Begin::New, sweep.header(), sweep.plan().rows())?.expect("a new sweep is open");
 /// sweep.run(&mut journal, Task::default())?;
-/// let tally = sweep.finish(journal)?;
+/// let tally = sweep.finish(journal, |_, _| Ok(()))?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug)]
@@ -127,45 +129,67 @@ impl SteadySweep {
         run(&self.plan, journal, point, task)
     }
 
-    /// Writes the table and the rows of a complete sweep.
+    /// Writes the table and the rows of a complete sweep. `picture` draws its rows, those that did not fail, into the folder.
     ///
     /// # Errors
     /// As [`Journal::finish`].
-    pub fn finish(&self, mut journal: Journal<Steady, Seed>) -> Result<Tally, SweepError> {
+    pub fn finish(
+        &self,
+        mut journal: Journal<Steady, Seed>,
+        picture: impl FnOnce(&[SweepRow], &mut Folder) -> Result<(), OutputError>,
+    ) -> Result<Tally, SweepError> {
         // Where the train itself is varied, not every row has each contact.
         let mut measures = self.measures.clone();
+        let mut rows = Vec::new();
         for row in 0..self.plan.rows() {
             if let Some(Entry { outcome: Outcome::Done { result, .. }, .. }) = journal.entry(row)? {
                 measures.take(&result);
+                rows.push(SweepRow::of(row, result));
             }
         }
         let columns = columns(self.dimensionless, &measures);
-        let picture = self.picture(&mut journal)?;
-        journal.finish(&self.plan, &columns, |steady| cells(steady, &measures), picture.as_deref())
+        let draw = |folder: &mut Folder| picture(&rows, folder);
+        journal.finish(&self.plan, &columns, |steady| cells(steady, &measures), draw)
     }
 
-    /// The picture of a sweep over one number that has rows.
-    #[cfg(feature = "plot")]
-    fn picture(&self, journal: &mut Journal<Steady, Seed>) -> Result<Option<String>, SweepError> {
-        let [axis] = self.plan.grid().axes() else { return Ok(None) };
-        let mut rows = Vec::new();
-        for row in 0..self.plan.rows() {
-            let Cell { values, direction, .. } = self.plan.cell(row);
-            if let Some(Entry { outcome: Outcome::Done { result, .. }, .. }) = journal.entry(row)? {
-                rows.push((values[0], direction, result));
-            }
-        }
-        let name = std::path::Path::new(self.scene.name())
-            .file_stem()
-            .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-        let figure = super::sweep_figure::figure(&name, &axis.pointer, &rows, self.dimensionless);
-        Ok(figure.map(|figure| figure.svg(crate::plot::Theme::Light)))
+    /// Tells that its scene has no units.
+    #[must_use]
+    pub fn dimensionless(&self) -> bool {
+        self.dimensionless
     }
+}
 
-    #[cfg(not(feature = "plot"))]
-    #[allow(clippy::unnecessary_wraps)] // as with pictures
-    fn picture(&self, _: &mut Journal<Steady, Seed>) -> Result<Option<String>, SweepError> {
-        Ok(None)
+/// What a picture shows of a row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SweepRow {
+    /// Number of the row.
+    pub row: usize,
+    /// The motion.
+    pub motion: Motion,
+    /// The first contact of each family, with its name.
+    pub contacts: Vec<(String, Shown)>,
+}
+
+/// What a picture shows of a contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shown {
+    /// Share of the time apart.
+    pub apart: f64,
+    /// Largest force, N.
+    pub force: Option<f64>,
+    /// Least and largest deflection, m.
+    pub deflection: [Option<f64>; 2],
+}
+
+impl SweepRow {
+    fn of(row: usize, steady: Steady) -> Self {
+        let shown = |(j, name): (usize, String)| {
+            let report = &steady.contacts[j].report;
+            let deflection = [report.deflection_min, report.deflection_max];
+            (name, Shown { apart: report.apart_fraction, force: report.force_max, deflection })
+        };
+        let contacts = families(&steady).into_iter().map(shown).collect();
+        Self { row, motion: steady.motion, contacts }
     }
 }
 

@@ -10,16 +10,12 @@ use serde::{Serialize, Serializer, de::DeserializeOwned};
 use serde_json::{Map, Value};
 
 use super::{Cell, Direction, Journal, Outcome, Plan, SweepError, journal};
-use crate::output::{self, OutputError, csv_line, failed, label, number, part};
+use crate::output::{self, Folder, OutputError, csv_line, failed, label, number, part};
 
 /// Says what the sweep was, and that the others are whole: written last.
-pub(super) const SEAL: &str = "sweep.json";
+const SEAL: &str = "sweep.json";
 const TABLE: &str = "sweep.csv";
 const ROWS: &str = "sweep.jsonl";
-const PICTURE: &str = "sweep.svg";
-
-/// The final files, the seal first: it goes before what it vouches for.
-pub(super) const RESULTS: [&str; 4] = [SEAL, TABLE, ROWS, PICTURE];
 
 /// How many rows a sweep has, and how many of them failed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -50,7 +46,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
     ///
     /// - `sweep.csv`: values, direction, `columns` filled by `cells`, error;
     /// - `sweep.jsonl`: the same with the whole of each row;
-    /// - `sweep.svg`: `picture`, if there is one;
+    /// - what `picture` writes;
     /// - `sweep.json`: what the sweep was, and how many rows failed. It is written last: where it is, the others are whole.
     ///
     /// # Errors
@@ -63,9 +59,10 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         plan: &Plan,
         columns: &[impl AsRef<str>],
         cells: impl Fn(&R) -> Vec<String>,
-        picture: Option<&str>,
+        picture: impl FnOnce(&mut Folder) -> Result<(), OutputError>,
     ) -> Result<Tally, SweepError> {
         let folder = self.folder.clone();
+        picture(&mut self.outputs()?)?;
         let mut table = Part::create(&folder, TABLE)?;
         let mut rows = Part::create(&folder, ROWS)?;
         let mut tally = Tally { rows: plan.rows(), failed: 0 };
@@ -98,12 +95,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         header.insert("rows".to_owned(), tally.rows.into());
         header.insert("failed".to_owned(), tally.failed.into());
         seal.write(&format!("{:#}\n", Value::from(header)))?;
-        let picture = picture.map(|picture| -> Result<_, OutputError> {
-            let mut part = Part::create(&folder, PICTURE)?;
-            part.write(picture)?;
-            Ok(part)
-        });
-        for part in [table, rows].into_iter().chain(picture.transpose()?).chain([seal]) {
+        for part in [table, rows, seal] {
             part.publish()?;
         }
         // Nothing depends on the journal any more. The lock is held until it is gone.

@@ -11,13 +11,11 @@ use serde_json::{Map, Value};
 
 use super::{
     SweepError,
-    files::{self, Part, RESULTS},
+    files::{self, Part},
 };
 use crate::output::{self, Folder, OutputError, Request, failed};
 
 pub(super) const NAME: &str = "sweep.journal";
-/// Every file of a sweep.
-const FILES: [&str; 5] = [NAME, RESULTS[0], RESULTS[1], RESULTS[2], RESULTS[3]];
 
 /// How a sweep begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,12 +41,12 @@ impl Begin {
 pub struct Kept {
     /// The command.
     pub command: &'static str,
-    /// Its files: the rows as they finish, the seal that says what they are, then the others.
+    /// Its files: the rows as they finish, the seal that says what they are, then the others, its figure apart.
     pub files: &'static [&'static str],
 }
 
 /// Those of a sweep.
-const SWEEP: Kept = Kept { command: "sweep", files: &FILES };
+const SWEEP: Kept = Kept { command: "sweep", files: &["sweep.journal", "sweep.json", "sweep.csv", "sweep.jsonl"] };
 
 impl Kept {
     /// What the command writes into `folder`; nothing of `input` is replaced.
@@ -56,8 +54,18 @@ impl Kept {
     pub fn request<'a>(&self, begin: Begin, folder: &'a Path, input: Option<&'a Path>) -> Request<'a> {
         // The head of a journal says whose it is.
         let files = if begin == Begin::Resume { &self.files[1..] } else { self.files };
-        let files = files.iter().map(|name| (*name).to_owned()).collect();
+        let files = files.iter().map(|name| (*name).to_owned()).chain(self.figure()).collect();
         Request { folder, command: self.command, input, force: begin != Begin::New, files }
+    }
+
+    /// Files that its figure may have.
+    fn figure(&self) -> [String; 3] {
+        ["svg", "pdf", "png"].map(|ending| format!("figures/{}.{ending}", self.command))
+    }
+
+    /// The folder of a command that is at work, for its figures.
+    pub(super) fn outputs(&self, folder: &Path) -> Result<Folder, SweepError> {
+        Ok(self.request(Begin::Replace, folder, None).reopen()?)
     }
 
     /// Opens the file of rows and locks it, nothing changed; `None` if the work is to be resumed, and is finished.
@@ -117,7 +125,8 @@ impl Kept {
         file.set_len(end).map_err(failed(&folder.join(self.files[0])))?;
         if end == 0 {
             // What an earlier one left must not be taken for this one's, even if this one is killed.
-            self.files[1..].iter().try_for_each(|name| output::remove(&folder.join(name)))?;
+            let old = self.files[1..].iter().map(|name| folder.join(name));
+            old.chain(self.figure().map(|name| folder.join(name))).try_for_each(|path| output::remove(&path))?;
         }
         Ok(())
     }
@@ -258,6 +267,11 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
             table.publish()?;
         }
         self.files.seal(&folder, others, &self.header, found)
+    }
+
+    /// Its folder, for figures; before any final file is written.
+    pub(crate) fn outputs(&self) -> Result<Folder, SweepError> {
+        self.files.outputs(&self.folder)
     }
 
     /// How many rows are kept.

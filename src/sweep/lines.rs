@@ -11,7 +11,7 @@ use super::{
     files::Part,
     journal::{is_torn, same},
 };
-use crate::output::failed;
+use crate::output::{Folder, failed};
 
 /// The rows of a table in their order, kept in a file as they finish: a header, then one line a row. Memory does not grow with them.
 ///
@@ -82,6 +82,11 @@ impl Lines {
 
     fn write(&mut self, line: &str) -> Result<(), SweepError> {
         Ok(self.file.write_all(format!("{line}\n").as_bytes()).map_err(failed(&self.path))?)
+    }
+
+    /// Its folder, for figures; before any final file is written.
+    pub(crate) fn outputs(&self) -> Result<Folder, SweepError> {
+        self.kept.outputs(&self.folder)
     }
 
     /// How many rows are kept: the first ones.

@@ -21,7 +21,7 @@
 //!
 //! let mut journal = Journal::open(folder.path(), Begin::New, plan.header(), plan.rows())?.expect("a new sweep is open");
 //! assert_eq!(run(&plan, &mut journal, newton, Task::default())?, Ending::Complete);
-//! journal.finish(&plan, &["root"], |root| vec![root.to_string()], None)?;
+//! journal.finish(&plan, &["root"], |root| vec![root.to_string()], |_| Ok(()))?;
 //!
 //! let table = std::fs::read_to_string(folder.path().join("sweep.csv"))?;
 //! assert_eq!(table.lines().last(), Some("9.0,up,3,"));

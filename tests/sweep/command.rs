@@ -10,6 +10,8 @@ use std::{
 
 use flank::{
     Task,
+    map::sweep_figure,
+    plot::Print,
     scene::Scene,
     study::{SteadySweep, steady::Rule},
     sweep::{Begin, Ending, Grid, Journal, Plan, Seeding},
@@ -28,7 +30,7 @@ const SCENE: &str = r#"{
     "run": { "cycles": 1 }
 }"#;
 const AMPLITUDE: &str = "/train/transmission_error/0/amplitude";
-const FILES: [&str; 4] = ["sweep.csv", "sweep.jsonl", "sweep.json", "flank-manifest.json"];
+const FILES: [&str; 5] = ["sweep.csv", "sweep.jsonl", "sweep.json", "figures/sweep.svg", "flank-manifest.json"];
 
 fn folder() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -81,7 +83,11 @@ fn the_library_writes_what_the_command_writes() {
     let out = folder.path().join("library");
     let mut journal = Journal::open(&out, Begin::New, sweep.header(), sweep.plan().rows()).unwrap().unwrap();
     assert_eq!(sweep.run(&mut journal, Task::default()).unwrap(), Ending::Complete);
-    sweep.finish(journal).unwrap();
+    let drawn = sweep.finish(journal, |rows, folder| {
+        let figure = sweep_figure("scene", sweep.plan(), rows, sweep.dimensionless());
+        figure.map_or(Ok(()), |figure| figure.draw_into(folder, &Print::default()))
+    });
+    drawn.unwrap();
     assert_eq!(bytes(&out), bytes(&folder.path().join("command")));
 }
 
@@ -113,7 +119,7 @@ fn a_table_has_its_columns() {
         assert_eq!(row[column("mesh separations_per_cycle")], "1.0");
         assert_eq!(row[column("error")], "");
     }
-    let picture = fs::read_to_string(folder.path().join("sweep/sweep.svg")).unwrap();
+    let picture = fs::read_to_string(folder.path().join("sweep/figures/sweep.svg")).unwrap();
     assert!(picture.starts_with("<svg") && picture.contains("4 periodic") && picture.contains("mesh"));
     let whole: Value = serde_json::from_str(
         fs::read_to_string(folder.path().join("sweep/sweep.jsonl")).unwrap().lines().next().unwrap(),

@@ -65,7 +65,7 @@ fn sweep_with(
     match pool.install(|| run(plan, &mut journal, point, task)).unwrap() {
         Ending::Complete => Some(
             journal
-                .finish(plan, &["seeded", "x"], |(x, seeded)| vec![seeded.to_string(), x.to_string()], None)
+                .finish(plan, &["seeded", "x"], |(x, seeded)| vec![seeded.to_string(), x.to_string()], |_| Ok(()))
                 .unwrap(),
         ),
         Ending::Interrupted => None,
@@ -163,7 +163,7 @@ fn sweeps_side_by_side_share_the_threads_of_their_caller() {
             };
             assert_eq!(run(&plan, &mut journal, point, Task::default()).unwrap(), Ending::Complete);
             journal
-                .finish(&plan, &["seeded", "x"], |(x, seeded)| vec![seeded.to_string(), x.to_string()], None)
+                .finish(&plan, &["seeded", "x"], |(x, seeded)| vec![seeded.to_string(), x.to_string()], |_| Ok(()))
                 .unwrap();
             bytes(folder.path())
         };

@@ -57,11 +57,12 @@ impl Figure {
         let chosen = self.chosen(print);
         let page = Page::new(&chosen, print);
         let mut drawn = String::new();
-        let images = page.draw(&mut drawn, theme);
+        let (images, dots) = page.draw(&mut drawn, theme);
         // The backend's units become pixels; the rest of the root element is inherited by all shapes.
         let body = drawn.split_once('>').map_or("", |(_root, body)| body);
         // Images lie on the paper, which is the first element, and under all else.
         let (paper, body) = body.split_once("/>").unwrap_or(("", body));
+        let body = body.trim_end().strip_suffix("</svg>").unwrap_or(body);
         let [width, height] = page.size;
         let length = |pixels: f64| match print.width_mm {
             // A picture of a given width has the same unit in both directions.
@@ -70,7 +71,7 @@ impl Figure {
         };
         format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" role=\"img\" width=\"{}\" height=\"{}\" viewBox=\"0 0 {} \
-             {}\" stroke-linejoin=\"round\" stroke-linecap=\"round\">\n<title>{}</title>\n<desc>{}</desc>{paper}/>{images}{body}",
+             {}\" stroke-linejoin=\"round\" stroke-linecap=\"round\">\n<title>{}</title>\n<desc>{}</desc>{paper}/>{images}{body}{dots}</svg>\n",
             length(width),
             length(height),
             width * UNIT,
@@ -136,6 +137,14 @@ impl Figure {
         let [csv, json, ..] = Self::files(&self.id);
         folder.bytes(&csv, self.csv())?;
         folder.bytes(&json, self.json())?;
+        self.draw_into(folder, print)
+    }
+
+    /// Writes pictures of the figure alone: its numbers are in a table of the command.
+    ///
+    /// # Errors
+    /// [`OutputError`] if a file cannot be written.
+    pub fn draw_into(&self, folder: &mut Folder, print: &Print) -> Result<(), OutputError> {
         for format in &print.formats {
             let name = format!("figures/{}.{}", self.id, format.ending());
             match format {
@@ -241,8 +250,8 @@ impl<'a> Page<'a> {
         Self { figure, size: size.map(f64::round), title, legend, top, columns, cell: [across, high], letters }
     }
 
-    /// Draws into an SVG; the images that belong behind it.
-    fn draw(&self, into: &mut String, theme: Theme) -> String {
+    /// Draws into an SVG; the images that belong behind it, and the dots that belong on it.
+    fn draw(&self, into: &mut String, theme: Theme) -> (String, String) {
         let [width, height] = self.size.map(|length| (length * UNIT) as u32);
         let colours = theme.colours();
         let canvas = Canvas { area: SVGBackend::with_string(into, (width, height)).into_drawing_area(), colours };
@@ -258,7 +267,7 @@ impl<'a> Page<'a> {
             y += LEGEND * LEADING;
         }
         // Frames start at the same x below each other, and at the same y beside each other.
-        let mut images = String::new();
+        let (mut images, mut dots) = (String::new(), String::new());
         let panels = 0..self.figure.panels.len();
         let rooms: Vec<[f64; 2]> = panels.clone().map(|i| self.sheet(i, [0.0; 2]).rooms()).collect();
         for i in panels.clone() {
@@ -268,11 +277,11 @@ impl<'a> Page<'a> {
             let left = largest(0, &|other| other % self.columns == i % self.columns);
             let top = largest(1, &|other| other / self.columns == i / self.columns);
             let sheet = self.sheet(i, [left, top]);
-            sheet.draw(&canvas);
+            dots += &sheet.draw(&canvas);
             images.extend(sheet.image());
         }
         sound(canvas.area.present());
-        images
+        (images, dots)
     }
 
     fn sheet(&self, i: usize, rooms: [f64; 2]) -> Sheet<'a> {

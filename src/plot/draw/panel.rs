@@ -1,5 +1,7 @@
 //! One panel on a sheet.
 
+use std::collections::BTreeSet;
+
 use base64::prelude::{BASE64_STANDARD, Engine};
 use plotters::prelude::*;
 use resvg::tiny_skia::{ColorU8, Pixmap};
@@ -10,7 +12,7 @@ use super::{
     canvas::{Anchor, Canvas, Pen, Point, UNIT, font, rgb, sound, units},
     frame::Frame,
     legend,
-    palette::Rgb,
+    palette::{Rgb, hex},
     scale::{Scale, axis_label, drawable},
     text,
     words::Ink,
@@ -146,19 +148,21 @@ impl<'a> Sheet<'a> {
         let [x, y, width, height] = [a[0], a[1], b[0] - a[0], b[1] - a[1]].map(|px| px * UNIT);
         Some(format!(
             "\n<image x=\"{x:.0}\" y=\"{y:.0}\" width=\"{width:.0}\" height=\"{height:.0}\" preserveAspectRatio=\"none\" \
-             image-rendering=\"pixelated\" href=\"data:image/png;base64,{png}\"/>"
+             style=\"image-rendering:pixelated\" href=\"data:image/png;base64,{png}\"/>"
         ))
     }
 
-    pub fn draw(&self, canvas: &Canvas<'_>) {
+    /// Draws the panel. Returns dots that are too many for elements of their own, as elements of an SVG.
+    pub fn draw(&self, canvas: &Canvas<'_>) -> String {
         self.tiles(canvas);
         self.bands(canvas);
         self.axes(canvas);
         self.guides(canvas);
         let mut ink = Ink::default();
         let mut left_out = 0;
+        let mut dots = String::new();
         for series in &self.panel.series {
-            left_out += self.series(canvas, series, &mut ink);
+            left_out += self.series(canvas, series, &mut ink, &mut dots);
         }
         let remark = match left_out {
             0 => String::new(),
@@ -166,6 +170,7 @@ impl<'a> Sheet<'a> {
             _ => format!("{left_out} points have no place on these axes"),
         };
         self.words(canvas, &remark, &ink);
+        dots
     }
 
     /// Grid, frame, ticks, labels, heading.
@@ -245,7 +250,7 @@ impl<'a> Sheet<'a> {
     }
 
     /// Draws a series and returns how many of its points have no place.
-    fn series(&self, canvas: &Canvas<'_>, series: &Series, ink: &mut Ink) -> usize {
+    fn series(&self, canvas: &Canvas<'_>, series: &Series, ink: &mut Ink, dots: &mut String) -> usize {
         let colour = canvas.colours.series(series.colour);
         let pairs = series.x.iter().copied().zip(series.y.iter().copied());
         let points: Vec<Option<Point>> = pairs.map(|(x, y)| self.checked(x, y)).collect();
@@ -276,12 +281,27 @@ impl<'a> Sheet<'a> {
             Style::Stems => (inside.len() <= 80).then_some(1.9),
             Style::Line | Style::Hairline | Style::Dashed => None,
         };
-        for point in inside {
-            if let Some(radius) = radius {
-                ink.dot(point);
-                canvas.dot(point, radius, colour, series.style == Style::Marks);
+        if let Some(radius) = radius {
+            inside.iter().for_each(|point| ink.dot(*point));
+            if many && series.style != Style::Marks {
+                *dots += &path_of_dots(&inside, radius, colour);
+            } else {
+                inside.into_iter().for_each(|point| canvas.dot(point, radius, colour, series.style == Style::Marks));
             }
         }
         points.iter().filter(|point| point.is_none()).count()
     }
+}
+
+/// Dots as one path of round points; those on the same half of a pixel are one.
+fn path_of_dots(points: &[Point], radius: f64, colour: Rgb) -> String {
+    let step = 0.5 * UNIT;
+    let places = points.iter().map(|point| point.map(|px| ((px * UNIT / step).round() * step) as i32));
+    let places: BTreeSet<[i32; 2]> = places.collect();
+    let path: String = places.into_iter().map(|[x, y]| format!("M{x} {y}h0")).collect();
+    let width = 2.0 * radius * UNIT;
+    format!(
+        "<path d=\"{path}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width}\" stroke-linecap=\"round\"/>\n",
+        hex(colour)
+    )
 }

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{Context, Quantity, Units, lines, maxima, words};
+use super::{Context, Quantity, Units, lines, maxima};
 use crate::{
     analysis::Spectrum,
     plot::{Axis, Band, Figure, Guide, Panel, Series, Style},
@@ -154,7 +154,7 @@ pub fn history(context: &Context<'_>, scene: &Scene, freedom: &str) -> Result<(F
     });
     let span = recording.x[row].iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(*x), b.max(*x)]);
     let units = Units::of(&simulation).fit(0.0, span[1] - span[0]);
-    let of = words(scene, freedom);
+    let of = simulation.in_words(freedom);
     let shown = SHOWN * PER_CYCLE as usize + 1;
     let shown = recording.t.iter().zip(&recording.x[row]).take(shown);
     let (t, x): (Vec<f64>, Vec<f64>) = shown.map(|(t, x)| (units.time.0 * t, units.length.0 * x)).unzip();

@@ -237,29 +237,6 @@ pub(super) fn mesh_frequency(simulation: &Simulation, contact: usize) -> Result<
     Ok(own.map_or(1.0 / simulation.period()?, |mesh| mesh.frequency))
 }
 
-/// Words for a freedom: the body it moves and how.
-pub(super) fn words(scene: &Scene, freedom: &str) -> String {
-    let (stem, body) = freedom.split_once('_').unwrap_or((freedom, ""));
-    let body = match (kind(scene), body) {
-        ("planetary", "s") => "the sun".to_owned(),
-        ("planetary", "r") => "the ring".to_owned(),
-        ("planetary", "c") => "the carrier".to_owned(),
-        ("planetary", "") => "the planets".to_owned(),
-        ("planetary", number) => format!("planet {number}"),
-        ("gear-pair", number) => format!("gear {number}"),
-        ("gearbox", name) => name.to_owned(),
-        _ => return format!("displacement {freedom}"),
-    };
-    match stem {
-        "x" | "y" => format!("displacement {stem} of {body}"),
-        "xi" => format!("radial displacement of {body}"),
-        "eta" => format!("tangential displacement of {body}"),
-        "u" => format!("rotation of {body}, on the base circle"),
-        "w" => format!("axial displacement of {body}"),
-        _ => format!("displacement {freedom}"),
-    }
-}
-
 /// Frequencies and amplitudes of a spectrum up to `highest`, without its mean.
 pub(super) fn lines(spectrum: &Spectrum, highest: f64) -> Vec<(f64, f64)> {
     let lines = spectrum.frequencies().into_iter().zip(spectrum.amplitude.iter().copied()).skip(1);

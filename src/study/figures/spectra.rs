@@ -188,7 +188,7 @@ pub fn waterfall(
         let raster =
             Raster { x: [0.0, highest], y: [slow - half, fast + half], columns: CELLS[0], values, ..Raster::default() };
         figure.panels.push(Panel {
-            title: families[family].1.clone(),
+            title: format!("level of {} [{unit}]", families[family].1),
             x: Axis::new("frequency", hertz).between(0.0, highest),
             y: axis.clone().between(slow - half, fast + half),
             raster: Some(raster.of_levels((largest, STEP), unit)),
@@ -212,5 +212,6 @@ fn level(spectrum: &Spectrum, cell: usize, wide: f64) -> Option<f64> {
     } else {
         spectrum.amplitude.get(inside).map(|bins| bins.iter().fold(0.0, |most: f64, a| most.max(*a)))
     };
-    amplitude.filter(|a| *a > 0.0).map(|a| 20.0 * libm::log10(a))
+    // A thousandth of a decibel is finer than any reading.
+    amplitude.filter(|a| *a > 0.0).map(|a| (2e4 * libm::log10(a)).round() / 1e3)
 }
