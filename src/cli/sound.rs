@@ -4,7 +4,8 @@ use std::{fs, path::PathBuf};
 
 use flank::{
     output::Fault,
-    study::sound::{RATE, TransferPath, impacts, render},
+    plot::Theme,
+    study::sound::{RATE, TransferPath, impacts, render, spectrum},
 };
 
 use super::{
@@ -29,7 +30,10 @@ pub struct Arguments {
     /// Transfer path: a JSON file with "modes", each of frequency_hz, damping_ratio and amplitude; a placeholder if left out
     #[arg(long, value_name = "FILE")]
     path: Option<PathBuf>,
-    /// Replace the file
+    /// Write the spectrum of the sound as SVG into this file
+    #[arg(long, value_name = "FILE")]
+    spectrum: Option<PathBuf>,
+    /// Replace the files
     #[arg(long)]
     force: bool,
     /// Print nothing
@@ -51,9 +55,11 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     };
     positive("--seconds", arguments.seconds, LONGEST);
     positive("--full-scale", arguments.full_scale, f64::MAX);
-    if !arguments.force && arguments.out.exists() {
-        let fault = Fault::new("--out", format!("{} exists", arguments.out.display()), "a file that does not");
-        faults.push(fault.remedy("name another file, or add --force"));
+    for (name, file) in [("--out", Some(&arguments.out)), ("--spectrum", arguments.spectrum.as_ref())] {
+        if let Some(file) = file.filter(|file| !arguments.force && file.exists()) {
+            let fault = Fault::new(name, format!("{} exists", file.display()), "a file that does not");
+            faults.push(fault.remedy("name another file, or add --force"));
+        }
     }
     let path = match &arguments.path {
         None => TransferPath::placeholder(),
@@ -87,6 +93,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     samples.iter_mut().for_each(|sample| *sample /= arguments.full_scale);
     write(&arguments.out, &samples)
         .map_err(|error| CliError::File(arguments.out.display().to_string(), std::io::Error::other(error)))?;
+    if let Some(file) = &arguments.spectrum {
+        let picture = spectrum(&samples, &path).svg(Theme::Light);
+        fs::write(file, picture).map_err(|error| CliError::file(file.display(), error))?;
+    }
     let largest = samples.iter().fold(0.0, |most: f64, sample| most.max(sample.abs()));
     let rms = (samples.iter().map(|sample| sample * sample).sum::<f64>() / samples.len().max(1) as f64).sqrt();
     let level =

@@ -80,11 +80,8 @@ impl View<'_> {
                 low[i] = values.iter().fold(low[i], |low: f64, value| low.min(*value));
                 high[i] = values.iter().fold(high[i], |high: f64, value| high.max(*value));
             }
-            panel.series.push(Series::line("", colour, x, y));
-            // Gears on one shaft have their names at different heights.
-            let up = if gear.is_ring { -0.9 } else { 0.6 } * gear.radius;
-            let at = [MM * gear.centre[0], MM * (gear.centre[1] + up)];
-            panel.notes.push(Note { at, text: format!("{}, {} teeth", gear.name, gear.teeth) });
+            let name = format!("{}, {} teeth", family(&gear.name), gear.teeth);
+            panel.series.push(Series::line(name, colour, x, y));
         }
         let (x, y) = drawing.points.iter().map(|point| (MM * point[0], MM * point[1])).unzip();
         let points = Series { name: "pitch points".to_owned(), x, y, style: Style::Marks, colour: 7 };

@@ -135,11 +135,8 @@ impl StudyFile {
         let plots = plan.sections.iter().flat_map(|section| &section.plots);
         // A study of any train takes its scene from elsewhere.
         if !plan.scenes.is_empty() {
-            plots
-                .map(|plot| [Some(plot.scene.as_str()), plot.modes_of.as_deref()])
-                .flatten()
-                .flatten()
-                .try_for_each(|name| plan.scene(name).map(|_| ()))?;
+            let names = plots.flat_map(|plot| [Some(plot.scene.as_str()), plot.modes_of.as_deref()]).flatten();
+            names.map(|name| plan.scene(name).map(|_| ())).collect::<Result<Vec<()>, _>>()?;
         }
         Ok(plan)
     }

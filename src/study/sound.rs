@@ -9,9 +9,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{StudyError, steady::until};
 use crate::{
-    analysis::{Contacts, EventLog, EventRow},
+    analysis::{Contacts, EventLog, EventRow, Spectrum, Window},
     engine::Observer,
     output::Fault,
+    plot::{Axis, Figure, Guide, Panel, Series},
     simulation::Simulation,
     task::Task,
 };
@@ -124,6 +125,41 @@ struct Listener<'a>(Task<'a>);
 impl Observer for Listener<'_> {
     fn event(&mut self, _: &crate::event::EventRecord) -> ControlFlow<()> {
         self.0.flow()
+    }
+}
+
+/// Samples of a part of the spectrum: 6 Hz apart.
+const PART: usize = 8192;
+/// Ends of the spectrum, Hz, and the lowest level drawn, dB below the highest.
+const SHOWN: ([f64; 2], f64) = ([50.0, 20_000.0], 100.0);
+
+/// The picture of the spectrum of a sound, in dB re full scale: powers of parts with a Hann window, averaged (Welch's method).
+#[must_use]
+pub fn spectrum(samples: &[f64], path: &TransferPath) -> Figure {
+    let parts: Vec<Spectrum> =
+        samples.chunks_exact(PART).map(|part| Spectrum::new(part, f64::from(RATE), Window::Hann)).collect();
+    let frequencies = parts.first().map(Spectrum::frequencies).unwrap_or_default();
+    let power = |k: usize| parts.iter().map(|part| part.amplitude[k].powi(2)).sum::<f64>() / parts.len() as f64;
+    let points = frequencies.iter().enumerate().filter(|(_, f)| (SHOWN.0[0]..=SHOWN.0[1]).contains(*f));
+    let (x, y): (Vec<f64>, Vec<f64>) = points
+        .map(|(k, f)| (*f, power(k)))
+        .filter(|(_, power)| *power > 0.0)
+        .map(|(f, power)| (f, 10.0 * libm::log10(power)))
+        .unzip();
+    let highest = y.iter().fold(f64::NEG_INFINITY, |most: f64, level| most.max(*level)).max(-SHOWN.1);
+    let guide = |mode: &PathMode| Guide::Vertical { x: mode.frequency_hz, name: format!("{} Hz", mode.frequency_hz) };
+    Figure {
+        id: "spectrum".to_owned(),
+        title: "Spectrum of the sound".to_owned(),
+        caption: "Upright: modes of the transfer path.".to_owned(),
+        columns: 1,
+        panels: vec![Panel {
+            x: Axis { logarithmic: true, ..Axis::new("frequency", "Hz").between(SHOWN.0[0], SHOWN.0[1]) },
+            y: Axis::new("level", "dB re full scale").between(highest - SHOWN.1, highest + 10.0),
+            series: vec![Series::line("", 0, x, y)],
+            guides: path.modes.iter().map(guide).collect(),
+            ..Panel::default()
+        }],
     }
 }
 
