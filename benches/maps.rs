@@ -17,7 +17,7 @@ use flank::{
     Task,
     map::{Basins, Diagram, KindMap, Rule, Sampling},
     scene::Scene,
-    sweep::{Begin, Seeding},
+    sweep::{Begin, Seeding, Share},
 };
 use rayon::ThreadPoolBuilder;
 
@@ -57,17 +57,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     let basins = Basins::new(scene.clone(), &starts, Rule::default())?;
     let diagram = Diagram::new(scene, &[axis(FREQUENCY, VALUES)], Seeding::Both, Sampling::default())?;
     let cells = |folder: &Path| {
-        let mut lines = map.open(folder, Begin::Replace)?.ok_or("a finished map")?;
+        let mut lines = map.open(folder, Begin::Replace, Share::ALL)?.ok_or("a finished map")?;
         map.run(&mut lines, Task::default())?;
         Ok(map.finish(lines, |_, _| Ok(()))?.cells())
     };
     let ends = |folder: &Path| {
-        let mut lines = basins.open(folder, Begin::Replace)?.ok_or("finished basins")?;
-        let (_, attractors) = basins.run(&mut lines, Task::default())?;
-        Ok(basins.finish(lines, attractors, |_, _| Ok(()))?.figures.starts)
+        let mut lines = basins.open(folder, Begin::Replace, Share::ALL)?.ok_or("finished basins")?;
+        let survey = basins.survey(Task::default())?.unwrap_or_default();
+        basins.run(&mut lines, &survey, Task::default())?;
+        Ok(basins.finish(lines, &survey, |_, _| Ok(()))?.figures.starts)
     };
     let points = |folder: &Path| {
-        let mut rows = diagram.open(folder, Begin::Replace)?.ok_or("a finished diagram")?;
+        let mut rows = diagram.open(folder, Begin::Replace, Share::ALL)?.ok_or("a finished diagram")?;
         diagram.run(&mut rows, Task::default())?;
         Ok(diagram.finish(rows, |_, _| Ok(()))?.sections as usize)
     };

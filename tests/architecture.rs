@@ -221,7 +221,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("poly", 1400),
     ("scene", 3880),
     ("simulation", 2120),
-    ("study", 8700),
+    ("study", 8740),
     ("sweep", 1270),
     ("system", 4680),
     ("tangent", 1150),

@@ -82,7 +82,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         Ok((advice, timing))
     });
     let (advice, timing) = match found {
-        Err(StudyError::Interrupted) => return print("interrupted: nothing was written\n").map(|()| Done::Partly),
+        Err(StudyError::Interrupted) => return print("interrupted: nothing was written\n").map(|()| Done::Interrupted),
         found => found?,
     };
 

@@ -1,28 +1,37 @@
 //! `flank basins`.
 
-use std::{fmt::Write, path::PathBuf};
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+};
 
 use flank::{
-    map::{Basins, BasinsError, Found, Measured, basins_figure},
-    output::Table,
-    sweep::{Begin, Ending},
+    Task,
+    map::{Attractor, Basins, BasinsError, Found, Measured, basins_figure},
+    output::{Fault, Table},
+    plot::Print,
+    scene::Scene,
+    sweep::{Begin, Ending, Kept, Records, Share, SweepError},
 };
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::{
     CliError, Done,
-    map::{RuleArguments, Work, stem},
+    map::RuleArguments,
     pictures::Pictures,
-    progress::counted,
-    read_scene, threads,
+    read_scene,
+    work::{self, Merge, Points, Work, stem},
 };
 
 /// Attractors in the table that is printed.
 const MOST: usize = 20;
 
 /// Arguments of `flank basins`.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, clap::Args, Deserialize, Serialize)]
 pub struct Arguments {
     /// Scene file; the reference scene if left out
+    #[serde(skip)]
     scene: Option<PathBuf>,
     /// A coordinate or velocity of the start: /initial/q/I=FROM:TO:COUNT or /initial/v/I=FROM:TO:COUNT, I a number or the name of a
     /// freedom; twice, the last one runs fastest
@@ -30,12 +39,18 @@ pub struct Arguments {
     vary: Vec<String>,
     #[command(flatten)]
     rule: RuleArguments,
+    /// A file of the survey: read if it is there, else written. Parts need the survey only once
+    #[arg(long, value_name = "FILE")]
+    survey: Option<PathBuf>,
     #[command(flatten)]
+    #[serde(skip)]
     work: Work,
     /// Folder of basins.csv, attractors.json, basins.json and the figure
     #[arg(long, value_name = "DIR", default_value = "basins")]
+    #[serde(skip)]
     out: PathBuf,
     #[command(flatten)]
+    #[serde(skip)]
     pictures: Pictures,
 }
 
@@ -79,32 +94,111 @@ impl From<BasinsError> for CliError {
     }
 }
 
+/// Basins, the form of their figure, and the file of their survey.
+struct Plane {
+    basins: Basins,
+    name: String,
+    form: Print,
+    survey: Option<PathBuf>,
+}
+
+impl Points for Plane {
+    const COMMAND: &'static str = "basins";
+    const THINGS: &'static str = "starts";
+    type Rows = Records;
+
+    fn kept() -> Kept {
+        Basins::FILES
+    }
+
+    fn rows(&self) -> [usize; 2] {
+        [self.basins.starts(); 2]
+    }
+
+    fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Records>, SweepError> {
+        self.basins.open(folder, begin, share)
+    }
+
+    fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<Records, SweepError> {
+        self.basins.merged(folders, out)
+    }
+
+    fn records(rows: &mut Records) -> &mut Records {
+        rows
+    }
+
+    fn run(&self, rows: &mut Records, _: &Work, task: Task<'_>) -> Result<Ending, CliError> {
+        let Some(survey) = self.survey(task)? else { return Ok(Ending::Interrupted) };
+        Ok(self.basins.run(rows, &survey, task)?)
+    }
+
+    fn finish(&self, rows: Records, work: &Work, out: &Path) -> Result<Done, CliError> {
+        let survey = self.survey(Task::default())?.unwrap_or_default();
+        let found = self.basins.finish(rows, &survey, |found, folder| {
+            basins_figure(&self.name, self.basins.grid(), found, self.basins.simulation().dimensionless)
+                .draw_into(folder, &self.form)
+        })?;
+        work.say(&format!("{}{} starts: {}\n", text(&found), found.figures.starts, out.join("basins.csv").display()))?;
+        let failed = found.figures.fractions.last().map_or(0.0, |failed| failed.fraction);
+        // OK to convert: a share of whole starts.
+        let starts = found.figures.starts as f64;
+        Ok(Done::with_failed((failed * starts).round() as u64, starts as u64))
+    }
+}
+
+/// A survey in a file: what it depends on, and the attractors that it found.
+#[derive(Deserialize, Serialize)]
+struct Survey {
+    of: Value,
+    attractors: Vec<Attractor>,
+}
+
+impl Plane {
+    fn new(arguments: &Arguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
+        let name = stem(scene.name());
+        let basins = Basins::new(scene, &arguments.vary, arguments.rule.rule())?;
+        Ok(Self { basins, name, form: pictures.print()?, survey: arguments.survey.clone() })
+    }
+
+    /// The survey, from its file if that is there; else computed, and written into it. `None` if it is broken off.
+    fn survey(&self, task: Task<'_>) -> Result<Option<Vec<Attractor>>, CliError> {
+        let of = Value::Object(self.basins.header());
+        if let Some(file) = self.survey.as_deref().filter(|file| file.exists()) {
+            let place = file.display().to_string();
+            let text = std::fs::read_to_string(file).map_err(|error| CliError::Unread(place.clone(), error))?;
+            let fault = |found: String| {
+                let fault = Fault::new(&place, found, "the survey of these basins");
+                CliError::Arguments(vec![fault.remedy("remove the file, or name another one")])
+            };
+            let survey: Survey = serde_json::from_str(&text).map_err(|error| fault(error.to_string()))?;
+            return if survey.of == of {
+                Ok(Some(survey.attractors))
+            } else {
+                Err(fault("one of other basins".to_owned()))
+            };
+        }
+        let Some(attractors) = self.basins.survey(task)? else { return Ok(None) };
+        if let Some(file) = &self.survey {
+            let survey = Survey { of, attractors: attractors.clone() };
+            let text = serde_json::to_string(&survey).unwrap_or_default();
+            // Parts that begin together write the same.
+            let part = file.with_extension(format!("{}.part", std::process::id()));
+            let written = std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, file));
+            written.map_err(|error| CliError::file(file.display(), error))?;
+        }
+        Ok(Some(attractors))
+    }
+}
+
 /// Finds where each start ends.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let Arguments { work, out, .. } = arguments;
-    let form = arguments.pictures.print()?;
     let scene = read_scene(arguments.scene.as_deref())?;
-    let name = stem(scene.name());
-    let basins = Basins::new(scene, &arguments.vary, arguments.rule.rule())?;
-    let begin = work.begin();
-    if begin != Begin::New {
-        Basins::FILES.request(begin, out, arguments.scene.as_deref()).check()?;
-    }
-    let starts = basins.starts();
-    let Some(mut lines) = basins.open(out, begin)? else {
-        work.say(&format!("{} holds the basins\n", out.display()))?;
-        return Ok(Done::Completely);
-    };
-    let pool = threads(work.threads)?;
-    let (ending, attractors) =
-        counted(starts, lines.count(), "starts", work.quiet, |task| pool.install(|| basins.run(&mut lines, task)))?;
-    if ending == Ending::Interrupted {
-        return work.interrupted(&format!("{} of {starts} starts", lines.count()), out);
-    }
-    let found = basins.finish(lines, attractors, |found, folder| {
-        basins_figure(&name, basins.grid(), found, basins.simulation().dimensionless).draw_into(folder, &form)
-    })?;
-    work.say(&format!("{}{} starts: {}\n", text(&found), found.figures.starts, out.join("basins.csv").display()))?;
-    let failed = found.figures.fractions.last().is_some_and(|failed| failed.fraction >= 1.0);
-    Ok(if failed { Done::Partly } else { Done::Completely })
+    let plane = Plane::new(arguments, scene.clone(), &arguments.pictures)?;
+    let asked = serde_json::to_value(arguments).unwrap_or_default();
+    work::execute(&plane, (&scene, &asked), &arguments.work, (arguments.scene.as_deref(), &arguments.out))
+}
+
+/// Merges parts of basins.
+pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Done, CliError> {
+    work::merge(&Plane::new(&work::read(asked)?, scene, pictures)?, parts)
 }

@@ -31,15 +31,17 @@ impl<T: DeserializeOwned> Content<T> {
     /// What an earlier command left in `file` of `folder`, if it was asked the same.
     fn read(folder: &Path, file: &str, asked: &Map<String, Value>) -> Result<Option<Self>, CliError> {
         let path = folder.join(file);
-        let text = match fs::read_to_string(&path) {
+        let text = match fs::read(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            text => text.map_err(|error| CliError::file(path.display(), error))?,
+            text => String::from_utf8_lossy(&text.map_err(|error| CliError::file(path.display(), error))?).into_owned(),
         };
         let place = path.display().to_string();
-        let content: Self = serde_json::from_str(&text).map_err(|error| {
-            let fault = Fault::new(&place, error.to_string(), "what an earlier command wrote");
+        let fault = |found: String| {
+            let fault = Fault::new(&place, found, "what an earlier command wrote");
             CliError::Arguments(vec![fault.remedy("write --force to begin anew")])
-        })?;
+        };
+        let content = checked(&text).ok_or_else(|| fault("damaged: its checksum does not fit".to_owned()))?;
+        let content: Self = serde_json::from_str(content).map_err(|error| fault(error.to_string()))?;
         same(folder, &content.asked, asked)?;
         Ok(Some(content))
     }
@@ -89,7 +91,20 @@ impl Checkpoint {
     }
 
     fn write(&mut self, work: Option<impl Serialize>, finished: Option<Done>) -> Result<(), OutputError> {
-        let content = json!({ "asked": self.asked, "work": work, "finished": finished });
-        self.folder.bytes(self.file, content.to_string() + "\n")
+        let content = json!({ "asked": self.asked, "work": work, "finished": finished }).to_string();
+        let sum = crc32fast::hash(content.as_bytes());
+        self.folder.bytes(self.file, format!("{HEAD}{sum:08x}{MIDDLE}{content}{TAIL}"))
     }
+}
+
+/// What stands around the checksum and the content.
+const HEAD: &str = "{\"crc32\":\"";
+const MIDDLE: &str = "\",\"content\":";
+const TAIL: &str = "}\n";
+
+/// The content of a file, if its checksum fits.
+fn checked(text: &str) -> Option<&str> {
+    let (sum, rest) = text.strip_prefix(HEAD)?.split_at_checked(8)?;
+    let content = rest.strip_prefix(MIDDLE)?.strip_suffix(TAIL)?;
+    (u32::from_str_radix(sum, 16).ok()? == crc32fast::hash(content.as_bytes())).then_some(content)
 }

@@ -66,7 +66,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let clock = || start.elapsed().as_secs_f64();
     let (runs, repetitions) = (found.runs(), arguments.repetitions);
     if !counted(runs, 0, "runs", arguments.quiet, |task| found.run(repetitions, &clock, task))? {
-        return print("interrupted: nothing was written\n").map(|()| Done::Partly);
+        return print("interrupted: nothing was written\n").map(|()| Done::Interrupted);
     }
     let summaries = found.summaries();
     if let Some(request) = &request {

@@ -211,7 +211,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if !arguments.quiet {
         print("interrupted: the branches so far are kept; the same command with --resume goes on\n")?;
     }
-    Ok(Done::Partly)
+    Ok(Done::Interrupted)
 }
 
 /// One line for each curve, one for each point that is special in its turn.

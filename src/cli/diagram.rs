@@ -1,25 +1,30 @@
 //! `flank diagram`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use flank::{
-    map::{Diagram, Sampling, diagram_figure},
+    Task,
+    map::{BranchLine, Diagram, Rows, Sampling, diagram_figure},
     output::Fault,
-    sweep::{Begin, Ending, Seeding},
+    plot::Print,
+    scene::Scene,
+    sweep::{Begin, Ending, Kept, Records, Seeding, Share, SweepError},
 };
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::{
     CliError, Done,
-    map::{Work, stem},
     pictures::Pictures,
-    progress::counted,
-    read_scene, threads,
+    read_scene,
+    work::{self, Merge, Points, Work, stem},
 };
 
 /// Arguments of `flank diagram`.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, clap::Args, Deserialize, Serialize)]
 pub struct Arguments {
     /// Scene file; the reference scene if left out
+    #[serde(skip)]
     scene: Option<PathBuf>,
     /// The number to vary, by JSON pointer: POINTER=FROM:TO:COUNT, the same with :log for equal ratios, or POINTER=V1,V2,…
     #[arg(long, value_name = "AXIS", required = true)]
@@ -40,61 +45,105 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     branches: Option<PathBuf>,
     #[command(flatten)]
+    #[serde(skip)]
     work: Work,
     /// Folder of diagram.csv, impacts.csv, exponents.csv, diagram.json and the figure
     #[arg(long, value_name = "DIR", default_value = "diagram")]
+    #[serde(skip)]
     out: PathBuf,
     #[command(flatten)]
+    #[serde(skip)]
     pictures: Pictures,
+}
+
+/// A diagram, the branches over it, and the form of its figure.
+struct Drawn {
+    diagram: Diagram,
+    name: String,
+    branches: Vec<BranchLine>,
+    form: Print,
+}
+
+impl Points for Drawn {
+    const COMMAND: &'static str = "diagram";
+    const THINGS: &'static str = "values";
+    type Rows = Rows;
+
+    fn kept() -> Kept {
+        Diagram::FILES
+    }
+
+    fn rows(&self) -> [usize; 2] {
+        [self.diagram.rows(), self.diagram.plan().chains()]
+    }
+
+    fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Rows>, SweepError> {
+        self.diagram.open(folder, begin, share)
+    }
+
+    fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<Rows, SweepError> {
+        self.diagram.merged(folders, out)
+    }
+
+    fn records(rows: &mut Rows) -> &mut Records {
+        rows.records_mut()
+    }
+
+    fn run(&self, rows: &mut Rows, _: &Work, task: Task<'_>) -> Result<Ending, CliError> {
+        Ok(self.diagram.run(rows, task)?)
+    }
+
+    fn finish(&self, rows: Rows, work: &Work, out: &Path) -> Result<Done, CliError> {
+        let (diagram, count) = (&self.diagram, self.diagram.rows());
+        let own = diagram.own();
+        let first = own.structure.spec().freedoms.first().map_or_else(String::new, |freedom| own.in_words(freedom));
+        let points = diagram.finish(rows, |points, folder| {
+            let shown = (diagram.pointer(), first);
+            diagram_figure(&self.name, (&shown.0, &shown.1, own.dimensionless), points, &self.branches)
+                .draw_into(folder, &self.form)
+        })?;
+        let failed = match points.failed {
+            0 => String::new(),
+            failed => format!(", {failed} values failed (exponents.csv, column error)"),
+        };
+        work.say(&format!("{} section points{failed}: {}\n", points.sections, out.join("diagram.csv").display()))?;
+        Ok(Done::with_failed(points.failed as u64, count as u64))
+    }
+}
+
+impl Drawn {
+    fn new(arguments: &Arguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
+        let name = stem(scene.name());
+        let seeding = match arguments.seed.as_str() {
+            "down" => Seeding::Down,
+            "both" => Seeding::Both,
+            _ => Seeding::Up,
+        };
+        let sampling = Sampling {
+            starts: arguments.starts as usize,
+            transient_cycles: arguments.transient,
+            recorded_cycles: arguments.points,
+        };
+        let diagram = Diagram::new(scene, &arguments.vary, seeding, sampling)?;
+        let branches = arguments.branches.as_deref().map(|folder| {
+            let fault =
+                |found: String| Fault::new("--branches", found, "a folder of flank continue with the same scene");
+            diagram.branches(folder).map_err(|found| CliError::Arguments(vec![fault(found)]))
+        });
+        let branches = branches.transpose()?.unwrap_or_default();
+        Ok(Self { diagram, name, branches, form: pictures.print()? })
+    }
 }
 
 /// Draws a diagram.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let Arguments { work, out, .. } = arguments;
-    let form = arguments.pictures.print()?;
     let scene = read_scene(arguments.scene.as_deref())?;
-    let name = stem(scene.name());
-    let seeding = match arguments.seed.as_str() {
-        "down" => Seeding::Down,
-        "both" => Seeding::Both,
-        _ => Seeding::Up,
-    };
-    let sampling = Sampling {
-        starts: arguments.starts as usize,
-        transient_cycles: arguments.transient,
-        recorded_cycles: arguments.points,
-    };
-    let diagram = Diagram::new(scene, &arguments.vary, seeding, sampling)?;
-    let branches = arguments.branches.as_deref().map(|folder| {
-        let fault = |found: String| Fault::new("--branches", found, "a folder of flank continue with the same scene");
-        diagram.branches(folder).map_err(|found| CliError::Arguments(vec![fault(found)]))
-    });
-    let branches = branches.transpose()?.unwrap_or_default();
-    let begin = work.begin();
-    if begin != Begin::New {
-        Diagram::FILES.request(begin, out, arguments.scene.as_deref()).check()?;
-    }
-    let count = diagram.rows();
-    let Some(mut rows) = diagram.open(out, begin)? else {
-        work.say(&format!("{} holds the whole diagram\n", out.display()))?;
-        return Ok(Done::Completely);
-    };
-    let pool = threads(work.threads)?;
-    let ending =
-        counted(count, rows.kept(), "values", work.quiet, |task| pool.install(|| diagram.run(&mut rows, task)))?;
-    if ending == Ending::Interrupted {
-        return work.interrupted(&format!("{} of {count} values", rows.kept()), out);
-    }
-    let own = diagram.own();
-    let first = own.structure.spec().freedoms.first().map_or_else(String::new, |freedom| own.in_words(freedom));
-    let points = diagram.finish(rows, |points, folder| {
-        diagram_figure(&name, (&diagram.pointer(), &first, own.dimensionless), points, &branches)
-            .draw_into(folder, &form)
-    })?;
-    let failed = match points.failed {
-        0 => String::new(),
-        failed => format!(", {failed} values failed (exponents.csv, column error)"),
-    };
-    work.say(&format!("{} section points{failed}: {}\n", points.sections, out.join("diagram.csv").display()))?;
-    Ok(if points.failed < count { Done::Completely } else { Done::Partly })
+    let drawn = Drawn::new(arguments, scene.clone(), &arguments.pictures)?;
+    let asked = serde_json::to_value(arguments).unwrap_or_default();
+    work::execute(&drawn, (&scene, &asked), &arguments.work, (arguments.scene.as_deref(), &arguments.out))
+}
+
+/// Merges parts of a diagram.
+pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Done, CliError> {
+    work::merge(&Drawn::new(&work::read(asked)?, scene, pictures)?, parts)
 }

@@ -61,16 +61,19 @@ impl Diagnostic for CliError {
             Self::Output(OutputError::Occupied(_)) => {
                 "name another folder, or write --force to replace the files of an earlier run"
             }
+            Self::Output(OutputError::InUse(_)) => "wait for it, or name another folder with --out",
             Self::Output(OutputError::NoFolder(_)) => "name another folder with --out",
             Self::Output(OutputError::Input(_)) => "name another folder, or move the scene out of this one",
             Self::Output(_) => "move it, or name another folder: --force replaces only what the manifest names",
             Self::Sweep(SweepError::Unfinished(_)) => "write --resume to go on with it, or --force to begin anew",
-            Self::Sweep(SweepError::InUse(_)) => "wait for it, or name another folder with --out",
             Self::Sweep(SweepError::Mismatch { .. }) => {
                 "--resume wants the same scene, arguments and version; name another folder, or write --force to begin anew"
             }
             Self::Sweep(SweepError::Damaged { .. }) => {
                 "remove the line to have its row computed again, or write --force to begin anew"
+            }
+            Self::Sweep(SweepError::Parts(_)) => {
+                "name the folders of all parts, each once; compute what is missing with --resume"
             }
             Self::Sweep(_) => "ask for fewer threads with --threads",
             Self::Simulation(SimulationError::Integrator(_)) => {
@@ -145,10 +148,14 @@ impl CliError {
     /// Writes the error to standard error and gives the exit code.
     pub fn report(self) -> ExitCode {
         let code = match self {
-            Self::File(..) | Self::Accuracy(AccuracyError::Engine(_)) => 1,
+            // Those of sysexits.h: EX_CANTCREAT and EX_IOERR.
+            Self::Output(OutputError::InUse(_)) => 73,
+            Self::File(..) => 74,
+            Self::Accuracy(AccuracyError::Engine(_)) => 1,
             Self::Simulation(SimulationError::Run(_) | SimulationError::Verify(_)) => 1,
             Self::Simulation(SimulationError::Energy { .. } | SimulationError::Overflow(_)) => 1,
-            Self::Study(StudyError::Budget { .. } | StudyError::Overflow(_)) => 1,
+            Self::Study(StudyError::Budget { .. }) => 4,
+            Self::Study(StudyError::Overflow(_)) => 1,
             _ => 2,
         };
         eprintln!("{:?}", miette::Report::new(self));

@@ -73,7 +73,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let found = match counted(STARTS, 0, "descents", arguments.quiet, descend) {
         Err(StudyError::Interrupted) => {
             eprintln!("stopped: nothing is found, nothing is written");
-            return Ok(Done::Partly);
+            return Ok(Done::Interrupted);
         }
         found => found?,
     };

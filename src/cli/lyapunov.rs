@@ -122,7 +122,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         let kept = if last.is_some() { "the averages so far are kept" } else { "too few cycles for averages to keep" };
         print(&format!("interrupted: {kept}; the same command with --resume goes on\n"))?;
     }
-    Ok(Done::Partly)
+    Ok(Done::Interrupted)
 }
 
 fn text(name: &str, e: &Exponents) -> Result<String, std::fmt::Error> {

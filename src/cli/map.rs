@@ -3,16 +3,27 @@
 use std::path::{Path, PathBuf};
 
 use flank::{
+    Task,
     map::{KindMap, Rule, Tally, figure},
-    sweep::{Begin, Ending},
+    plot::Print,
+    scene::Scene,
+    sweep::{Begin, Ending, Kept, Records, Share, SweepError},
+};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{
+    CliError, Done,
+    pictures::Pictures,
+    read_scene,
+    work::{self, Merge, Points, Work, stem},
 };
 
-use super::{CliError, Done, pictures::Pictures, print, progress::counted, read_scene, threads};
-
 /// Arguments of `flank map`.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, clap::Args, Deserialize, Serialize)]
 pub struct Arguments {
     /// Scene file; the reference scene if left out
+    #[serde(skip)]
     scene: Option<PathBuf>,
     /// A number to vary, by JSON pointer: POINTER=FROM:TO:COUNT, the same with :log for equal ratios, or POINTER=V1,V2,…; twice, the
     /// last one runs fastest
@@ -24,16 +35,19 @@ pub struct Arguments {
     #[command(flatten)]
     rule: RuleArguments,
     #[command(flatten)]
+    #[serde(skip)]
     work: Work,
     /// Folder of map.csv, map.json and the figure
     #[arg(long, value_name = "DIR", default_value = "map")]
+    #[serde(skip)]
     out: PathBuf,
     #[command(flatten)]
+    #[serde(skip)]
     pictures: Pictures,
 }
 
 /// How long motions are run.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, clap::Args, Deserialize, Serialize)]
 pub struct RuleArguments {
     /// Cycles that belong to the transient
     #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
@@ -49,82 +63,75 @@ impl RuleArguments {
     }
 }
 
-/// Long work, kept as it is done.
-#[derive(Debug, clap::Args)]
-pub struct Work {
-    /// Go on with what was broken off
-    #[arg(long, conflicts_with = "force")]
-    resume: bool,
-    /// Write into a folder that is not empty
-    #[arg(long)]
-    force: bool,
-    /// Threads; as many as there are cores if left out
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
-    /// Print nothing
-    #[arg(long, short)]
-    pub quiet: bool,
-}
-
-impl Work {
-    /// How it begins.
-    pub fn begin(&self) -> Begin {
-        match (self.resume, self.force) {
-            (true, _) => Begin::Resume,
-            (_, true) => Begin::Replace,
-            _ => Begin::New,
-        }
-    }
-
-    /// Prints, unless that is not wanted.
-    pub fn say(&self, text: &str) -> Result<(), CliError> {
-        if self.quiet { Ok(()) } else { print(text) }
-    }
-
-    /// Says what of it is kept in `out`.
-    pub fn interrupted(&self, kept: &str, out: &Path) -> Result<Done, CliError> {
-        let out = out.display();
-        self.say(&format!("interrupted: {kept} are kept in {out}; the same command with --resume goes on\n"))?;
-        Ok(Done::Partly)
-    }
-}
-
-/// The name of a scene without folder and ending.
-pub fn stem(name: &str) -> String {
-    Path::new(name).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
-}
-
 /// How many cells there are of each kind, one line each.
 pub fn counts(tally: &Tally) -> String {
     let share = |count: u64| 100.0 * count as f64 / tally.cells().max(1) as f64;
     tally.kinds().into_iter().map(|(kind, count)| format!("{kind}: {count} ({:.2} %)\n", share(count))).collect()
 }
 
+/// A map, and the form of its figure.
+struct Map {
+    map: KindMap,
+    form: Print,
+}
+
+impl Points for Map {
+    const COMMAND: &'static str = "map";
+    const THINGS: &'static str = "cells";
+    type Rows = Records;
+
+    fn kept() -> Kept {
+        KindMap::FILES
+    }
+
+    fn rows(&self) -> [usize; 2] {
+        [self.map.plane().cells(); 2]
+    }
+
+    fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Records>, SweepError> {
+        self.map.open(folder, begin, share)
+    }
+
+    fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<Records, SweepError> {
+        self.map.merged(folders, out)
+    }
+
+    fn records(rows: &mut Records) -> &mut Records {
+        rows
+    }
+
+    fn run(&self, rows: &mut Records, _: &Work, task: Task<'_>) -> Result<Ending, CliError> {
+        Ok(self.map.run(rows, task)?)
+    }
+
+    fn finish(&self, rows: Records, work: &Work, out: &Path) -> Result<Done, CliError> {
+        let map = &self.map;
+        let name = stem(map.plane().scene().name());
+        let tally = map.finish(rows, |tally, folder| {
+            let dimensionless = map.plane().own().dimensionless;
+            figure(&name, map.plane().grid(), tally, &map.shown(), dimensionless).draw_into(folder, &self.form)
+        })?;
+        work.say(&format!("{}{} cells: {}\n", counts(&tally), tally.cells(), out.join("map.csv").display()))?;
+        Ok(Done::with_failed(tally.failed(), tally.cells() as u64))
+    }
+}
+
+impl Map {
+    fn new(arguments: &Arguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
+        let map = KindMap::new(scene, &arguments.vary, arguments.rule.rule(), &arguments.columns)?;
+        Ok(Self { map, form: pictures.print()? })
+    }
+}
+
 /// Maps the kinds of motion.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let Arguments { work, out, .. } = arguments;
-    let form = arguments.pictures.print()?;
     let scene = read_scene(arguments.scene.as_deref())?;
-    let map = KindMap::new(scene, &arguments.vary, arguments.rule.rule(), &arguments.columns)?;
-    let begin = work.begin();
-    if begin != Begin::New {
-        KindMap::FILES.request(begin, out, arguments.scene.as_deref()).check()?;
-    }
-    let cells = map.plane().cells();
-    let Some(mut lines) = map.open(out, begin)? else {
-        work.say(&format!("{} holds the whole map\n", out.display()))?;
-        return Ok(Done::Completely);
-    };
-    let pool = threads(work.threads)?;
-    let ending = counted(cells, lines.count(), "cells", work.quiet, |task| pool.install(|| map.run(&mut lines, task)))?;
-    if ending == Ending::Interrupted {
-        return work.interrupted(&format!("{} of {cells} cells", lines.count()), out);
-    }
-    let name = stem(map.plane().scene().name());
-    let tally = map.finish(lines, |tally, folder| {
-        let dimensionless = map.plane().own().dimensionless;
-        figure(&name, map.plane().grid(), tally, &map.shown(), dimensionless).draw_into(folder, &form)
-    })?;
-    work.say(&format!("{}{} cells: {}\n", counts(&tally), tally.cells(), out.join("map.csv").display()))?;
-    Ok(if tally.failed() < tally.cells() as u64 { Done::Completely } else { Done::Partly })
+    let map = Map::new(arguments, scene.clone(), &arguments.pictures)?;
+    let asked = serde_json::to_value(arguments).unwrap_or_default();
+    work::execute(&map, (&scene, &asked), &arguments.work, (arguments.scene.as_deref(), &arguments.out))
+}
+
+/// Merges parts of a map.
+pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Done, CliError> {
+    work::merge(&Map::new(&work::read(asked)?, scene, pictures)?, parts)
 }

@@ -12,6 +12,7 @@ mod identify;
 mod import;
 mod lyapunov;
 mod map;
+mod merge;
 mod orbit;
 mod pictures;
 mod progress;
@@ -21,6 +22,7 @@ mod stability;
 mod study;
 mod sweep;
 mod threshold;
+mod work;
 
 use std::{
     io::Write,
@@ -62,6 +64,8 @@ enum Command {
     Map(map::Arguments),
     /// Draw section points, impacts and exponents of motions against one number, on the way up and down
     Diagram(diagram::Arguments),
+    /// Take the parts of a divided sweep, map, diagram or basins together
+    Merge(merge::Arguments),
     /// Find where each start in a plane of starts ends: attractors, their basins, how their boundary looks
     Basins(basins::Arguments),
     /// Solve for the periodic orbit that a scene starts on or approaches: stable or not, with its multipliers
@@ -126,8 +130,14 @@ impl Arguments {
 pub enum Done {
     /// As asked.
     Completely,
-    /// Stopped before its end.
+    /// It failed, or does not tell what was asked.
     Partly,
+    /// All was done, and some points failed.
+    SomeFailed,
+    /// The event budget of a scene was spent.
+    BudgetSpent,
+    /// It was interrupted, and can be resumed where it keeps what was done.
+    Interrupted,
 }
 
 impl Done {
@@ -136,6 +146,19 @@ impl Done {
         match self {
             Self::Completely => ExitCode::SUCCESS,
             Self::Partly => ExitCode::from(1),
+            Self::SomeFailed => ExitCode::from(3),
+            Self::BudgetSpent => ExitCode::from(4),
+            // EX_TEMPFAIL of sysexits.h: the same command may succeed later.
+            Self::Interrupted => ExitCode::from(75),
+        }
+    }
+
+    /// How work of so many points ends, some of which failed.
+    pub fn with_failed(failed: u64, all: u64) -> Self {
+        match failed {
+            0 => Self::Completely,
+            failed if failed >= all => Self::Partly,
+            _ => Self::SomeFailed,
         }
     }
 }
@@ -151,6 +174,7 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
         Command::Diagram(arguments) => return diagram::execute(&arguments),
         Command::Basins(arguments) => return basins::execute(&arguments),
         Command::Map(arguments) => return map::execute(&arguments),
+        Command::Merge(arguments) => return merge::execute(&arguments),
         Command::Orbit(arguments) => return orbit::execute(&arguments),
         Command::Continue(arguments) => return continuation::execute(&arguments),
         Command::Lyapunov(arguments) => return lyapunov::execute(&arguments),

@@ -106,7 +106,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         let kept = if is_kept { "; the same command with --resume goes on" } else { "" };
         print(&format!("what was found is in {ORBIT}{kept}\n"))?;
     }
-    Ok(Done::Partly)
+    Ok(Done::Interrupted)
 }
 
 fn text(simulation: &Simulation, found: &Found) -> Result<String, std::fmt::Error> {

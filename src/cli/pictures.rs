@@ -8,7 +8,7 @@ use flank::{
 use super::CliError;
 
 /// The form of the figures.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 pub struct Pictures {
     /// Formats of the figures
     #[arg(long, value_enum, value_delimiter = ',', default_value = "svg,png", help_heading = "Figures")]

@@ -1,8 +1,11 @@
 //! Progress on a terminal, and Ctrl-C.
 
 use std::{
-    io::IsTerminal,
-    sync::atomic::{AtomicBool, Ordering},
+    io::{IsTerminal, Write},
+    sync::{
+        Once,
+        atomic::{AtomicBool, Ordering},
+    },
     thread,
     time::Duration,
 };
@@ -20,8 +23,9 @@ static WORKING: AtomicBool = AtomicBool::new(false);
 /// Number of times that the handler looks for the end of that work, and the pause between two.
 const LOOKS: u32 = 50;
 const PAUSE: Duration = Duration::from_millis(20);
-/// The exit code of a program that Ctrl-C has ended.
-const EXIT: i32 = 130;
+/// The exit codes after one signal, and after a second one.
+const FIRST: i32 = 75;
+const SECOND: i32 = 130;
 
 /// Work that Ctrl-C ends, for as long as this lives.
 #[must_use = "Ctrl-C waits for work that ends at once"]
@@ -33,25 +37,60 @@ impl Drop for Work {
     }
 }
 
-/// Makes Ctrl-C end the work that begins. A second one ends the program at once, and so does the first where the work goes on for a
-/// second: within one long cycle nobody asks. Rows, events and checkpoints are in their files by then.
+/// Makes Ctrl-C, SIGTERM and SIGHUP end the work that begins. A second one ends the program at once, and so does the first where the work
+/// goes on for a second: within one long cycle nobody asks. Rows, events and checkpoints are in their files by then.
 pub fn catch_interrupt() -> Work {
+    static ONCE: Once = Once::new();
     WORKING.store(true, Ordering::Relaxed);
-    // A handler that is there already (as in a host program) is left in place: the run then ends as it says.
-    let _ = ctrlc::set_handler(|| {
-        if INTERRUPTED.swap(true, Ordering::Relaxed) {
-            std::process::exit(EXIT);
-        }
+    ONCE.call_once(|| listen(end));
+    Work
+}
+
+/// Ends the work soon.
+fn end() {
+    if INTERRUPTED.swap(true, Ordering::Relaxed) {
+        std::process::exit(SECOND);
+    }
+    thread::spawn(|| {
         for _ in 0..LOOKS {
             thread::sleep(PAUSE);
             if !WORKING.load(Ordering::Relaxed) {
                 return;
             }
         }
-        eprintln!("interrupted within a cycle or a point: what was finished before is kept");
-        std::process::exit(EXIT);
+        let _ = writeln!(std::io::stderr(), "interrupted within a cycle or a point: what was finished before is kept");
+        std::process::exit(FIRST);
     });
-    Work
+}
+
+/// Calls `end` at every signal to end. A signal that was ignored at the start, as under nohup, stays ignored.
+#[cfg(unix)]
+fn listen(end: fn()) {
+    use signal_hook::{
+        consts::{SIGHUP, SIGINT, SIGTERM},
+        iterator::Signals,
+    };
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    let wanted = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0);
+    if let Ok(mut signals) = Signals::new(wanted) {
+        thread::spawn(move || signals.forever().for_each(|_| end()));
+    }
+}
+
+#[cfg(not(unix))]
+fn listen(end: fn()) {
+    // A handler that is there already (as in a host program) is left in place: the run then ends as it says.
+    let _ = ctrlc::set_handler(end);
+}
+
+/// Ends the work that goes on after some time.
+pub fn limit(seconds: f64) {
+    thread::spawn(move || {
+        thread::sleep(Duration::from_secs_f64(seconds));
+        INTERRUPTED.store(true, Ordering::Relaxed);
+    });
 }
 
 /// Does work that Ctrl-C cancels under a bar of `count` things, `kept` of which are done already.

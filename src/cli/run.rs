@@ -121,6 +121,15 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         (Some(failure), _) => Err(failure.into()),
         (None, Ended::ReachedEnd) => Ok(Done::Completely),
         (None, Ended::EventBudgetSpent) if asked => Ok(Done::Completely),
+        (None, Ended::EventBudgetSpent) => {
+            let cycle = record.summary.outcome.cycle;
+            eprintln!(
+                "the event budget of the scene, {}, was spent in cycle {cycle}: raise /run/event_budget, or end the run earlier",
+                run.event_budget
+            );
+            Ok(Done::BudgetSpent)
+        }
+        (None, Ended::Interrupted) => Ok(Done::Interrupted),
         _ => Ok(Done::Partly),
     }
 }

@@ -85,7 +85,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         pool.install(|| Map::make(&simulation, &plan, task))
     })?;
     let Some(map) = map else {
-        return print("interrupted: a map is written as a whole, so nothing is kept\n").map(|()| Done::Partly);
+        return print("interrupted: a map is written as a whole, so nothing is kept\n").map(|()| Done::Interrupted);
     };
     if let Some(request) = &request {
         map.write(&mut request.open()?, &simulation, &form)?;

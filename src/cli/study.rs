@@ -138,7 +138,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     if interrupted {
         let (kept, out) = (contents.entries.len(), arguments.out.display());
         let text = format!("interrupted: {kept} figures are kept in {out}/figures; there is no report of them\n");
-        return print(&text).map(|()| Done::Partly);
+        return print(&text).map(|()| Done::Interrupted);
     }
     if !plan.claims.is_empty() && arguments.only.is_empty() {
         contents.contradictions = plan.contradictions()?;

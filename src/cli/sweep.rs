@@ -1,19 +1,33 @@
 //! `flank sweep`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use flank::{
+    Task,
     map::sweep_figure,
-    study::{SteadySweep, steady::Rule},
-    sweep::{Begin, Ending, Grid, Journal, Plan, Seeding},
+    plot::Print,
+    scene::Scene,
+    study::{
+        SteadySweep,
+        steady::{Rule, Seed, Steady},
+    },
+    sweep::{Begin, Ending, Grid, Journal, Kept, Plan, Records, Seeding, Share, SweepError},
+};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{
+    CliError, Done,
+    pictures::Pictures,
+    read_scene,
+    work::{self, Merge, Points, Work, stem},
 };
 
-use super::{CliError, Done, map::stem, pictures::Pictures, print, progress::counted, read_scene, threads};
-
 /// Arguments of `flank sweep`.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, clap::Args, Deserialize, Serialize)]
 pub struct Arguments {
     /// Scene file; the reference scene if left out
+    #[serde(skip)]
     scene: Option<PathBuf>,
     /// A number to vary, by JSON pointer: POINTER=FROM:TO:COUNT, the same with :log for equal ratios, or
     /// POINTER=V1,V2,…; once or twice, the last one runs fastest
@@ -24,21 +38,17 @@ pub struct Arguments {
     seed: Seeding,
     /// Folder of sweep.csv, sweep.jsonl, sweep.json and the figure
     #[arg(long, value_name = "DIR", default_value = "sweep")]
+    #[serde(skip)]
     out: PathBuf,
     #[command(flatten)]
+    #[serde(skip)]
     pictures: Pictures,
-    /// Go on with a sweep that was broken off
-    #[arg(long, conflicts_with = "force")]
-    resume: bool,
-    /// Write into a folder that is not empty
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    #[serde(skip)]
+    work: Work,
     /// Measures of contacts in sweep.csv, by their names without unit; the usual ones if left out
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     columns: Vec<String>,
-    /// Threads; as many as there are cores if left out
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
     /// Relative distance between the ends of an orbit that counts [default: 1e-9]
     #[arg(long, value_name = "REL", value_parser = tolerance)]
     tolerance: Option<f64>,
@@ -48,9 +58,6 @@ pub struct Arguments {
     /// Cycles measured [default: 4 of a periodic motion, 200 of any other; always whole periods]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=100_000))]
     measure_cycles: Option<u64>,
-    /// Print nothing
-    #[arg(long, short)]
-    quiet: bool,
 }
 
 /// Below rounding nothing settles; above a tenth everything does.
@@ -59,46 +66,80 @@ fn tolerance(word: &str) -> Result<f64, String> {
     value.ok_or_else(|| "a number from 1e-13 to 0.1 is wanted".to_owned())
 }
 
+/// A sweep, and the form of its figure.
+struct Swept {
+    sweep: SteadySweep,
+    name: String,
+    form: Print,
+}
+
+impl Points for Swept {
+    const COMMAND: &'static str = "sweep";
+    const THINGS: &'static str = "rows";
+    type Rows = Journal<Steady, Seed>;
+
+    fn kept() -> Kept {
+        SteadySweep::FILES
+    }
+
+    fn rows(&self) -> [usize; 2] {
+        [self.sweep.plan().rows(), self.sweep.plan().chains()]
+    }
+
+    fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Self::Rows>, SweepError> {
+        self.sweep.open(folder, begin, share)
+    }
+
+    fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<Self::Rows, SweepError> {
+        self.sweep.merged(folders, out)
+    }
+
+    fn records(rows: &mut Self::Rows) -> &mut Records {
+        rows.records_mut()
+    }
+
+    fn run(&self, rows: &mut Self::Rows, _: &Work, task: Task<'_>) -> Result<Ending, CliError> {
+        Ok(self.sweep.run(rows, task)?)
+    }
+
+    fn finish(&self, rows: Self::Rows, work: &Work, out: &Path) -> Result<Done, CliError> {
+        let sweep = &self.sweep;
+        let tally = sweep.finish(rows, |rows, folder| {
+            match sweep_figure(&self.name, sweep.plan(), rows, sweep.dimensionless()) {
+                Some(figure) => figure.draw_into(folder, &self.form),
+                None => Ok(()),
+            }
+        })?;
+        let failed = match tally.failed {
+            0 => String::new(),
+            failed => format!(", {failed} of them failed (column error)"),
+        };
+        work.say(&format!("{} rows{failed}: {}\n", tally.rows, out.join("sweep.csv").display()))?;
+        Ok(Done::with_failed(tally.failed as u64, tally.rows as u64))
+    }
+}
+
+impl Swept {
+    fn new(arguments: &Arguments, scene: Scene, pictures: &Pictures) -> Result<Self, CliError> {
+        let name = stem(scene.name());
+        let grid = Grid::parse(&arguments.vary)?;
+        let sweep = SteadySweep::new(scene, Plan::new(grid, arguments.seed), rule(arguments))?;
+        let sweep = sweep.with_columns(&arguments.columns).map_err(CliError::Arguments)?;
+        Ok(Self { sweep, name, form: pictures.print()? })
+    }
+}
+
 /// Sweeps a scene.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let form = arguments.pictures.print()?;
     let scene = read_scene(arguments.scene.as_deref())?;
-    let name = stem(scene.name());
-    let grid = Grid::parse(&arguments.vary)?;
-    let sweep = SteadySweep::new(scene, Plan::new(grid, arguments.seed), rule(arguments))?;
-    let sweep = sweep.with_columns(&arguments.columns).map_err(CliError::Arguments)?;
-    let begin = match (arguments.resume, arguments.force) {
-        (true, _) => Begin::Resume,
-        (_, true) => Begin::Replace,
-        _ => Begin::New,
-    };
-    if begin != Begin::New {
-        begin.request(&arguments.out, arguments.scene.as_deref()).check()?;
-    }
-    let (out, rows) = (arguments.out.display(), sweep.plan().rows());
-    let say = |text: String| if arguments.quiet { Ok(()) } else { print(&text) };
-    let Some(mut journal) = Journal::open(&arguments.out, begin, sweep.header(), rows)? else {
-        say(format!("{out} holds the whole sweep\n"))?;
-        return Ok(Done::Completely);
-    };
-    let (kept, pool) = (journal.kept(), threads(arguments.threads)?);
-    let ending = counted(rows, kept, "rows", arguments.quiet, |task| pool.install(|| sweep.run(&mut journal, task)))?;
-    if ending == Ending::Interrupted {
-        let kept = journal.kept();
-        say(format!("interrupted: {kept} of {rows} rows are kept in {out}; the same command with --resume goes on\n"))?;
-        return Ok(Done::Partly);
-    }
-    let tally =
-        sweep.finish(journal, |rows, folder| match sweep_figure(&name, sweep.plan(), rows, sweep.dimensionless()) {
-            Some(figure) => figure.draw_into(folder, &form),
-            None => Ok(()),
-        })?;
-    let failed = match tally.failed {
-        0 => String::new(),
-        failed => format!(", {failed} of them failed (column error)"),
-    };
-    say(format!("{} rows{failed}: {}\n", tally.rows, arguments.out.join("sweep.csv").display()))?;
-    Ok(if tally.failed < tally.rows { Done::Completely } else { Done::Partly })
+    let swept = Swept::new(arguments, scene.clone(), &arguments.pictures)?;
+    let asked = serde_json::to_value(arguments).unwrap_or_default();
+    work::execute(&swept, (&scene, &asked), &arguments.work, (arguments.scene.as_deref(), &arguments.out))
+}
+
+/// Merges parts of a sweep.
+pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Done, CliError> {
+    work::merge(&Swept::new(&work::read(asked)?, scene, pictures)?, parts)
 }
 
 fn rule(arguments: &Arguments) -> Rule {

@@ -73,7 +73,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     drop(working);
     bar.finish_and_clear();
     let found = match found {
-        Err(_) if task.is_cancelled() => return Ok(Done::Partly),
+        Err(_) if task.is_cancelled() => return Ok(Done::Interrupted),
         found => found?,
     };
     let shared = shared?;

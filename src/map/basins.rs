@@ -1,6 +1,11 @@
 //! Where each start of a plane of starts ends.
 
-use serde::Serialize;
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
+
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::{
@@ -16,7 +21,7 @@ use crate::{
     output::{Fault, Folder, OutputError, csv_line, in_a_line, number},
     scene::Scene,
     simulation::{Simulation, SimulationError},
-    sweep::{Begin, Ending, Grid, GridError, Kept, Lines, SweepError},
+    sweep::{Begin, Ending, Grid, GridError, Kept, Records, Rows, Share, SweepError},
     system::ContactMode,
     task::Task,
 };
@@ -33,7 +38,7 @@ const ALIKE: f64 = 0.5;
 const SURVEY: usize = 24;
 
 /// Where a start ends.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Attractor {
     /// Its kind.
     pub kind: Kind,
@@ -42,23 +47,20 @@ pub struct Attractor {
     /// Word of an orbit.
     pub word: Option<String>,
     /// Which flanks are struck.
-    pub impacts: &'static str,
+    pub impacts: String,
     /// The largest exponent, 1/s.
     pub exponent: Option<f64>,
     /// The states of an orbit at the starts of its cycles; of any other motion one of its states.
     pub states: Vec<Vec<f64>>,
     /// Of a motion without an orbit: mean and standard deviation of each component at the starts of cycles.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub averages: Vec<[f64; 2]>,
     /// There is an orbit for each start: a contact that the orbit never loses keeps the approach speed of its last gain; or what rests in its
     /// gaps rests anywhere.
     pub is_family: bool,
-    #[serde(skip)]
     rests: bool,
-    #[serde(skip)]
     scales: Vec<f64>,
     /// What each contact does at the first of the states.
-    #[serde(skip)]
     contacts: Vec<ContactMode>,
 }
 
@@ -75,7 +77,7 @@ impl Attractor {
         let rests = motion.word.as_deref() == Some("") && motion.multiplier.is_some_and(|m| (m - 1.0).abs() <= NEUTRAL);
         let is_family = rests || motion.period.map_or(Ok(false), keeps)?;
         let states = sections.into_iter().map(|section| section.x).collect();
-        let (kind, period_cycles, word, impacts) = (motion.kind, motion.period, motion.word, impacts.word());
+        let (kind, period_cycles, word, impacts) = (motion.kind, motion.period, motion.word, impacts.word().to_owned());
         Ok(Self { kind, period_cycles, word, impacts, exponent, states, averages, is_family, rests, scales, contacts })
     }
 
@@ -304,10 +306,17 @@ impl Basins {
     /// Opens the file of rows in `folder`.
     ///
     /// # Errors
-    /// As [`Lines::open`].
-    pub fn open(&self, folder: &std::path::Path, begin: Begin) -> Result<Option<Lines>, SweepError> {
-        let lines = Lines::open(folder, Self::FILES, begin, self.header())?;
-        lines.map(|lines| lines.checked(self.starts(), |i| csv_line(self.values(i).map(number)))).transpose()
+    /// As [`Records::open`].
+    pub fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Records>, SweepError> {
+        Records::open(folder, Self::FILES, (begin, share), self.header(), Rows::alone(self.starts()))
+    }
+
+    /// The rows of so many parts, which are in `folders`, as those of an undivided run, to be finished in `out`.
+    ///
+    /// # Errors
+    /// As [`Records::merged`].
+    pub fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<Records, SweepError> {
+        Records::merged(folders, Self::FILES, out, self.header(), Rows::alone(self.starts()))
     }
 
     /// The first line of the table.
@@ -317,8 +326,12 @@ impl Basins {
         csv_line(pointers.chain(["attractor", "cycles", "error"]))
     }
 
-    /// The attractors that some starts on a coarse grid lead to: the first numbers. `None` if the work is broken off.
-    fn survey(&self, task: Task<'_>) -> Result<Option<Vec<Attractor>>, SimulationError> {
+    /// The attractors that some starts on a coarse grid lead to: the first numbers. `None` if the work is broken off. All parts of divided
+    /// work start from the same ones.
+    ///
+    /// # Errors
+    /// [`SimulationError`] if the section of the scene has no map.
+    pub fn survey(&self, task: Task<'_>) -> Result<Option<Vec<Attractor>>, SimulationError> {
         let places = [0, 1].map(|i| {
             let count = self.values[i].len();
             let most = count.min(SURVEY);
@@ -355,55 +368,49 @@ impl Basins {
         Ok((taken == starts.len() && !task.is_cancelled()).then_some(found))
     }
 
-    /// Computes every row that is not kept, on the threads of the pool it is called in; gives the attractors. A row depends on nothing but
-    /// its start: numbers of attractors are given in the order of the starts, after those of a coarse grid of starts.
+    /// Computes every row of its share that is not kept, on the threads of the pool it is called in. A row depends on nothing but
+    /// its start: numbers of attractors are given in the order of the starts, after those of the `survey`.
     ///
     /// # Errors
     /// [`SweepError`] if a row cannot be kept.
-    pub fn run(&self, lines: &mut Lines, task: Task<'_>) -> Result<(Ending, Vec<Attractor>), BasinsError> {
-        let total = self.starts();
-        let Some(survey) = self.survey(task)? else { return Ok((Ending::Interrupted, Vec::new())) };
+    pub fn run(&self, rows: &mut Records, survey: &[Attractor], task: Task<'_>) -> Result<Ending, BasinsError> {
         let map = SectionMap::new(&self.simulation)?;
-        let drift = map.drift();
-        let mut all = survey.clone();
-        // What rows that are kept have found beyond the survey.
-        let (mut newcomers, mut row_number) = (Vec::new(), 0);
-        lines.each(|row| {
-            let number = row.split(',').nth(2).and_then(|word| word.parse::<usize>().ok());
-            if number.is_some_and(|number| number == survey.len() + newcomers.len()) {
-                newcomers.push(row_number);
-            }
-            row_number += 1;
-            Ok(())
-        })?;
-        let mut walk = Walk::new(&self.simulation)?;
-        for start in newcomers {
-            if let Some(Ended::Own(own, _)) = self.end(&mut walk, start, &survey, task)? {
-                all.push(*own);
+        let (drift, share) = (map.drift(), rows.share());
+        // What rows that are kept have found beyond the survey; a number whose rows are damaged is given again.
+        let mut all: Vec<Option<Attractor>> = survey.iter().cloned().map(Some).collect();
+        for (number, start) in
+            self.newcomers(rows, survey.len())?.into_iter().map(|((_, number), start)| (number, start))
+        {
+            all.resize(all.len().max(number + 1), None);
+            let mut walk = Walk::new(&self.simulation)?;
+            if let Some(Ended::Own(own, _)) = self.end(&mut walk, start, survey, task)? {
+                all[number] = Some(*own);
             }
         }
-        let work = |walk: &mut Option<Walk<'_>>, start: usize| {
+        let work = |walk: &mut Option<Walk<'_>>, i: usize| {
             if task.is_cancelled() {
                 return None;
             }
-            let ended = walk.as_mut().map(|walk| self.end(walk, start, &survey, task))?;
+            let ended = walk.as_mut().map(|walk| self.end(walk, share.chain(i), survey, task))?;
             match ended {
                 Ok(ended) => ended,
                 Err(error) => Some(Ended::Failed(in_a_line(&error.to_string()))),
             }
         };
-        in_order(
-            lines.count()..total,
-            16,
-            || Walk::new(&self.simulation).ok(),
-            work,
-            |start, ended: Ended| {
+        for missing in rows.missing() {
+            let keep = |i: usize, ended: Ended| {
+                let start = share.chain(i);
                 let (attractor, cycles, error) = match ended {
                     Ended::Known(number, cycles) => (number.to_string(), cycles.to_string(), String::new()),
                     Ended::Own(own, cycles) => {
-                        let number = all.iter().position(|known| known.is(&map, &drift, &own)).unwrap_or_else(|| {
-                            all.push(*own);
-                            all.len() - 1
+                        let is_own = |known: &Option<Attractor>| {
+                            known.as_ref().is_some_and(|known| known.is(&map, &drift, &own))
+                        };
+                        let number = all.iter().position(is_own).unwrap_or_else(|| {
+                            let free = all.iter().position(Option::is_none).unwrap_or(all.len());
+                            all.resize(all.len().max(free + 1), None);
+                            all[free] = Some(*own);
+                            free
                         });
                         (number.to_string(), cycles.to_string(), String::new())
                     }
@@ -411,34 +418,73 @@ impl Basins {
                     Ended::Failed(why) => ("failed".to_owned(), String::new(), why),
                 };
                 let values = self.values(start).map(number);
-                lines.push(&csv_line(values.into_iter().chain([attractor, cycles, error])))?;
+                rows.keep(start, &csv_line(values.into_iter().chain([attractor, cycles, error])))?;
                 task.advance();
                 Ok::<(), SweepError>(())
-            },
-        )?;
-        Ok((if lines.count() == total { Ending::Complete } else { Ending::Interrupted }, all))
+            };
+            in_order(missing, 16, || Walk::new(&self.simulation).ok(), work, keep)?;
+        }
+        rows.sync()?;
+        Ok(if rows.is_complete() { Ending::Complete } else { Ending::Interrupted })
     }
 
-    /// Measures the basins and writes the final files. `picture` draws them into the folder.
+    /// Of attractors beyond the survey, by part and number, the first start that ends there.
+    fn newcomers(&self, rows: &Records, survey: usize) -> Result<BTreeMap<(usize, usize), usize>, SweepError> {
+        let mut first = BTreeMap::new();
+        rows.in_order(|start, row, part| {
+            if let Some(number) = attractor(row).filter(|number| *number >= survey) {
+                first.entry((part, number)).or_insert(start);
+            }
+            Ok(())
+        })?;
+        Ok(first)
+    }
+
+    /// Numbers the attractors in the order of the starts, measures the basins and writes the final files. `picture` draws them into the
+    /// folder.
     ///
     /// # Errors
-    /// As [`Lines::finish`].
+    /// [`BasinsError`] if a file cannot be read or written; the rows stay then.
     pub fn finish(
         &self,
-        mut lines: Lines,
-        attractors: Vec<Attractor>,
+        mut rows: Records,
+        survey: &[Attractor],
         picture: impl FnOnce(&Found, &mut Folder) -> Result<(), OutputError>,
-    ) -> Result<Found, SweepError> {
+    ) -> Result<Found, BasinsError> {
+        let map = SectionMap::new(&self.simulation)?;
+        let drift = map.drift();
+        let mut attractors = survey.to_vec();
+        let mut numbers: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+        let mut newcomers: Vec<_> = self.newcomers(&rows, survey.len())?.into_iter().collect();
+        newcomers.sort_by_key(|(_, start)| *start);
+        let mut walk = Walk::new(&self.simulation)?;
+        for (of_part, start) in newcomers {
+            let Some(Ended::Own(own, _)) = self.end(&mut walk, start, survey, Task::default())? else { continue };
+            let known = attractors.iter().position(|known| known.is(&map, &drift, &own));
+            numbers.insert(of_part, known.unwrap_or(attractors.len()));
+            if known.is_none() {
+                attractors.push(*own);
+            }
+        }
+        let renumbered = |row: &str, part: usize| -> String {
+            let number = attractor(row).and_then(|number| Some((number, *numbers.get(&(part, number))?)));
+            let Some((old, new)) = number.filter(|(old, new)| old != new) else { return row.to_owned() };
+            let mut fields: Vec<&str> = row.split(',').collect();
+            let new = new.to_string();
+            debug_assert_eq!(fields[2], old.to_string());
+            fields[2] = &new;
+            fields.join(",")
+        };
         let mut boundary = Boundary::new([0, 1].map(|i| self.values[i].len()), attractors.len());
-        lines.each(|row| {
-            boundary.add(row);
+        rows.in_order(|_, row, part| {
+            boundary.add(&renumbered(row, part));
             Ok(())
         })?;
         let figures = boundary.figures();
-        let found = Found { attractors, boundary, figures };
-        picture(&found, &mut lines.outputs()?)?;
+        let found = Found { attractors: attractors.clone(), boundary, figures };
+        picture(&found, rows.outputs()).map_err(SweepError::from)?;
         let others = [("attractors.json", format!("{:#}\n", self.report(&found)))];
-        lines.finish(&self.head(), &others, &json!(found.figures))?;
+        rows.table(&self.head(), renumbered, &others, json!(found.figures))?;
         Ok(found)
     }
 
@@ -446,6 +492,9 @@ impl Basins {
     fn report(&self, found: &Found) -> Value {
         let all = found.attractors.iter().enumerate().map(|(number, attractor)| {
             let mut entry = json!(attractor);
+            // What tells it from others.
+            let inner = ["rests", "scales", "contacts"];
+            entry.as_object_mut().into_iter().for_each(|entry| entry.retain(|key, _| !inner.contains(&key.as_str())));
             entry["number"] = json!(number);
             entry["fraction"] = json!(found.figures.fractions[number].fraction);
             entry["standard_error"] = json!(found.figures.fractions[number].standard_error);
@@ -458,6 +507,11 @@ impl Basins {
             "measures": found.figures,
         })
     }
+}
+
+/// Number of the attractor in a row, if its start ends on one.
+fn attractor(row: &str) -> Option<usize> {
+    row.split(',').nth(2)?.parse().ok()
 }
 
 /// Why basins cannot be computed or kept.

@@ -1,6 +1,9 @@
 //! Section points and impacts of motions against one number.
 
-use std::{fs, path::Path};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -17,7 +20,8 @@ use crate::{
     simulation::{Parameter, Simulation, SimulationError},
     study::numbered,
     sweep::{
-        Begin, Cell, Direction, Ending, Entry, Grid, GridError, Journal, Kept, Outcome, Plan, Seeding, SweepError, run,
+        Begin, Cell, Direction, Ending, Grid, GridError, Journal, Kept, Outcome, Plan, Seeding, Share, SweepError,
+        Write, run,
     },
     system::ContactMode,
     task::Task,
@@ -220,6 +224,12 @@ impl Diagram {
         self.plan.rows()
     }
 
+    /// The rows and their chains.
+    #[must_use]
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
     /// The scene's own simulation.
     #[must_use]
     pub fn own(&self) -> &Simulation {
@@ -300,8 +310,16 @@ impl Diagram {
     ///
     /// # Errors
     /// As [`Journal::open`].
-    pub fn open(&self, folder: &Path, begin: Begin) -> Result<Option<Rows>, SweepError> {
-        Journal::open_for(Self::FILES, folder, begin, self.header(), self.rows())
+    pub fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Rows>, SweepError> {
+        Journal::open_for(Self::FILES, folder, (begin, share), self.header(), &self.plan)
+    }
+
+    /// The rows of so many parts, which are in `folders`, as those of an undivided run, to be finished in `out`.
+    ///
+    /// # Errors
+    /// As [`Records::merged`](crate::sweep::Records::merged).
+    pub fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<Rows, SweepError> {
+        Journal::merged(folders, Self::FILES, out, self.header(), &self.plan)
     }
 
     /// Computes every row that is not kept.
@@ -329,64 +347,61 @@ impl Diagram {
         mut rows: Rows,
         picture: impl FnOnce(&Points, &mut Folder) -> Result<(), OutputError>,
     ) -> Result<Points, SweepError> {
-        let row = |entry: Option<Entry<Record, Seed>>, cell: &Cell| {
-            let start = [number(cell.values[1]), label(cell.direction), (cell.values[0] as usize).to_string()];
-            (entry.map(|entry| entry.outcome), start)
-        };
         let mut points = Points::new(self.sampling.starts);
-        for i in 0..self.rows() {
-            let cell = self.plan.cell(i);
-            match rows.entry(i)?.map(|entry| entry.outcome) {
-                Some(Outcome::Done { result, .. }) => {
+        rows.each(|row, outcome| {
+            let cell = self.plan.cell(row);
+            match outcome {
+                Outcome::Done { result, .. } => {
                     points.add(cell.values[1], cell.direction, cell.values[0] as u32, &result)
                 }
-                _ => points.failed += 1,
+                Outcome::Failed(_) => points.failed += 1,
             }
-        }
-        picture(&points, &mut rows.outputs()?)?;
+            Ok(())
+        })?;
+        rows.draw(|folder| picture(&points, folder))?;
         let found = json!({ "rows": self.rows(), "failed": points.failed });
         let contacts = numbered(self.own.structure.contacts().iter().map(|contact| &*contact.spec.name));
-        let plan = &self.plan;
         let components = components(&self.own);
-        let write = |rows: &mut Rows, table: usize, line: &mut dyn FnMut(&str) -> Result<(), SweepError>| {
-            line(&match table {
-                0 => Self::head(["cycle"].into_iter().chain(components.iter().map(String::as_str))),
-                1 => Self::head(["cycle", "contact", "side", "phase", "speed"]),
-                _ => Self::head(["exponent", "exponent_band", "error"]),
-            })?;
-            for i in 0..plan.rows() {
-                let (outcome, start) = row(rows.entry(i)?, &plan.cell(i));
-                let start = start.iter().map(String::as_str);
-                match (table, outcome) {
-                    (0, Some(Outcome::Done { result, .. })) => {
-                        for (cycle, x) in result.points.iter().enumerate() {
-                            let x: Vec<String> = x.iter().copied().map(number).collect();
-                            let cycle = cycle.to_string();
-                            line(&csv_line(start.clone().chain([cycle.as_str()]).chain(x.iter().map(String::as_str))))?;
-                        }
+        let write = |table: usize, row: usize, outcome: Outcome<Record, Seed>, line: &mut Write<'_>| {
+            let cell = self.plan.cell(row);
+            let start = [number(cell.values[1]), label(cell.direction), (cell.values[0] as usize).to_string()];
+            let start = start.iter().map(String::as_str);
+            match (table, outcome) {
+                (0, Outcome::Done { result, .. }) => {
+                    for (cycle, x) in result.points.iter().enumerate() {
+                        let x: Vec<String> = x.iter().copied().map(number).collect();
+                        let cycle = cycle.to_string();
+                        line(&csv_line(start.clone().chain([cycle.as_str()]).chain(x.iter().map(String::as_str))))?;
                     }
-                    (1, Some(Outcome::Done { result, .. })) => {
-                        for Strike { cycle, contact, side, phase, speed } in &result.strikes {
-                            let side = if *side > 0.0 { "drive" } else { "back" };
-                            let (cycle, phase, speed) = (cycle.to_string(), number(*phase), number(*speed));
-                            let of = [cycle.as_str(), &contacts[*contact], side, &phase, &speed];
-                            line(&csv_line(start.clone().chain(of)))?;
-                        }
-                    }
-                    (2, Some(Outcome::Done { result, .. })) => {
-                        let cells = result.exponent.map_or([const { String::new() }; 2], |e| e.map(number));
-                        line(&csv_line(start.chain(cells.iter().map(String::as_str)).chain([""])))?;
-                    }
-                    (2, Some(Outcome::Failed(why))) => {
-                        let why = in_a_line(&why);
-                        line(&csv_line(start.chain(["", "", why.as_str()])))?;
-                    }
-                    _ => {}
                 }
+                (1, Outcome::Done { result, .. }) => {
+                    for Strike { cycle, contact, side, phase, speed } in &result.strikes {
+                        let side = if *side > 0.0 { "drive" } else { "back" };
+                        let (cycle, phase, speed) = (cycle.to_string(), number(*phase), number(*speed));
+                        let of = [cycle.as_str(), &contacts[*contact], side, &phase, &speed];
+                        line(&csv_line(start.clone().chain(of)))?;
+                    }
+                }
+                (2, Outcome::Done { result, .. }) => {
+                    let cells = result.exponent.map_or([const { String::new() }; 2], |e| e.map(number));
+                    line(&csv_line(start.chain(cells.iter().map(String::as_str)).chain([""])))?;
+                }
+                (2, Outcome::Failed(why)) => {
+                    let why = in_a_line(&why);
+                    line(&csv_line(start.chain(["", "", why.as_str()])))?;
+                }
+                _ => {}
             }
             Ok(())
         };
-        rows.seal(&["diagram.csv", "impacts.csv", "exponents.csv"], write, &[], &found)?;
+        let heads = [
+            Self::head(["cycle"].into_iter().chain(components.iter().map(String::as_str))),
+            Self::head(["cycle", "contact", "side", "phase", "speed"]),
+            Self::head(["exponent", "exponent_band", "error"]),
+        ];
+        let names = ["diagram.csv", "impacts.csv", "exponents.csv"];
+        let tables: Vec<_> = names.into_iter().zip(heads.map(Some)).collect();
+        rows.seal(&tables, write, &[("found", found)])?;
         Ok(points)
     }
 

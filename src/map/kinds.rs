@@ -1,5 +1,7 @@
 //! The kind of the motion in every cell of a plane.
 
+use std::path::{Path, PathBuf};
+
 use serde_json::{Map as Header, Value, json};
 
 use super::{
@@ -12,7 +14,7 @@ use crate::{
     output::{Folder, OutputError, csv_line, in_a_line, number},
     scene::Scene,
     study::{Measures, StudyError, measured},
-    sweep::{Ending, GridError, Kept, Lines, SweepError},
+    sweep::{Begin, Ending, GridError, Kept, Records, Rows, Share, SweepError},
     task::Task,
 };
 
@@ -29,12 +31,12 @@ type Values = Vec<Option<f64>>;
 /// A map over two numbers of a scene: in each cell the motion that the scene's own start leads to.
 ///
 /// ```no_run
-/// use flank::{Task, map::{KindMap, Rule}, scene::Scene, sweep::Begin};
+/// use flank::{Task, map::{KindMap, Rule}, scene::Scene, sweep::{Begin, Share}};
 ///
 /// let scene = Scene::from_file("examples/scenes/kahraman-singh.json")?;
 /// let axes = ["/train/transmission_error/0/frequency=0.4:2:50", "/train/mean_load=0.02:0.3:50"];
 /// let map = KindMap::new(scene, &axes, Rule::default(), &["apart_fraction"])?;
-/// let mut lines = map.open("map".as_ref(), Begin::New)?.expect("a new map is open");
+/// let mut lines = map.open("map".as_ref(), Begin::New, Share::ALL)?.expect("a new map is open");
 /// map.run(&mut lines, Task::default())?;
 /// let tally = map.finish(lines, |_, _| Ok(()))?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -94,11 +96,17 @@ impl KindMap {
     /// Opens the file of rows in `folder`.
     ///
     /// # Errors
-    /// As [`Lines::open`].
-    pub fn open(&self, folder: &std::path::Path, begin: crate::sweep::Begin) -> Result<Option<Lines>, SweepError> {
-        let lines = Lines::open(folder, Self::FILES, begin, self.header())?;
-        let place = |cell: usize| csv_line(self.plane.values(cell).map(number));
-        lines.map(|lines| lines.checked(self.plane.cells(), place)).transpose()
+    /// As [`Records::open`].
+    pub fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Records>, SweepError> {
+        Records::open(folder, Self::FILES, (begin, share), self.header(), Rows::alone(self.plane.cells()))
+    }
+
+    /// The rows of so many parts, which are in `folders`, as those of an undivided run, to be finished in `out`.
+    ///
+    /// # Errors
+    /// As [`Records::merged`].
+    pub fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<Records, SweepError> {
+        Records::merged(folders, Self::FILES, out, self.header(), Rows::alone(self.plane.cells()))
     }
 
     /// The first line of the table.
@@ -157,30 +165,28 @@ impl KindMap {
     ///
     /// # Errors
     /// [`SweepError`] if a row cannot be kept.
-    pub fn run(&self, lines: &mut Lines, task: Task<'_>) -> Result<Ending, SweepError> {
-        let total = self.plane.cells();
-        let work = |(): &mut (), cell: usize| (!task.is_cancelled()).then(|| self.row(cell, task))?;
-        in_order(
-            lines.count()..total,
-            1,
-            || (),
-            work,
-            |_, row: String| {
-                lines.push(&row)?;
+    pub fn run(&self, rows: &mut Records, task: Task<'_>) -> Result<Ending, SweepError> {
+        let share = rows.share();
+        let work = |(): &mut (), i: usize| (!task.is_cancelled()).then(|| self.row(share.chain(i), task))?;
+        for missing in rows.missing() {
+            let keep = |i: usize, row: String| {
+                rows.keep(share.chain(i), &row)?;
                 task.advance();
                 Ok::<(), SweepError>(())
-            },
-        )?;
-        Ok(if lines.count() == total { Ending::Complete } else { Ending::Interrupted })
+            };
+            in_order(missing, 1, || (), work, keep)?;
+        }
+        rows.sync()?;
+        Ok(if rows.is_complete() { Ending::Complete } else { Ending::Interrupted })
     }
 
     /// Counts the cells and writes the final files. `picture` draws the map into the folder.
     ///
     /// # Errors
-    /// As [`Lines::finish`].
+    /// [`SweepError::Output`] if a file cannot be read or written; the rows stay then.
     pub fn finish(
         &self,
-        mut lines: Lines,
+        mut rows: Records,
         picture: impl FnOnce(&Tally, &mut Folder) -> Result<(), OutputError>,
     ) -> Result<Tally, SweepError> {
         let axes = self.plane.grid().axes();
@@ -188,12 +194,12 @@ impl KindMap {
         let shown = self.measures.of_first().into_iter().map(|place| before + place).collect();
         let after = before + self.measures.values(None).len();
         let mut tally = Tally::new([axes[0].count(), axes[1].count()], shown, after);
-        lines.each(|row| {
+        rows.in_order(|_, row, _| {
             tally.add(row);
             Ok(())
         })?;
-        picture(&tally, &mut lines.outputs()?)?;
-        lines.finish(&self.head(), &[], &tally.found())?;
+        picture(&tally, rows.outputs())?;
+        rows.table(&self.head(), |row, _| row.to_owned(), &[], tally.found())?;
         Ok(tally)
     }
 }

@@ -8,7 +8,7 @@ mod fault;
 mod text;
 
 use std::{
-    fs::{self, File, Metadata},
+    fs::{self, File, Metadata, TryLockError},
     io::{self, Write},
     path::{Component, Path, PathBuf},
 };
@@ -35,6 +35,9 @@ pub enum OutputError {
     /// A file, folder or link that no manifest names has the name of an output.
     #[error("{0} is in the way: {MANIFEST} does not name it as a file of an earlier command")]
     Foreign(PathBuf),
+    /// Another command is writing there.
+    #[error("another command is writing into {0}")]
+    InUse(PathBuf),
     /// The manifest names the input of the command.
     #[error("{0} is read by this command and would be replaced")]
     Input(PathBuf),
@@ -72,6 +75,9 @@ pub struct Folder {
     /// Order of `files`: that of the request. Files are not always written in the same order.
     #[serde(skip)]
     order: Vec<String>,
+    /// The folder itself, locked for as long as this lives; none where a file system has no locks.
+    #[serde(skip)]
+    lock: Option<Lock>,
 }
 
 impl Request<'_> {
@@ -117,19 +123,38 @@ impl Request<'_> {
     /// # Errors
     /// As [`check`](Self::check), nothing changed then; [`OutputError::File`] if a file cannot be removed.
     pub fn open(&self) -> Result<Folder, OutputError> {
-        let mut folder = self.check()?;
-        fs::create_dir_all(self.folder).map_err(failed(self.folder))?;
+        let mut folder = self.lock()?;
         folder.clear(self.command, &[])?;
         folder.order.clone_from(&self.files);
         Ok(folder)
     }
 
+    /// The folder, created if need be, locked, and otherwise as it is.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check); [`OutputError::InUse`] if another command writes into it.
+    pub fn lock(&self) -> Result<Folder, OutputError> {
+        self.check()?;
+        fs::create_dir_all(self.folder).map_err(failed(self.folder))?;
+        let lock = match File::open(self.folder) {
+            Ok(folder) => match folder.try_lock() {
+                Ok(()) => Some(Lock(folder)),
+                Err(TryLockError::WouldBlock) => return Err(OutputError::InUse(self.folder.to_owned())),
+                // A file system without locks: nothing better can be had there.
+                Err(TryLockError::Error(_)) => None,
+            },
+            Err(_) => None,
+        };
+        // What another command has done since is seen only now.
+        Ok(Folder { lock, ..self.check()? })
+    }
+
     /// Opens the folder with what an earlier run of the same command left, to go on with it; `force` has to be set.
     ///
     /// # Errors
-    /// As [`check`](Self::check); [`OutputError::Occupied`] if another command wrote into it.
+    /// As [`lock`](Self::lock); [`OutputError::Occupied`] if another command wrote into it.
     pub fn reopen(&self) -> Result<Folder, OutputError> {
-        let mut folder = self.check()?;
+        let mut folder = self.lock()?;
         if folder.command != self.command {
             return Err(OutputError::Occupied(self.folder.to_owned()));
         }
@@ -139,10 +164,21 @@ impl Request<'_> {
     }
 }
 
+/// A folder that is locked.
+#[derive(Debug)]
+struct Lock(File);
+
+impl Drop for Lock {
+    /// Gives the lock back at once: a process that is just being started may hold a copy of the file for a moment.
+    fn drop(&mut self) {
+        let _ = self.0.unlock();
+    }
+}
+
 impl Folder {
     fn new(command: &str) -> Self {
         let (flank, command) = (env!("CARGO_PKG_VERSION").to_owned(), command.to_owned());
-        Self { path: PathBuf::new(), flank, command, files: Vec::new(), order: Vec::new() }
+        Self { path: PathBuf::new(), flank, command, files: Vec::new(), order: Vec::new(), lock: None }
     }
 
     /// Removes what the manifest names, `kept` apart, and starts a manifest of `command`.
@@ -152,7 +188,7 @@ impl Folder {
             remove(&part(&path))?;
             remove(&path)?;
         }
-        *self = Self { path: std::mem::take(&mut self.path), ..Self::new(command) };
+        *self = Self { path: std::mem::take(&mut self.path), lock: self.lock.take(), ..Self::new(command) };
         if kept.is_empty() { remove(&self.path.join(MANIFEST)) } else { self.list(kept) }
     }
 

@@ -1,3 +1,5 @@
+use std::path::{Path, PathBuf};
+
 use serde_json::{Map, Value, json};
 
 use super::{
@@ -11,19 +13,19 @@ use crate::{
     output::{Fault, Folder, OutputError, in_a_line, number},
     scene::{Scene, SceneError},
     simulation::Simulation,
-    sweep::{Cell, Ending, Entry, Journal, Outcome, Plan, SweepError, Tally, run},
+    sweep::{Begin, Cell, Ending, Journal, Kept, Outcome, Plan, SWEEP, Share, SweepError, Tally, run},
     task::Task,
 };
 
 /// Steady motions at the points of a grid of scene numbers, kept in a [`Journal`].
 ///
 /// ```no_run
-/// use flank::{Task, scene::Scene, study::{SteadySweep, steady::Rule}, sweep::{Begin, Grid, Journal, Plan, Seeding}};
+/// use flank::{Task, scene::Scene, study::{SteadySweep, steady::Rule}, sweep::{Begin, Grid, Plan, Seeding, Share}};
 ///
 /// let plan = Plan::new(Grid::parse(&["/train/speed_rpm=500:900:9"])?, Seeding::Up);
 /// let sweep = SteadySweep::new(Scene::reference()?, plan, Rule::default())?;
 /// let folder = std::path::Path::new("sweep");
-/// let mut journal = Journal::open(folder, Begin::New, sweep.header(), sweep.plan().rows())?.expect("a new sweep is open");
+/// let mut journal = sweep.open(folder, Begin::New, Share::ALL)?.expect("a new sweep is open");
 /// sweep.run(&mut journal, Task::default())?;
 /// let tally = sweep.finish(journal, |_, _| Ok(()))?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -41,6 +43,9 @@ pub struct SteadySweep {
 }
 
 impl SteadySweep {
+    /// The files of `flank sweep`.
+    pub const FILES: Kept = SWEEP;
+
     /// Checks that the scene holds and has a forcing period at both ends of every axis, with each other.
     ///
     /// # Errors
@@ -113,6 +118,26 @@ impl SteadySweep {
         header
     }
 
+    /// Opens the journal of a share of its rows in `folder`.
+    ///
+    /// # Errors
+    /// As [`Records::open`](crate::sweep::Records::open).
+    pub fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Journal<Steady, Seed>>, SweepError> {
+        Journal::open_for(SWEEP, folder, (begin, share), self.header(), &self.plan)
+    }
+
+    /// The journals of so many parts, which are in `folders`, as that of an undivided run, to be finished in `out`.
+    ///
+    /// # Errors
+    /// As [`Records::merged`](crate::sweep::Records::merged).
+    pub fn merged(
+        &self,
+        folders: (&[PathBuf], usize),
+        out: (&Path, Begin),
+    ) -> Result<Journal<Steady, Seed>, SweepError> {
+        Journal::merged(folders, SWEEP, out, self.header(), &self.plan)
+    }
+
     /// Computes every row that the journal does not hold, as [`run`].
     ///
     /// # Errors
@@ -141,12 +166,13 @@ impl SteadySweep {
         // Where the train itself is varied, not every row has each contact.
         let mut measures = self.measures.clone();
         let mut rows = Vec::new();
-        for row in 0..self.plan.rows() {
-            if let Some(Entry { outcome: Outcome::Done { result, .. }, .. }) = journal.entry(row)? {
+        journal.each(|row, outcome| {
+            if let Outcome::Done { result, .. } = outcome {
                 measures.take(&result);
                 rows.push(SweepRow::of(row, result));
             }
-        }
+            Ok(())
+        })?;
         let columns = columns(self.dimensionless, &measures);
         let draw = |folder: &mut Folder| picture(&rows, folder);
         journal.finish(&self.plan, &columns, |steady| cells(steady, &measures), draw)

@@ -17,9 +17,6 @@ pub enum SweepError {
     /// A new sweep was asked for in a folder that holds an unfinished one.
     #[error("{0} holds rows of a command that has not finished")]
     Unfinished(PathBuf),
-    /// Another process is writing there.
-    #[error("another process is writing rows into {0}")]
-    InUse(PathBuf),
     /// What lies in the folder belongs to another sweep.
     #[error("{path} holds other work{}", differences.iter().map(|d| format!("\n  {d}")).collect::<String>())]
     Mismatch {
@@ -38,6 +35,9 @@ pub enum SweepError {
         /// What is wrong with it.
         reason: String,
     },
+    /// Parts that cannot be merged, and all that is wrong with them.
+    #[error("the parts cannot be merged{}", .0.iter().map(|fault| format!("\n  {fault}")).collect::<String>())]
+    Parts(Vec<String>),
     /// The folder cannot be written into, or a file cannot be read or written.
     #[error(transparent)]
     Output(#[from] OutputError),

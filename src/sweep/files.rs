@@ -2,18 +2,16 @@
 
 use std::{
     fs::{self, File},
-    io::{BufWriter, Write},
+    io::{BufWriter, Write as _},
     path::{Path, PathBuf},
 };
 
 use serde::{Serialize, Serializer, de::DeserializeOwned};
 use serde_json::{Map, Value};
 
-use super::{Cell, Direction, Journal, Outcome, Plan, SweepError, journal};
-use crate::output::{self, Folder, OutputError, csv_line, failed, label, number, part};
+use super::{Cell, Direction, Journal, Outcome, Plan, SweepError, records::Write};
+use crate::output::{Folder, OutputError, csv_line, failed, label, number, part};
 
-/// Says what the sweep was, and that the others are whole: written last.
-const SEAL: &str = "sweep.json";
 const TABLE: &str = "sweep.csv";
 const ROWS: &str = "sweep.jsonl";
 
@@ -61,45 +59,37 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         cells: impl Fn(&R) -> Vec<String>,
         picture: impl FnOnce(&mut Folder) -> Result<(), OutputError>,
     ) -> Result<Tally, SweepError> {
-        let folder = self.folder.clone();
-        picture(&mut self.outputs()?)?;
-        let mut table = Part::create(&folder, TABLE)?;
-        let mut rows = Part::create(&folder, ROWS)?;
-        let mut tally = Tally { rows: plan.rows(), failed: 0 };
-
+        assert_eq!(self.records.count(), plan.rows(), "rows of a finished sweep");
+        self.draw(picture)?;
         let pointers: Vec<&str> = plan.grid().axes().iter().map(|axis| axis.pointer.as_str()).collect();
         let columns: Vec<&str> = columns.iter().map(AsRef::as_ref).collect();
         let head = pointers.iter().copied().chain(["direction"]).chain(columns.iter().copied()).chain(["error"]);
-        table.write(&(csv_line(head) + "\n"))?;
-        for row in 0..plan.rows() {
+        let mut tally = Tally { rows: plan.rows(), failed: 0 };
+        self.each(|_, outcome| {
+            tally.failed += usize::from(matches!(outcome, Outcome::Failed(_)));
+            Ok(())
+        })?;
+        let write = |table: usize, row: usize, outcome: Outcome<R, S>, line: &mut Write<'_>| {
             let Cell { values, direction, .. } = plan.cell(row);
-            let entry = self.entry(row)?.unwrap_or_else(|| panic!("row {row} of a finished sweep"));
-            let (result, error) = match &entry.outcome {
+            let (result, error) = match &outcome {
                 Outcome::Done { result, .. } => (Some(result), None),
                 Outcome::Failed(why) => (None, Some(why.as_str())),
             };
-            tally.failed += usize::from(error.is_some());
+            if table == 1 {
+                let at = pointers.iter().copied().zip(values).collect();
+                let text = serde_json::to_string(&Line { at, direction, result, error });
+                return line(&text.map_err(|error| failed(Path::new(ROWS))(error.into()))?);
+            }
             let measures = result.map_or_else(|| vec![String::new(); columns.len()], &cells);
             assert_eq!(measures.len(), columns.len(), "cells and columns of a sweep");
-            let mut line: Vec<String> = values.iter().copied().map(number).collect();
-            line.push(label(direction));
-            line.extend(measures);
-            line.push(error.unwrap_or_default().to_owned());
-            table.write(&(csv_line(line) + "\n"))?;
-            let at = pointers.iter().copied().zip(values).collect();
-            let line = serde_json::to_string(&Line { at, direction, result, error });
-            rows.write(&(line.map_err(|error| failed(&rows.path)(error.into()))? + "\n"))?;
-        }
-        let mut seal = Part::create(&folder, SEAL)?;
-        let mut header = self.header.clone();
-        header.insert("rows".to_owned(), tally.rows.into());
-        header.insert("failed".to_owned(), tally.failed.into());
-        seal.write(&format!("{:#}\n", Value::from(header)))?;
-        for part in [table, rows, seal] {
-            part.publish()?;
-        }
-        // Nothing depends on the journal any more. The lock is held until it is gone.
-        output::remove(&folder.join(journal::NAME))?;
+            let mut fields: Vec<String> = values.iter().copied().map(number).collect();
+            fields.push(label(direction));
+            fields.extend(measures);
+            fields.push(error.unwrap_or_default().to_owned());
+            line(&csv_line(fields))
+        };
+        let found = [("rows", tally.rows.into()), ("failed", tally.failed.into())];
+        self.seal(&[(TABLE, Some(csv_line(head))), (ROWS, None)], write, &found)?;
         Ok(tally)
     }
 }

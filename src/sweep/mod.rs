@@ -19,7 +19,7 @@
 //! let plan = Plan::new(Grid::parse(&["/a=1:9:9"])?, Seeding::Up);
 //! let folder = tempfile::tempdir()?;
 //!
-//! let mut journal = Journal::open(folder.path(), Begin::New, plan.header(), plan.rows())?.expect("a new sweep is open");
+//! let mut journal = Journal::open(folder.path(), Begin::New, plan.header(), &plan)?.expect("a new sweep is open");
 //! assert_eq!(run(&plan, &mut journal, newton, Task::default())?, Ending::Complete);
 //! journal.finish(&plan, &["root"], |root| vec![root.to_string()], |_| Ok(()))?;
 //!
@@ -32,15 +32,18 @@ mod error;
 mod files;
 mod grid;
 mod journal;
-mod lines;
 mod plan;
+mod records;
 mod run;
+mod share;
 
 pub use error::{GridError, SweepError};
 pub use files::Tally;
 pub use grid::{Axis, Grid};
-pub use journal::{Begin, Journal, Kept, same};
-pub(crate) use journal::{Entry, Outcome};
-pub use lines::Lines;
+pub use journal::{Begin, Journal};
+pub(crate) use journal::{Outcome, SWEEP};
 pub use plan::{Cell, Direction, Plan, Seeding};
+pub(crate) use records::Write;
+pub use records::{Kept, Records, Rows, same};
 pub use run::{Ending, run};
+pub use share::Share;

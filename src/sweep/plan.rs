@@ -1,11 +1,11 @@
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::Grid;
 
 /// Where the points of a sweep start: fresh, or at the end of a neighbour along the last axis. Coexisting branches show where
 /// the two directions differ.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "lowercase")]
 pub enum Seeding {
@@ -102,6 +102,16 @@ impl Plan {
         match self.seeding {
             Seeding::Fresh => self.rows(),
             _ => self.rows() / self.grid.line(),
+        }
+    }
+
+    /// Number of the chain of row number `row`.
+    #[must_use]
+    pub fn chain_of(&self, row: usize) -> usize {
+        let ways = self.ways().len();
+        match self.seeding {
+            Seeding::Fresh => row,
+            _ => row / ways / self.grid.line() * ways + row % ways,
         }
     }
 

@@ -1,4 +1,5 @@
 use std::{
+    collections::BTreeSet,
     fmt::Display,
     sync::{Mutex, MutexGuard, PoisonError},
 };
@@ -6,7 +7,7 @@ use std::{
 use rayon::prelude::*;
 use serde::{Serialize, de::DeserializeOwned};
 
-use super::{Cell, Entry, Journal, Outcome, Plan, SweepError};
+use super::{Cell, Journal, Outcome, Plan, SweepError};
 use crate::task::Task;
 
 /// How a sweep ended.
@@ -31,25 +32,41 @@ pub enum Ending {
 pub fn run<R, S, E, P>(plan: &Plan, journal: &mut Journal<R, S>, point: P, task: Task<'_>) -> Result<Ending, SweepError>
 where
     R: Serialize + DeserializeOwned,
-    S: Serialize + DeserializeOwned,
+    S: Serialize + DeserializeOwned + Sync,
+    R: Sync,
     E: Display,
     P: Fn(&Cell, Option<&S>) -> Result<(R, S), E> + Sync,
 {
-    let total = plan.rows();
+    // A row that is kept is read again where the next one of its chain starts from it.
+    let mut wanted = BTreeSet::new();
+    let share = journal.records.share();
+    if journal.records.count() > 0 {
+        for chain in (0..plan.chains()).filter(|chain| share.holds(*chain)) {
+            let mut before = None;
+            for row in plan.chain(chain) {
+                let has = journal.records.has(row);
+                wanted.extend(before.filter(|_| !has));
+                before = has.then_some(row);
+            }
+        }
+    }
+    let seeds = journal.find(&wanted)?;
     let journal = Mutex::new(journal);
     let hold = || -> MutexGuard<'_, &mut Journal<R, S>> { journal.lock().unwrap_or_else(PoisonError::into_inner) };
 
     let along = |chain: usize| -> Result<(), SweepError> {
-        let mut before: Option<Entry<R, S>> = None;
+        let mut before: Option<Outcome<R, S>> = None;
+        let mut kept: Option<usize> = None;
         for row in plan.chain(chain) {
-            if let Some(entry) = hold().entry(row)? {
-                before = Some(entry);
+            if hold().records.has(row) {
+                (before, kept) = (None, Some(row));
                 continue;
             }
             if task.is_cancelled() {
                 break;
             }
-            let seed = before.as_ref().and_then(|entry| match &entry.outcome {
+            let seed = kept.take().and_then(|row| seeds.get(&row)).or(before.as_ref());
+            let seed = seed.and_then(|outcome| match outcome {
                 Outcome::Done { end, .. } => Some(end),
                 Outcome::Failed(_) => None,
             });
@@ -59,12 +76,14 @@ where
                 Err(_) if task.is_cancelled() => break,
                 Err(error) => Outcome::Failed(error.to_string()),
             };
-            before = Some(hold().keep(Entry { row, outcome })?);
+            before = Some(hold().keep(row, outcome)?);
             task.advance();
         }
         Ok(())
     };
-    (0..plan.chains()).into_par_iter().with_max_len(1).try_for_each(along)?;
-    let complete = hold().kept() == total;
+    let own = 0..share.count(plan.chains());
+    own.into_par_iter().with_max_len(1).map(|i| share.chain(i)).try_for_each(along)?;
+    hold().records.sync()?;
+    let complete = hold().records.is_complete();
     Ok(if complete { Ending::Complete } else { Ending::Interrupted })
 }

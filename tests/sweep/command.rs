@@ -14,7 +14,7 @@ use flank::{
     plot::Print,
     scene::Scene,
     study::{SteadySweep, steady::Rule},
-    sweep::{Begin, Ending, Grid, Journal, Plan, Seeding},
+    sweep::{Begin, Ending, Grid, Plan, Seeding, Share},
 };
 use serde_json::Value;
 use tempfile::TempDir;
@@ -81,7 +81,7 @@ fn the_library_writes_what_the_command_writes() {
     let grid = Grid::parse(&["/train/mean_load=0.06:0.24:4", &format!("{AMPLITUDE}=0.1:0.3:5")]).unwrap();
     let sweep = SteadySweep::new(scene, Plan::new(grid, Seeding::Fresh), Rule::default()).unwrap();
     let out = folder.path().join("library");
-    let mut journal = Journal::open(&out, Begin::New, sweep.header(), sweep.plan().rows()).unwrap().unwrap();
+    let mut journal = sweep.open(&out, Begin::New, Share::ALL).unwrap().unwrap();
     assert_eq!(sweep.run(&mut journal, Task::default()).unwrap(), Ending::Complete);
     let drawn = sweep.finish(journal, |rows, folder| {
         let figure = sweep_figure("scene", sweep.plan(), rows, sweep.dimensionless());

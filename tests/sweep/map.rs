@@ -39,7 +39,7 @@ type Toy = (f64, bool);
 fn open(folder: &Path, begin: Begin, plan: &Plan) -> Result<Option<Journal<Toy, f64>>, SweepError> {
     let mut header = plan.header();
     header.insert("map".to_owned(), "bistable".into());
-    Journal::open(folder, begin, header, plan.rows())
+    Journal::open(folder, begin, header, plan)
 }
 
 /// Sweeps until `most` points are done by `work`; gives the tally if nothing is missing then.
@@ -183,7 +183,7 @@ fn a_sweep_broken_off_after_any_point_goes_on_to_the_same_bytes() {
             let folder = tempfile::tempdir().unwrap();
             assert_eq!(sweep(folder.path(), Begin::New, &plan, 1, most), None);
             assert!(!folder.path().join("sweep.csv").exists());
-            assert_eq!(open(folder.path(), Begin::Resume, &plan).unwrap().unwrap().kept(), most);
+            assert_eq!(open(folder.path(), Begin::Resume, &plan).unwrap().unwrap().records().count(), most);
             // Broken off once more; with two threads the point that is running is kept too, and may be the last.
             if sweep(folder.path(), Begin::Resume, &plan, 2, 1).is_none() {
                 sweep(folder.path(), Begin::Resume, &plan, 2, usize::MAX).unwrap();
@@ -270,7 +270,10 @@ fn a_folder_in_use_or_occupied_is_refused() {
     let plan = plan(&["/a=0:1:4"], Seeding::Up);
     let first = open(folder.path(), Begin::New, &plan).unwrap().unwrap();
     for begin in [Begin::Resume, Begin::Replace] {
-        assert!(matches!(open(folder.path(), begin, &plan), Err(SweepError::InUse(_))), "{begin:?}");
+        assert!(
+            matches!(open(folder.path(), begin, &plan), Err(SweepError::Output(OutputError::InUse(_)))),
+            "{begin:?}"
+        );
     }
     assert!(matches!(open(folder.path(), Begin::New, &plan), Err(SweepError::Unfinished(_))));
     drop(first);

@@ -1,0 +1,62 @@
+//! `flank merge`.
+
+use std::path::PathBuf;
+
+use flank::{output::Fault, scene::Scene, sweep::Share};
+
+use super::{
+    CliError, Done, basins, diagram, map,
+    pictures::Pictures,
+    sweep,
+    work::{Merge, Part, Work, parts},
+};
+
+/// Arguments of `flank merge`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The folders of all parts
+    #[arg(required = true, value_name = "DIR")]
+    folders: Vec<PathBuf>,
+    /// Folder of the files of the undivided command; its name if left out
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Check that the parts are complete and belong together, and write nothing
+    #[arg(long)]
+    dry_run: bool,
+    /// Write into a folder that is not empty
+    #[arg(long)]
+    force: bool,
+    /// Print nothing
+    #[arg(long, short)]
+    quiet: bool,
+    #[command(flatten)]
+    pictures: Pictures,
+}
+
+/// Takes the parts of divided work together.
+pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
+    let Part { command, part, name, scene, asked } = parts(&arguments.folders)?;
+    let share: Share = part.parse().map_err(|found| {
+        let fault = Fault::new("the parts", format!("{part}: {found}"), "parts that flank has written");
+        CliError::Arguments(vec![fault])
+    })?;
+    let scene = Scene::from_value(scene, &name)?;
+    let out = arguments.out.clone().unwrap_or_else(|| PathBuf::from(&command));
+    let work = Work::silent(arguments.quiet);
+    let merge = Merge {
+        folders: &arguments.folders,
+        of: share.of,
+        out: &out,
+        force: arguments.force,
+        only_check: arguments.dry_run,
+        work: &work,
+    };
+    let pictures = &arguments.pictures;
+    match command.as_str() {
+        "sweep" => sweep::merge(asked, scene, pictures, &merge),
+        "map" => map::merge(asked, scene, pictures, &merge),
+        "basins" => basins::merge(asked, scene, pictures, &merge),
+        "diagram" => diagram::merge(asked, scene, pictures, &merge),
+        _ => Err(CliError::Arguments(vec![Fault::new("the parts", command, "sweep, map, basins or diagram")])),
+    }
+}

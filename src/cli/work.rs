@@ -1,0 +1,283 @@
+//! Long work over many points: kept as it is done, divided into parts, and merged.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use flank::{
+    output::{Fault, Folder, OutputError},
+    scene::Scene,
+    sweep::{Begin, Ending, Kept, Records, Share, SweepError},
+};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use super::{
+    CliError, Done, print,
+    progress::{counted, limit},
+    threads,
+};
+
+/// What a part says of itself, for `flank merge`.
+const PART: &str = "part.json";
+
+/// Long work, kept as it is done.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct Work {
+    /// Go on with what was broken off
+    #[arg(long, conflicts_with = "force")]
+    resume: bool,
+    /// Write into a folder that is not empty
+    #[arg(long)]
+    force: bool,
+    /// Do part I of N only, counted from 0; flank merge takes the folders of all parts together
+    #[arg(long, value_name = "I/N", help_heading = "Parts")]
+    part: Option<Share>,
+    /// Print the number of points, and do nothing
+    #[arg(long, help_heading = "Parts")]
+    count: bool,
+    /// Print the command lines of N parts, and do nothing
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=Share::MOST as u64), help_heading = "Parts")]
+    plan: Option<u64>,
+    /// End after this many seconds, at a finished point; exit code 75
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, help_heading = "Parts")]
+    time_limit: Option<f64>,
+    /// Threads; as many as there are cores if left out
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Print nothing
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+fn seconds(word: &str) -> Result<f64, String> {
+    let value = word.parse().ok().filter(|seconds: &f64| *seconds > 0.0 && *seconds < 1e9);
+    value.ok_or_else(|| "a number of seconds above 0, below 1e9".to_owned())
+}
+
+impl Work {
+    /// Work of its own, which prints unless it is to be `quiet`.
+    pub fn silent(quiet: bool) -> Self {
+        Self { quiet, ..Self::default() }
+    }
+
+    /// How it begins.
+    pub fn begin(&self) -> Begin {
+        match (self.resume, self.force) {
+            (true, _) => Begin::Resume,
+            (_, true) => Begin::Replace,
+            _ => Begin::New,
+        }
+    }
+
+    /// Its share of the work.
+    fn share(&self) -> Share {
+        self.part.unwrap_or(Share::ALL)
+    }
+
+    /// Prints, unless that is not wanted.
+    pub fn say(&self, text: &str) -> Result<(), CliError> {
+        if self.quiet { Ok(()) } else { print(text) }
+    }
+}
+
+/// A command of many points.
+pub trait Points: Sized + Sync {
+    /// Its name.
+    const COMMAND: &'static str;
+    /// Its points, in words.
+    const THINGS: &'static str;
+    /// Its rows while they are kept.
+    type Rows: Send;
+
+    /// The files that it keeps.
+    fn kept() -> Kept;
+    /// Number of its rows, and of the chains that they are divided by.
+    fn rows(&self) -> [usize; 2];
+    /// Opens the rows of a share in a folder.
+    fn open(&self, folder: &Path, begin: Begin, share: Share) -> Result<Option<Self::Rows>, SweepError>;
+    /// The rows of parts as those of all.
+    fn merged(&self, folders: (&[PathBuf], usize), out: (&Path, Begin)) -> Result<Self::Rows, SweepError>;
+    /// Its records.
+    fn records(rows: &mut Self::Rows) -> &mut Records;
+    /// Computes what is missing.
+    fn run(&self, rows: &mut Self::Rows, work: &Work, task: flank::Task<'_>) -> Result<Ending, CliError>;
+    /// Writes the final files, and says what came of it.
+    fn finish(&self, rows: Self::Rows, work: &Work, out: &Path) -> Result<Done, CliError>;
+}
+
+/// Does the work of a command, or a share of it, as `asked` of the scene.
+pub fn execute<P: Points>(
+    points: &P,
+    (scene, asked): (&Scene, &Value),
+    work: &Work,
+    (input, out): (Option<&Path>, &Path),
+) -> Result<Done, CliError> {
+    let [rows, chains] = points.rows();
+    if work.count {
+        print(&format!("{rows} {} in {chains} chains\n", P::THINGS))?;
+        return Ok(Done::Completely);
+    }
+    if let Some(of) = work.plan {
+        return plan(chains, of as usize, out);
+    }
+    let (begin, share) = (work.begin(), work.share());
+    if chains < share.of {
+        eprintln!(
+            "warning: {chains} chains of neighbours, fewer than {} parts: some parts have nothing to do",
+            share.of
+        );
+    }
+    if begin != Begin::New {
+        P::kept().request(begin, out, input).check()?;
+    }
+    let Some(mut kept) = points.open(out, begin, share)? else {
+        work.say(&format!("{} holds all of it\n", out.display()))?;
+        return Ok(Done::Completely);
+    };
+    let records = P::records(&mut kept);
+    if records.damaged() > 0 {
+        eprintln!(
+            "warning: {} damaged records in {}: their {} are computed again",
+            records.damaged(),
+            out.display(),
+            P::THINGS
+        );
+    }
+    let (own, before) = (records.own(), records.count());
+    if share.of > 1 {
+        describe::<P>(records.outputs(), (scene, asked), share)?;
+    }
+    let pool = threads(work.threads)?;
+    work.time_limit.into_iter().for_each(limit);
+    let ending =
+        counted(own, before, P::THINGS, work.quiet, |task| pool.install(|| points.run(&mut kept, work, task)))?;
+    let count = P::records(&mut kept).count();
+    if ending == Ending::Interrupted {
+        let out = out.display();
+        work.say(&format!(
+            "interrupted: {count} of {own} {} are kept in {out}; the same command with --resume goes on\n",
+            P::THINGS
+        ))?;
+        return Ok(Done::Interrupted);
+    }
+    if share.of > 1 {
+        work.say(&format!("part {share}: all of its {own} {} are kept in {}\n", P::THINGS, out.display()))?;
+        return Ok(Done::Completely);
+    }
+    points.finish(kept, work, out)
+}
+
+/// Prints the command line of every part.
+fn plan(chains: usize, of: usize, out: &Path) -> Result<Done, CliError> {
+    let words: Vec<String> = std::env::args().collect();
+    let mut text = String::new();
+    let mut kept = Vec::new();
+    let mut skip = false;
+    for word in &words {
+        let is_own = ["--plan", "--out"].contains(&word.as_str());
+        if !is_own && !skip && !word.starts_with("--plan=") && !word.starts_with("--out=") {
+            kept.push(quoted(word));
+        }
+        skip = is_own;
+    }
+    for part in 0..of.min(chains.max(1)) {
+        let folder = quoted(&out.join(format!("part-{part}")).display().to_string());
+        text += &format!("{} --part {part}/{of} --resume --out {folder}\n", kept.join(" "));
+    }
+    print(&text)?;
+    Ok(Done::Completely)
+}
+
+/// A word as a shell reads it back.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
+}
+
+/// What a part says of itself.
+#[derive(Debug, PartialEq, Deserialize, Serialize)]
+pub struct Part {
+    pub command: String,
+    pub part: String,
+    /// Name of the scene, and the scene as it was given.
+    pub name: String,
+    pub scene: Value,
+    pub asked: Value,
+}
+
+fn describe<P: Points>(folder: &mut Folder, (scene, asked): (&Scene, &Value), share: Share) -> Result<(), OutputError> {
+    let (name, scene) = (scene.name(), scene.given());
+    let part = json!({
+        "command": P::COMMAND, "part": share.to_string(), "name": name, "scene": scene, "asked": asked,
+    });
+    folder.complete(PART, &part)
+}
+
+/// Reads what the parts in some folders say of themselves; they must say the same, their numbers apart.
+pub fn parts(folders: &[PathBuf]) -> Result<Part, CliError> {
+    let mut faults = Vec::new();
+    let mut first: Option<Part> = None;
+    for folder in folders {
+        let place = folder.join(PART);
+        let read = fs::read_to_string(&place).map_err(|error| error.to_string());
+        match (read.and_then(|text| serde_json::from_str::<Part>(&text).map_err(|error| error.to_string())), &first) {
+            (Err(why), _) => faults.push(Fault::new(&place.display().to_string(), why, "the folder of a part")),
+            (Ok(part), None) => first = Some(part),
+            (Ok(part), Some(known)) => {
+                let same = part.command == known.command && part.scene == known.scene && part.asked == known.asked;
+                let of = |part: &Part| part.part.parse::<Share>().map(|share| share.of);
+                if !same || of(&part) != of(known) {
+                    let found =
+                        "another scene, command, arguments or number of parts than in the first folder".to_owned();
+                    faults.push(Fault::new(&place.display().to_string(), found, "parts of the same work"));
+                }
+            }
+        }
+    }
+    match first {
+        Some(part) if faults.is_empty() => Ok(part),
+        _ => Err(CliError::Arguments(faults)),
+    }
+}
+
+/// Reads the arguments of a command that a part was asked for.
+pub fn read<T: for<'de> Deserialize<'de>>(asked: Value) -> Result<T, CliError> {
+    serde_json::from_value(asked).map_err(|error| {
+        let fault = Fault::new(PART, error.to_string(), "the arguments of a part");
+        CliError::Arguments(vec![fault.remedy("merge with the version that computed the parts")])
+    })
+}
+
+/// What is merged, and how.
+pub struct Merge<'a> {
+    pub folders: &'a [PathBuf],
+    pub of: usize,
+    pub out: &'a Path,
+    pub force: bool,
+    pub only_check: bool,
+    pub work: &'a Work,
+}
+
+/// Takes parts together: the files of an undivided run.
+pub fn merge<P: Points>(points: &P, merge: &Merge<'_>) -> Result<Done, CliError> {
+    let Merge { folders, out, work, .. } = merge;
+    let begin = if merge.force { Begin::Replace } else { Begin::New };
+    let mut rows = points.merged((folders, merge.of), (out, begin))?;
+    if merge.only_check {
+        let count = P::records(&mut rows).count();
+        work.say(&format!("{} parts are complete: {count} {}\n", folders.len(), P::THINGS))?;
+        return Ok(Done::Completely);
+    }
+    P::records(&mut rows).begin(begin)?;
+    points.finish(rows, work, out)
+}
+
+/// The name of a scene without folder and ending.
+pub fn stem(name: &str) -> String {
+    Path::new(name).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+}

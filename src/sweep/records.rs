@@ -1,0 +1,709 @@
+//! Records of a command as they finish, in one file.
+//!
+//! ```text
+//! flank-rows 1 SUM HEADER          the header, a JSON object: what the records depend on
+//! ROW SUM TEXT                     one line for each row that is finished, in any order
+//! ```
+//!
+//! SUM is the CRC-32 of what follows it, eight hexadecimal digits. That of a record goes on from that of the header and takes the number of the
+//! row too: a record that is damaged, or belongs to another row or other work, is none. It costs that row only.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs::{self, File},
+    io::{BufRead, BufReader, Read, Seek, SeekFrom, Write as _},
+    ops::Range,
+    path::{Path, PathBuf},
+    time::{Duration, Instant},
+};
+
+use crc32fast::Hasher;
+use serde_json::{Map, Value};
+
+use super::{
+    Begin, Plan, Share, SweepError,
+    files::{self, Part},
+};
+use crate::output::{self, Folder, OutputError, Request, failed};
+
+/// Begins the file, with the version of its format.
+const MAGIC: &str = "flank-rows 1 ";
+/// Digits of a checksum.
+const DIGITS: usize = 8;
+/// Records are on disk, whatever happens to the machine, so long after they were written at most.
+const SYNC: Duration = Duration::from_secs(2);
+
+/// The files of a command whose rows are kept as they finish.
+#[derive(Clone, Copy, Debug)]
+pub struct Kept {
+    /// The command.
+    pub command: &'static str,
+    /// Its files: the rows as they finish, the seal that says what they are, then the others, its figure apart.
+    pub files: &'static [&'static str],
+}
+
+impl Kept {
+    /// What the command writes into `folder`; nothing of `input` is replaced.
+    #[must_use]
+    pub fn request<'a>(&self, begin: Begin, folder: &'a Path, input: Option<&'a Path>) -> Request<'a> {
+        // The head of the rows says whose they are.
+        let files = if begin == Begin::Resume { &self.files[1..] } else { self.files };
+        let files = files.iter().map(|name| (*name).to_owned()).chain(self.figure()).collect();
+        Request { folder, command: self.command, input, force: begin != Begin::New, files }
+    }
+
+    /// Files that its figure may have.
+    fn figure(&self) -> [String; 3] {
+        ["svg", "pdf", "png"].map(|ending| format!("figures/{}.{ending}", self.command))
+    }
+}
+
+/// The rows of a command: how many there are, and in which chains. The rows of a chain are in one part.
+#[derive(Clone, Copy, Debug)]
+pub struct Rows<'p> {
+    /// Number of rows.
+    pub count: usize,
+    /// Number of chains.
+    pub chains: usize,
+    /// Its plan; every row is a chain of its own without one.
+    pub plan: Option<&'p Plan>,
+}
+
+impl Rows<'_> {
+    /// Rows of which each is a chain of its own.
+    #[must_use]
+    pub fn alone(count: usize) -> Self {
+        Self { count, chains: count, plan: None }
+    }
+
+    /// Number of rows in a share.
+    fn of(&self, share: Share) -> usize {
+        share.count(self.chains) * (self.count / self.chains.max(1))
+    }
+}
+
+/// Records of a command as they finish. Memory grows by one bit a row.
+///
+/// A record is written at once. The folder is locked as long as this lives; the system takes the lock away with the process, however that
+/// ends.
+#[derive(Debug)]
+pub struct Records {
+    kept: Kept,
+    outputs: Folder,
+    folder: PathBuf,
+    header: Map<String, Value>,
+    share: Share,
+    /// The file that records are written into; none of merged parts.
+    file: Option<File>,
+    /// The files that hold records: its own, or that of each part, by number.
+    sources: Vec<Source>,
+    /// Plan of its rows, if they have chains.
+    plan: Option<Plan>,
+    /// A bit for each row that has a record.
+    has: Vec<u64>,
+    rows: usize,
+    /// Number of rows in its share.
+    own: usize,
+    count: usize,
+    damaged: usize,
+    synced: Instant,
+}
+
+/// A file of records.
+#[derive(Clone, Debug)]
+struct Source {
+    path: PathBuf,
+    /// Checksum of its header.
+    head: Hasher,
+    /// Where the records begin and where they end.
+    begin: u64,
+    end: u64,
+    /// Rows below this are rows.
+    rows: usize,
+}
+
+impl Source {
+    fn new(path: PathBuf, header: &Map<String, Value>, rows: usize) -> Self {
+        let mut head = Hasher::new();
+        head.update(Value::from(header.clone()).to_string().as_bytes());
+        Self { path, head, begin: 0, end: 0, rows }
+    }
+
+    /// The first line, without its end.
+    fn first_line(&self, header: &Map<String, Value>) -> String {
+        format!("{MAGIC}{:08x} {}", self.head.clone().finalize(), Value::from(header.clone()))
+    }
+
+    fn sum(&self, row: usize, text: &str) -> u32 {
+        let mut sum = self.head.clone();
+        sum.update(&(row as u64).to_le_bytes());
+        sum.update(text.as_bytes());
+        sum.finalize()
+    }
+
+    /// The line of a record.
+    fn line(&self, row: usize, text: &str) -> String {
+        format!("{row} {:08x} {text}\n", self.sum(row, text))
+    }
+
+    /// Row and text of a line without its end. `None` if it is no record of this work.
+    fn record<'t>(&self, line: &'t [u8]) -> Option<(usize, &'t str)> {
+        let line = std::str::from_utf8(line).ok()?;
+        let (row, rest) = line.split_once(' ')?;
+        let (sum, text) = rest.split_at_checked(DIGITS)?;
+        let text = text.strip_prefix(' ')?;
+        let row: usize = row.parse().ok().filter(|row| *row < self.rows)?;
+        (self.sum(row, text) == u32::from_str_radix(sum, 16).ok()?).then_some((row, text))
+    }
+
+    /// Checks the header, which must be `header`, and finds where the records begin; a file that was cut within its header has none.
+    fn check(&mut self, folder: &Path, header: &Map<String, Value>) -> Result<(), SweepError> {
+        let damaged =
+            |reason: &str| SweepError::Damaged { path: self.path.clone(), line: 1, reason: reason.to_owned() };
+        let file = File::open(&self.path).map_err(failed(&self.path))?;
+        let mut line = Vec::new();
+        BufReader::new(file).read_until(b'\n', &mut line).map_err(failed(&self.path))?;
+        let own = self.first_line(header);
+        let Some(first) = line.strip_suffix(b"\n") else {
+            // What a killed command left of its header; anything else is the user's.
+            return if own.as_bytes().starts_with(&line) {
+                Ok(())
+            } else {
+                Err(damaged("not written by this command"))
+            };
+        };
+        if first != own.as_bytes() {
+            let text = std::str::from_utf8(first).ok().and_then(|text| text.strip_prefix(MAGIC));
+            let (sum, json) = text.and_then(|text| text.split_at_checked(DIGITS)).unwrap_or_default();
+            let json = json.strip_prefix(' ').unwrap_or_default();
+            let is_whole = u32::from_str_radix(sum, 16).is_ok_and(|sum| sum == crc32fast::hash(json.as_bytes()));
+            let there = serde_json::from_str(json).ok().filter(|_| is_whole);
+            let there = there.ok_or_else(|| damaged("its header is damaged, or it was not written by this command"))?;
+            return same(folder, &there, header);
+        }
+        self.begin = line.len() as u64;
+        self.end = self.begin;
+        Ok(())
+    }
+}
+
+/// Bytes that are read at once. The file is open for no longer: parts may be more than files that a process can open.
+const BLOCK: u64 = 1 << 16;
+
+/// Lines of a source, one after the other.
+struct Lines<'s> {
+    source: &'s Source,
+    /// What has been read, and where it begins in the file.
+    block: Vec<u8>,
+    at: u64,
+    /// Where the next line begins in the block.
+    next: usize,
+    end: u64,
+}
+
+/// A line: its row, if it is a record, and the place of its text.
+struct Line {
+    row: Option<usize>,
+    text: Range<u64>,
+    end: u64,
+}
+
+impl<'s> Lines<'s> {
+    fn new(source: &'s Source, end: u64) -> Self {
+        Self { source, block: Vec::new(), at: source.begin, next: 0, end }
+    }
+
+    /// Reads more of the file behind the block. False at its end.
+    fn read(&mut self) -> Result<bool, SweepError> {
+        let fail = failed(&self.source.path);
+        self.at += self.next as u64;
+        self.block.drain(..self.next);
+        self.next = 0;
+        let from = self.at + self.block.len() as u64;
+        if from >= self.end {
+            return Ok(false);
+        }
+        let mut file = File::open(&self.source.path).map_err(&fail)?;
+        file.seek(SeekFrom::Start(from)).map_err(&fail)?;
+        let before = self.block.len();
+        let most = BLOCK.max(before as u64).min(self.end - from);
+        file.take(most).read_to_end(&mut self.block).map_err(&fail)?;
+        Ok(self.block.len() > before)
+    }
+
+    /// The next line that has an end.
+    fn next(&mut self) -> Result<Option<Line>, SweepError> {
+        loop {
+            if let Some(length) = self.block[self.next..].iter().position(|byte| *byte == b'\n') {
+                let line = &self.block[self.next..self.next + length];
+                let record = self.source.record(line);
+                let end = self.at + (self.next + length) as u64;
+                let text = end - record.map_or(0, |(_, text)| text.len() as u64)..end;
+                let row = record.map(|(row, _)| row);
+                self.next += length + 1;
+                return Ok(Some(Line { row, text, end: end + 1 }));
+            }
+            if !self.read()? {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// The text of the line that was read last.
+    fn text(&self, line: &Line) -> &str {
+        let place = [line.text.start, line.text.end].map(|at| (at - self.at) as usize);
+        std::str::from_utf8(&self.block[place[0]..place[1]]).unwrap_or_default()
+    }
+}
+
+/// Records of a source in the order of their rows. In memory are places of those alone that stand before their turn.
+struct Ordered<'s> {
+    lines: Lines<'s>,
+    early: BTreeMap<usize, Range<u64>>,
+    last: Option<usize>,
+}
+
+impl<'s> Ordered<'s> {
+    fn new(source: &'s Source) -> Self {
+        Self { lines: Lines::new(source, source.end), early: BTreeMap::new(), last: None }
+    }
+
+    /// The text of a row; rows are asked for in their order.
+    fn get(&mut self, row: usize) -> Result<String, SweepError> {
+        let path = &self.lines.source.path;
+        if let Some(place) = self.early.remove(&row) {
+            // OK to convert: a line that was held in memory.
+            let mut text = vec![0; (place.end - place.start) as usize];
+            let read = File::open(path).and_then(|mut file| {
+                file.seek(SeekFrom::Start(place.start))?;
+                file.read_exact(&mut text)
+            });
+            read.map_err(failed(path))?;
+            self.last = Some(row);
+            return Ok(String::from_utf8_lossy(&text).into_owned());
+        }
+        while let Some(line) = self.lines.next()? {
+            match line.row {
+                Some(found) if found == row => {
+                    self.last = Some(row);
+                    return Ok(self.lines.text(&line).to_owned());
+                }
+                // A row for the second time has the same content.
+                Some(found) if self.last.is_none_or(|last| found > last) => {
+                    self.early.entry(found).or_insert(line.text);
+                }
+                _ => {}
+            }
+        }
+        let reason = format!("row {row} is gone");
+        Err(SweepError::Damaged { path: path.clone(), line: 0, reason })
+    }
+}
+
+impl Records {
+    /// Opens the records of a `share` of some `rows` in `folder`, created if need be. `header` is what they depend on. `None` if the work is
+    /// to be resumed, and is finished.
+    ///
+    /// # Errors
+    /// [`SweepError`] if the folder is occupied, in use or holds other work, if the header is damaged, or if a file cannot be read or
+    /// written. Nothing is changed then.
+    pub fn open(
+        folder: &Path,
+        kept: Kept,
+        (begin, share): (Begin, Share),
+        header: Map<String, Value>,
+        rows: Rows<'_>,
+    ) -> Result<Option<Self>, SweepError> {
+        let path = folder.join(kept.files[0]);
+        let unfinished = fs::symlink_metadata(&path).is_ok();
+        match begin {
+            Begin::New if unfinished => return Err(SweepError::Unfinished(folder.to_owned())),
+            Begin::New if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) => {
+                return Err(OutputError::Occupied(folder.to_owned()).into());
+            }
+            Begin::Resume if !unfinished && folder.join(kept.files[1]).exists() => {
+                same(folder, &files::header_of(folder, kept.files[1])?, &header)?;
+                return Ok(None);
+            }
+            _ => {}
+        }
+        let mut outputs = kept.request(begin, folder, None).lock()?;
+        if !unfinished {
+            if begin == Begin::Resume && outputs.command() != kept.command {
+                return Err(OutputError::Occupied(folder.to_owned()).into());
+            }
+            outputs.list(kept.files)?;
+        }
+        let header = with_share(header, share);
+        let file = File::options().read(true).write(true).create(!unfinished).truncate(false).open(&path);
+        let file = file.map_err(failed(&path))?;
+        let source = Source::new(path, &header, rows.count);
+        let mut records = Self {
+            kept,
+            outputs,
+            folder: folder.to_owned(),
+            header,
+            share,
+            file: Some(file),
+            sources: vec![source],
+            plan: rows.plan.cloned(),
+            has: vec![0; rows.count.div_ceil(64)],
+            rows: rows.count,
+            own: rows.of(share),
+            count: 0,
+            damaged: 0,
+            synced: Instant::now(),
+        };
+        if begin != Begin::Replace {
+            records.sources[0].check(folder, &records.header)?;
+            records.read_in(0, share)?;
+        }
+        records.enter(begin)?;
+        if records.sources[0].end == 0 {
+            let line = records.sources[0].first_line(&records.header) + "\n";
+            records.append(&line)?;
+            records.sources[0].begin = line.len() as u64;
+        }
+        Ok(Some(records))
+    }
+
+    /// Takes the records of `of` parts together, which are in `folders`: those of an undivided run, to be finished in the folder `out`.
+    ///
+    /// # Errors
+    /// [`SweepError::Parts`] with everything that is wrong with the parts, or as [`open`](Self::open).
+    pub fn merged(
+        (folders, of): (&[PathBuf], usize),
+        kept: Kept,
+        (out, begin): (&Path, Begin),
+        header: Map<String, Value>,
+        rows: Rows<'_>,
+    ) -> Result<Self, SweepError> {
+        let mut faults = Vec::new();
+        let mut sources: Vec<Option<Source>> = vec![None; of];
+        for folder in folders {
+            let path = folder.join(kept.files[0]);
+            let place = folder.display();
+            // The part that this file says it is.
+            let there = (0..of).map(|part| Share { part, of }).find_map(|share| {
+                let header = with_share(header.clone(), share);
+                let mut source = Source::new(path.clone(), &header, rows.count);
+                source.check(folder, &header).ok().filter(|()| source.begin > 0)?;
+                Some((share.part, source))
+            });
+            match there {
+                Some((part, _)) if sources[part].is_some() => {
+                    faults.push(format!("{place}: part {part} is there twice"))
+                }
+                Some((part, source)) => sources[part] = Some(source),
+                None => {
+                    let first = with_share(header.clone(), Share { part: 0, of });
+                    let why = Source::new(path, &first, rows.count).check(folder, &first);
+                    let why = why.map_or_else(|error| error.to_string(), |()| format!("{place}: no header"));
+                    faults.push(why);
+                }
+            }
+        }
+        let missing: Vec<usize> = (0..of).filter(|part| sources[*part].is_none()).collect();
+        if !missing.is_empty() {
+            let names: Vec<String> = missing.iter().map(|part| format!("{part}/{of}")).collect();
+            faults.push(format!("missing of {of} parts: {}", names.join(", ")));
+        }
+        let outputs = kept.request(begin, out, None);
+        if !faults.is_empty() {
+            return Err(SweepError::Parts(faults));
+        }
+        let mut records = Self {
+            kept,
+            outputs: outputs.check()?,
+            folder: out.to_owned(),
+            header,
+            share: Share::ALL,
+            file: None,
+            sources: sources.into_iter().flatten().collect(),
+            plan: rows.plan.cloned(),
+            has: vec![0; rows.count.div_ceil(64)],
+            rows: rows.count,
+            own: rows.count,
+            count: 0,
+            damaged: 0,
+            synced: Instant::now(),
+        };
+        for part in 0..of {
+            let before = records.count;
+            let share = Share { part, of };
+            records.read_in(part, share)?;
+            let (has, wanted) = (records.count - before, rows.of(share));
+            if has < wanted {
+                faults.push(format!(
+                    "{}: part {share} has {has} of {wanted} rows: run it again with --resume",
+                    records.sources[part].path.display()
+                ));
+            }
+        }
+        if faults.is_empty() { Ok(records) } else { Err(SweepError::Parts(faults)) }
+    }
+
+    /// Locks the folder of merged parts, before its files are written.
+    ///
+    /// # Errors
+    /// [`SweepError::Output`] if it cannot be written into.
+    pub fn begin(&mut self, begin: Begin) -> Result<(), SweepError> {
+        let mut outputs = self.kept.request(begin, &self.folder, None).open()?;
+        outputs.list(self.kept.files)?;
+        self.outputs = outputs;
+        Ok(())
+    }
+
+    /// Enters the files in the manifest, and cuts off what is behind the last record; what an earlier command left goes.
+    fn enter(&mut self, begin: Begin) -> Result<(), SweepError> {
+        let Source { end, path, .. } = &self.sources[0];
+        if *end > 0 && begin == Begin::New {
+            return Err(SweepError::Unfinished(self.folder.clone()));
+        }
+        if begin == Begin::Replace {
+            self.outputs.clear(self.kept.command, &[self.kept.files[0]])?;
+        }
+        self.outputs.list(self.kept.files)?;
+        self.file.as_ref().map_or(Ok(()), |file| file.set_len(*end)).map_err(failed(path))?;
+        if *end == 0 {
+            // What an earlier one left must not be taken for this one's, even if this one is killed.
+            let old = self.kept.files[1..].iter().map(|name| self.folder.join(name));
+            let figure = self.kept.figure().map(|name| self.folder.join(name));
+            old.chain(figure).try_for_each(|path| output::remove(&path))?;
+        }
+        Ok(())
+    }
+
+    /// Finds the records of a source, which are of a share, and where they end.
+    fn read_in(&mut self, place: usize, share: Share) -> Result<(), SweepError> {
+        let source = self.sources[place].clone();
+        if source.begin == 0 {
+            return Ok(());
+        }
+        let mut lines = Lines::new(&source, u64::MAX);
+        let mut end = source.begin;
+        // A line without its end was being written when its process was killed.
+        while let Some(line) = lines.next()? {
+            match line.row.filter(|row| share.holds(self.chain(*row))) {
+                // A row for the second time has the same content.
+                Some(row) if self.has(row) => {}
+                Some(row) => self.mark(row),
+                None => self.damaged += 1,
+            }
+            end = line.end;
+        }
+        self.sources[place].end = end;
+        Ok(())
+    }
+
+    fn chain(&self, row: usize) -> usize {
+        self.plan.as_ref().map_or(row, |plan| plan.chain_of(row))
+    }
+
+    fn mark(&mut self, row: usize) {
+        self.has[row / 64] |= 1 << (row % 64);
+        self.count += 1;
+    }
+
+    /// Tells that a row has a record.
+    #[must_use]
+    pub fn has(&self, row: usize) -> bool {
+        self.has[row / 64] >> (row % 64) & 1 == 1
+    }
+
+    /// Number of rows that have a record.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Number of rows in its share.
+    #[must_use]
+    pub fn own(&self) -> usize {
+        self.own
+    }
+
+    /// Its share of the work.
+    #[must_use]
+    pub fn share(&self) -> Share {
+        self.share
+    }
+
+    /// Tells that no row of its share is missing.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.count == self.own
+    }
+
+    /// Number of lines that were found damaged: their rows are computed again.
+    #[must_use]
+    pub fn damaged(&self) -> usize {
+        self.damaged
+    }
+
+    /// Chains of its share without a record, of rows that are chains of their own, as ranges of their numbers in the share.
+    #[must_use]
+    pub fn missing(&self) -> Vec<Range<usize>> {
+        let mut ranges: Vec<Range<usize>> = Vec::new();
+        for i in (0..self.own).filter(|i| !self.has(self.share.chain(*i))) {
+            match ranges.last_mut() {
+                Some(last) if last.end == i => last.end += 1,
+                _ => ranges.push(i..i + 1),
+            }
+        }
+        ranges
+    }
+
+    /// Keeps the record of a row: a text in one line.
+    ///
+    /// # Errors
+    /// [`SweepError::Output`] if it cannot be written.
+    pub fn keep(&mut self, row: usize, text: &str) -> Result<(), SweepError> {
+        debug_assert!(!text.contains('\n'));
+        let line = self.sources[0].line(row, text);
+        self.append(&line)?;
+        self.mark(row);
+        if self.synced.elapsed() >= SYNC {
+            self.sync()?;
+        }
+        Ok(())
+    }
+
+    /// Waits until all records are on disk.
+    ///
+    /// # Errors
+    /// [`SweepError::Output`] if they cannot be written.
+    pub fn sync(&mut self) -> Result<(), SweepError> {
+        let synced = self.file.as_ref().map_or(Ok(()), File::sync_data);
+        self.synced = Instant::now();
+        Ok(synced.map_err(failed(&self.sources[0].path))?)
+    }
+
+    fn append(&mut self, line: &str) -> Result<(), SweepError> {
+        let Source { path, end, .. } = &mut self.sources[0];
+        let Some(file) = &mut self.file else { return Ok(()) };
+        let write = file.seek(SeekFrom::Start(*end)).and_then(|_| file.write_all(line.as_bytes()));
+        write.map_err(|source| {
+            // Best effort: a tail without an end of line is dropped when the records are read.
+            let _ = file.set_len(*end);
+            failed(path)(source)
+        })?;
+        *end += line.len() as u64;
+        Ok(())
+    }
+
+    /// The texts of some rows, of those that have a record.
+    ///
+    /// # Errors
+    /// [`SweepError::Output`] if they cannot be read.
+    pub fn find(&self, wanted: &BTreeSet<usize>) -> Result<BTreeMap<usize, String>, SweepError> {
+        let mut found = BTreeMap::new();
+        for source in self.sources.iter().filter(|_| !wanted.is_empty()) {
+            let mut lines = Lines::new(source, source.end);
+            while let Some(line) = lines.next()? {
+                if let Some(row) = line.row.filter(|row| wanted.contains(row)) {
+                    found.entry(row).or_insert_with(|| lines.text(&line).to_owned());
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    /// Hands all records to `take` in the order of their rows, with the number of the part that each is from.
+    ///
+    /// # Errors
+    /// [`SweepError::Output`] if they cannot be read, or the error of `take`.
+    pub fn in_order(
+        &self,
+        mut take: impl FnMut(usize, &str, usize) -> Result<(), SweepError>,
+    ) -> Result<(), SweepError> {
+        let mut ordered: Vec<Ordered<'_>> = self.sources.iter().map(Ordered::new).collect();
+        for row in (0..self.rows).filter(|row| self.has(*row)) {
+            let part = if ordered.len() == 1 { 0 } else { self.chain(row) % ordered.len() };
+            take(row, &ordered[part].get(row)?, part)?;
+        }
+        Ok(())
+    }
+
+    /// Its folder, for figures; before any final file is written.
+    pub fn outputs(&mut self) -> &mut Folder {
+        &mut self.outputs
+    }
+
+    /// Writes tables, each by what `write` puts into it, and `others` by name; then the seal, which is the header with what was
+    /// `found`. Removes the file of records, unless they are those of parts.
+    ///
+    /// # Errors
+    /// [`SweepError::Output`] if a file cannot be read or written; the records stay then.
+    pub(crate) fn seal(
+        &self,
+        tables: &[&str],
+        mut write: impl FnMut(&Self, usize, &mut Write<'_>) -> Result<(), SweepError>,
+        others: &[(&str, String)],
+        found: &[(&str, Value)],
+    ) -> Result<(), SweepError> {
+        for (i, name) in tables.iter().enumerate() {
+            let mut table = Part::create(&self.folder, name)?;
+            write(self, i, &mut |line| Ok(table.write(&format!("{line}\n"))?))?;
+            table.publish()?;
+        }
+        let mut header = self.header.clone();
+        header.extend(found.iter().map(|(name, value)| ((*name).to_owned(), value.clone())));
+        let seal = format!("{:#}\n", Value::from(header));
+        let others = others.iter().map(|(name, text)| (*name, text));
+        for (name, text) in others.chain([(self.kept.files[1], &seal)]) {
+            let mut part = Part::create(&self.folder, name)?;
+            part.write(text)?;
+            part.publish()?;
+        }
+        // Nothing depends on the records any more. The lock is held until the file is gone.
+        if self.file.is_some() {
+            output::remove(&self.sources[0].path)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the table of all rows below `head`, then as [`seal`](Self::seal) with what was `found`; `text` gives the line of a row from
+    /// its text and its part.
+    ///
+    /// # Errors
+    /// As there.
+    pub(crate) fn table(
+        &self,
+        head: &str,
+        text: impl Fn(&str, usize) -> String,
+        others: &[(&str, String)],
+        found: Value,
+    ) -> Result<(), SweepError> {
+        let write = |records: &Self, _: usize, line: &mut Write<'_>| {
+            line(head)?;
+            records.in_order(|_, row, part| line(&text(row, part)))
+        };
+        self.seal(&[self.kept.files[2]], write, others, &[("found", found)])
+    }
+}
+
+/// Writes a line.
+pub(crate) type Write<'a> = dyn FnMut(&str) -> Result<(), SweepError> + 'a;
+
+/// A header with the share of the work, if that is not all of it.
+fn with_share(mut header: Map<String, Value>, share: Share) -> Map<String, Value> {
+    if share.of > 1 {
+        header.insert("part".to_owned(), share.to_string().into());
+    }
+    header
+}
+
+/// Whether what was asked of work kept in `folder` is what is asked now.
+///
+/// # Errors
+/// [`SweepError::Mismatch`], with every entry that differs.
+pub fn same(folder: &Path, was: &Map<String, Value>, is: &Map<String, Value>) -> Result<(), SweepError> {
+    let keys = was.keys().chain(is.keys().filter(|key| !was.contains_key(*key)));
+    let text = |value: Option<&Value>| value.map_or("nothing".to_owned(), Value::to_string);
+    let differences: Vec<String> = keys
+        .filter(|key| was.get(*key) != is.get(*key))
+        .map(|key| format!("{key}: {} there, {} here", text(was.get(key)), text(is.get(key))))
+        .collect();
+    if differences.is_empty() { Ok(()) } else { Err(SweepError::Mismatch { path: folder.to_owned(), differences }) }
+}
