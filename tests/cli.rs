@@ -175,7 +175,8 @@ fn a_fixed_frame_turns_the_central_bodies() {
 #[test]
 fn a_spent_event_budget_leaves_valid_files() {
     let folder = with_scene(&ball(r#"{ "t_end_s": 5, "event_budget": 7 }"#));
-    let done = flank(&folder, &["run", "scene.json", "--out", "out"]).code(1);
+    let done = flank(&folder, &["run", "scene.json", "--out", "out"]).code(4);
+    assert!(text(&done.get_output().stderr).contains("the event budget of the scene, 7, was spent"));
     let out = folder.path().join("out");
     assert_eq!(summary(&out)["outcome"]["kind"], "event-budget-spent");
     assert_eq!(summary(&out)["work"]["events"], 7);
@@ -297,7 +298,7 @@ fn a_start_is_refused_only_where_it_is_used() {
         "initial": { "q": [0], "v": [0.6] }, "run": { "cycles": 400, "transient_cycles": 300 } }"#,
     );
     let axis = "/train/wall_motion/0/amplitude_m=0.5,2";
-    flank(&folder, &["sweep", "scene.json", "--vary", axis, "--out", "fresh"]).code(0);
+    flank(&folder, &["sweep", "scene.json", "--vary", axis, "--out", "fresh"]).code(3);
     let table = fs::read_to_string(folder.path().join("fresh/sweep.csv")).unwrap();
     let lines: Vec<&str> = table.lines().collect();
     assert!(lines[1].contains("periodic") && !lines[1].contains("inside"), "{table}");
@@ -459,7 +460,7 @@ fn an_interrupt_leaves_valid_files() {
     }
     let id = child.id().to_string();
     assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
-    assert_eq!(child.wait().unwrap().code(), Some(1));
+    assert_eq!(child.wait().unwrap().code(), Some(75));
     let out = folder.path().join("out");
     let summary = summary(&out);
     assert_eq!(summary["outcome"]["kind"], "interrupted");

@@ -188,7 +188,7 @@ fn an_interrupted_search_goes_on() {
     let id = child.id().to_string();
     assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
     let done = child.wait_with_output().unwrap();
-    assert_eq!(done.status.code(), Some(1));
+    assert_eq!(done.status.code(), Some(75));
     let said = String::from_utf8_lossy(&done.stdout).into_owned();
     assert!(said.contains("the same command with --resume goes on"), "{said}");
     assert_eq!(json(&broken.join("orbit.json"))["reason"], "interrupted");
@@ -262,9 +262,17 @@ fn curves_are_a_table_and_a_picture_and_work_goes_on() {
         ["branches.csv", "special.csv", "figures/branches.svg", "curves.csv", "figures/curves.svg", "continue.json"];
     let whole: Vec<Vec<u8>> = files.iter().map(|name| fs::read(out.join(name)).unwrap()).collect();
     let mut state = json(&out.join("continue.json"));
-    assert_eq!(state["finished"], "Completely");
-    state["finished"] = Value::Null;
-    fs::write(out.join("continue.json"), state.to_string()).unwrap();
+    assert_eq!(state["content"]["finished"], "Completely");
+    state["content"]["finished"] = Value::Null;
+    let content = state["content"].to_string();
+    let sum = crc32fast::hash(content.as_bytes());
+    let kept = format!("{{\"crc32\":\"{sum:08x}\",\"content\":{content}}}\n");
+    // A state that is damaged is refused, and nothing is changed.
+    fs::write(out.join("continue.json"), kept.replacen("null", "true", 1)).unwrap();
+    let words_again: Vec<&str> = words.iter().copied().chain(["--resume"]).collect();
+    let refused = flank(&words_again, &out).code(2);
+    assert!(String::from_utf8_lossy(&refused.get_output().stderr).contains("checksum"));
+    fs::write(out.join("continue.json"), kept).unwrap();
     fs::write(out.join("curves.csv.part"), "half a li").unwrap();
     let resumed: Vec<&str> = words.iter().copied().chain(["--resume"]).collect();
     flank(&resumed, &out).code(0);

@@ -310,7 +310,7 @@ fn an_interrupt_keeps_complete_figures() {
     let kill = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
     assert!(kill.success());
     let done = child.wait_with_output().unwrap();
-    assert_eq!(done.status.code(), Some(1));
+    assert_eq!(done.status.code(), Some(75));
     let said = text(&done.stdout);
     assert!(said.starts_with("interrupted: ") && said.contains(" figures are kept in study/figures"), "{said}");
     let manifest: Value = serde_json::from_str(&fs::read_to_string(out.join("flank-manifest.json")).unwrap()).unwrap();

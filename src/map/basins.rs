@@ -5,10 +5,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::{
+    attractor::Attractor,
     cell::{Cell, Rule},
     edges::{Boundary, Figures},
     plane::{PlaneError, Varied, two_axes, varied},
@@ -17,122 +17,18 @@ use super::{
 use crate::{
     engine::State,
     ensemble::in_order,
-    orbit::{Drift, Kind, Section, SectionMap, rest::NEUTRAL, unknowns::distance},
+    orbit::{Drift, Kind, SectionMap},
     output::{Fault, Folder, OutputError, csv_line, in_a_line, number},
     scene::Scene,
     simulation::{Simulation, SimulationError},
     sweep::{Begin, Ending, Grid, GridError, Kept, Records, Rows, Share, SweepError},
-    system::ContactMode,
     task::Task,
 };
 
 /// Distance from an orbit, in its scales, within which a start has reached it.
 const REACHED: f64 = 1e-6;
-/// Distance within which two orbits are the same.
-const SAME: f64 = 1e-5;
-/// Steps from the latched speeds of one orbit to those of another: at once, or by small steps where that leads elsewhere.
-const WALKS: [u32; 2] = [1, 8];
-/// Standard deviations within which the means of two irregular motions are the same.
-const ALIKE: f64 = 0.5;
 /// Starts along each axis that attractors are looked for from first, at most.
 const SURVEY: usize = 24;
-
-/// Where a start ends.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Attractor {
-    /// Its kind.
-    pub kind: Kind,
-    /// Period, cycles, of an orbit.
-    pub period_cycles: Option<u64>,
-    /// Word of an orbit.
-    pub word: Option<String>,
-    /// Which flanks are struck.
-    pub impacts: String,
-    /// The largest exponent, 1/s.
-    pub exponent: Option<f64>,
-    /// The states of an orbit at the starts of its cycles; of any other motion one of its states.
-    pub states: Vec<Vec<f64>>,
-    /// Of a motion without an orbit: mean and standard deviation of each component at the starts of cycles.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub averages: Vec<[f64; 2]>,
-    /// There is an orbit for each start: a contact that the orbit never loses keeps the approach speed of its last gain; or what rests in its
-    /// gaps rests anywhere.
-    pub is_family: bool,
-    rests: bool,
-    scales: Vec<f64>,
-    /// What each contact does at the first of the states.
-    contacts: Vec<ContactMode>,
-}
-
-impl Attractor {
-    fn new(map: &SectionMap<'_>, cell: Cell) -> Result<Self, SimulationError> {
-        let Cell { motion, exponent, impacts, section, averages, .. } = cell;
-        let mut sections = vec![section];
-        for _ in 1..motion.period.unwrap_or(1) {
-            sections.push(map.follow(&sections[sections.len() - 1], 1)?);
-        }
-        let scales = map.scales_of(&sections);
-        let contacts = sections[0].contacts.clone();
-        let keeps = |period| Ok::<_, SimulationError>(map.image(&sections[0], period)?.latched.contains(&false));
-        let rests = motion.word.as_deref() == Some("") && motion.multiplier.is_some_and(|m| (m - 1.0).abs() <= NEUTRAL);
-        let is_family = rests || motion.period.map_or(Ok(false), keeps)?;
-        let states = sections.into_iter().map(|section| section.x).collect();
-        let (kind, period_cycles, word, impacts) = (motion.kind, motion.period, motion.word, impacts.word().to_owned());
-        Ok(Self { kind, period_cycles, word, impacts, exponent, states, averages, is_family, rests, scales, contacts })
-    }
-
-    /// Whether a state at the start of a cycle is within `reach` of its orbit.
-    fn holds(&self, map: &SectionMap<'_>, drift: &Drift, x: &[f64], reach: f64) -> bool {
-        let near = |state: &Vec<f64>| {
-            if drift.directions.is_empty() {
-                let n = x.len().min(2 * map.simulation().structure.freedoms());
-                let off = |i: usize| ((x[i] - state[i]) / self.scales[i]).abs();
-                // Most are apart by their first component.
-                return off(0) <= reach && (0..n).map(|i| off(i).powi(2)).sum::<f64>().sqrt() <= reach;
-            }
-            let section = |x: &[f64]| Section { x: x.to_vec(), contacts: Vec::new() };
-            distance(map, &section(state), &section(x), &self.scales, drift) <= reach
-        };
-        self.period_cycles.is_some() && self.states.iter().any(near)
-    }
-
-    /// Whether this orbit becomes `other` as the latched speeds become those of `other`.
-    fn leads_to(&self, other: &Self, period: u64, map: &SectionMap<'_>, drift: &Drift) -> bool {
-        let n = 2 * map.simulation().structure.freedoms();
-        let [from, to] = [&self.states[0][n..], &other.states[0][n..]];
-        WALKS.into_iter().any(|steps| {
-            let mut section = Section { x: self.states[0].clone(), contacts: self.contacts.clone() };
-            let arrives = (1..=steps).all(|step| {
-                let share = f64::from(step) / f64::from(steps);
-                (section.x[n..].iter_mut().zip(from).zip(to))
-                    .for_each(|((x, from), to)| *x = from + share * (to - from));
-                map.solve(&section, period, drift).is_ok_and(|orbit| {
-                    section = orbit.section;
-                    orbit.period == period
-                })
-            });
-            arrives && other.holds(map, drift, &section.x, SAME)
-        })
-    }
-
-    /// Whether `other` is the same one.
-    fn is(&self, map: &SectionMap<'_>, drift: &Drift, other: &Self) -> bool {
-        if self.kind != other.kind || self.period_cycles != other.period_cycles {
-            return false;
-        }
-        if let Some(period) = self.period_cycles {
-            return self.holds(map, drift, &other.states[0], SAME)
-                || self.rests && other.rests && self.contacts == other.contacts
-                || self.is_family && self.word == other.word && other.leads_to(self, period, map, drift);
-        }
-        // What never changes, as a speed latched once, is of the start and not of the motion.
-        let is_alike = |(a, b): (&[f64; 2], &[f64; 2])| {
-            let spread = a[1].max(b[1]);
-            spread == 0.0 || (a[0] - b[0]).abs() <= ALIKE * spread
-        };
-        self.impacts == other.impacts && self.averages.iter().zip(&other.averages).all(is_alike)
-    }
-}
 
 /// What comes of one start.
 enum Ended {

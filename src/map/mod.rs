@@ -3,6 +3,7 @@
 //! Each cell is decided by itself: its row depends on nothing but the cell, so neighbours, order, threads and interruptions change no
 //! byte. Memory does not grow with the number of cells.
 
+mod attractor;
 mod basins;
 mod cell;
 mod diagram;
@@ -16,7 +17,8 @@ mod sweep_figure;
 mod tally;
 mod walk;
 
-pub use basins::{Attractor, Basins, BasinsError, Found};
+pub use attractor::Attractor;
+pub use basins::{Basins, BasinsError, Found};
 pub use cell::{Cell, Impacts, Rule};
 pub use diagram::{BranchLine, Diagram, Points, Rows, Sampling, Seed};
 pub use edges::{Boundary, Figures, Fraction, Measured};

@@ -36,6 +36,7 @@ mod plan;
 mod records;
 mod run;
 mod share;
+mod source;
 
 pub use error::{GridError, SweepError};
 pub use files::Tally;

@@ -1,35 +1,23 @@
-//! Records of a command as they finish, in one file.
-//!
-//! ```text
-//! flank-rows 1 SUM HEADER          the header, a JSON object: what the records depend on
-//! ROW SUM TEXT                     one line for each row that is finished, in any order
-//! ```
-//!
-//! SUM is the CRC-32 of what follows it, eight hexadecimal digits. That of a record goes on from that of the header and takes the number of the
-//! row too: a record that is damaged, or belongs to another row or other work, is none. It costs that row only.
+//! Records of a command as they finish, and their folder.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
     fs::{self, File},
-    io::{BufRead, BufReader, Read, Seek, SeekFrom, Write as _},
+    io::{Seek, SeekFrom, Write as _},
     ops::Range,
     path::{Path, PathBuf},
     time::{Duration, Instant},
 };
 
-use crc32fast::Hasher;
 use serde_json::{Map, Value};
 
 use super::{
     Begin, Plan, Share, SweepError,
     files::{self, Part},
+    source::{Lines, Ordered, Source},
 };
 use crate::output::{self, Folder, OutputError, Request, failed};
 
-/// Begins the file, with the version of its format.
-const MAGIC: &str = "flank-rows 1 ";
-/// Digits of a checksum.
-const DIGITS: usize = 8;
 /// Records are on disk, whatever happens to the machine, so long after they were written at most.
 const SYNC: Duration = Duration::from_secs(2);
 
@@ -107,197 +95,6 @@ pub struct Records {
     count: usize,
     damaged: usize,
     synced: Instant,
-}
-
-/// A file of records.
-#[derive(Clone, Debug)]
-struct Source {
-    path: PathBuf,
-    /// Checksum of its header.
-    head: Hasher,
-    /// Where the records begin and where they end.
-    begin: u64,
-    end: u64,
-    /// Rows below this are rows.
-    rows: usize,
-}
-
-impl Source {
-    fn new(path: PathBuf, header: &Map<String, Value>, rows: usize) -> Self {
-        let mut head = Hasher::new();
-        head.update(Value::from(header.clone()).to_string().as_bytes());
-        Self { path, head, begin: 0, end: 0, rows }
-    }
-
-    /// The first line, without its end.
-    fn first_line(&self, header: &Map<String, Value>) -> String {
-        format!("{MAGIC}{:08x} {}", self.head.clone().finalize(), Value::from(header.clone()))
-    }
-
-    fn sum(&self, row: usize, text: &str) -> u32 {
-        let mut sum = self.head.clone();
-        sum.update(&(row as u64).to_le_bytes());
-        sum.update(text.as_bytes());
-        sum.finalize()
-    }
-
-    /// The line of a record.
-    fn line(&self, row: usize, text: &str) -> String {
-        format!("{row} {:08x} {text}\n", self.sum(row, text))
-    }
-
-    /// Row and text of a line without its end. `None` if it is no record of this work.
-    fn record<'t>(&self, line: &'t [u8]) -> Option<(usize, &'t str)> {
-        let line = std::str::from_utf8(line).ok()?;
-        let (row, rest) = line.split_once(' ')?;
-        let (sum, text) = rest.split_at_checked(DIGITS)?;
-        let text = text.strip_prefix(' ')?;
-        let row: usize = row.parse().ok().filter(|row| *row < self.rows)?;
-        (self.sum(row, text) == u32::from_str_radix(sum, 16).ok()?).then_some((row, text))
-    }
-
-    /// Checks the header, which must be `header`, and finds where the records begin; a file that was cut within its header has none.
-    fn check(&mut self, folder: &Path, header: &Map<String, Value>) -> Result<(), SweepError> {
-        let damaged =
-            |reason: &str| SweepError::Damaged { path: self.path.clone(), line: 1, reason: reason.to_owned() };
-        let file = File::open(&self.path).map_err(failed(&self.path))?;
-        let mut line = Vec::new();
-        BufReader::new(file).read_until(b'\n', &mut line).map_err(failed(&self.path))?;
-        let own = self.first_line(header);
-        let Some(first) = line.strip_suffix(b"\n") else {
-            // What a killed command left of its header; anything else is the user's.
-            return if own.as_bytes().starts_with(&line) {
-                Ok(())
-            } else {
-                Err(damaged("not written by this command"))
-            };
-        };
-        if first != own.as_bytes() {
-            let text = std::str::from_utf8(first).ok().and_then(|text| text.strip_prefix(MAGIC));
-            let (sum, json) = text.and_then(|text| text.split_at_checked(DIGITS)).unwrap_or_default();
-            let json = json.strip_prefix(' ').unwrap_or_default();
-            let is_whole = u32::from_str_radix(sum, 16).is_ok_and(|sum| sum == crc32fast::hash(json.as_bytes()));
-            let there = serde_json::from_str(json).ok().filter(|_| is_whole);
-            let there = there.ok_or_else(|| damaged("its header is damaged, or it was not written by this command"))?;
-            return same(folder, &there, header);
-        }
-        self.begin = line.len() as u64;
-        self.end = self.begin;
-        Ok(())
-    }
-}
-
-/// Bytes that are read at once. The file is open for no longer: parts may be more than files that a process can open.
-const BLOCK: u64 = 1 << 16;
-
-/// Lines of a source, one after the other.
-struct Lines<'s> {
-    source: &'s Source,
-    /// What has been read, and where it begins in the file.
-    block: Vec<u8>,
-    at: u64,
-    /// Where the next line begins in the block.
-    next: usize,
-    end: u64,
-}
-
-/// A line: its row, if it is a record, and the place of its text.
-struct Line {
-    row: Option<usize>,
-    text: Range<u64>,
-    end: u64,
-}
-
-impl<'s> Lines<'s> {
-    fn new(source: &'s Source, end: u64) -> Self {
-        Self { source, block: Vec::new(), at: source.begin, next: 0, end }
-    }
-
-    /// Reads more of the file behind the block. False at its end.
-    fn read(&mut self) -> Result<bool, SweepError> {
-        let fail = failed(&self.source.path);
-        self.at += self.next as u64;
-        self.block.drain(..self.next);
-        self.next = 0;
-        let from = self.at + self.block.len() as u64;
-        if from >= self.end {
-            return Ok(false);
-        }
-        let mut file = File::open(&self.source.path).map_err(&fail)?;
-        file.seek(SeekFrom::Start(from)).map_err(&fail)?;
-        let before = self.block.len();
-        let most = BLOCK.max(before as u64).min(self.end - from);
-        file.take(most).read_to_end(&mut self.block).map_err(&fail)?;
-        Ok(self.block.len() > before)
-    }
-
-    /// The next line that has an end.
-    fn next(&mut self) -> Result<Option<Line>, SweepError> {
-        loop {
-            if let Some(length) = self.block[self.next..].iter().position(|byte| *byte == b'\n') {
-                let line = &self.block[self.next..self.next + length];
-                let record = self.source.record(line);
-                let end = self.at + (self.next + length) as u64;
-                let text = end - record.map_or(0, |(_, text)| text.len() as u64)..end;
-                let row = record.map(|(row, _)| row);
-                self.next += length + 1;
-                return Ok(Some(Line { row, text, end: end + 1 }));
-            }
-            if !self.read()? {
-                return Ok(None);
-            }
-        }
-    }
-
-    /// The text of the line that was read last.
-    fn text(&self, line: &Line) -> &str {
-        let place = [line.text.start, line.text.end].map(|at| (at - self.at) as usize);
-        std::str::from_utf8(&self.block[place[0]..place[1]]).unwrap_or_default()
-    }
-}
-
-/// Records of a source in the order of their rows. In memory are places of those alone that stand before their turn.
-struct Ordered<'s> {
-    lines: Lines<'s>,
-    early: BTreeMap<usize, Range<u64>>,
-    last: Option<usize>,
-}
-
-impl<'s> Ordered<'s> {
-    fn new(source: &'s Source) -> Self {
-        Self { lines: Lines::new(source, source.end), early: BTreeMap::new(), last: None }
-    }
-
-    /// The text of a row; rows are asked for in their order.
-    fn get(&mut self, row: usize) -> Result<String, SweepError> {
-        let path = &self.lines.source.path;
-        if let Some(place) = self.early.remove(&row) {
-            // OK to convert: a line that was held in memory.
-            let mut text = vec![0; (place.end - place.start) as usize];
-            let read = File::open(path).and_then(|mut file| {
-                file.seek(SeekFrom::Start(place.start))?;
-                file.read_exact(&mut text)
-            });
-            read.map_err(failed(path))?;
-            self.last = Some(row);
-            return Ok(String::from_utf8_lossy(&text).into_owned());
-        }
-        while let Some(line) = self.lines.next()? {
-            match line.row {
-                Some(found) if found == row => {
-                    self.last = Some(row);
-                    return Ok(self.lines.text(&line).to_owned());
-                }
-                // A row for the second time has the same content.
-                Some(found) if self.last.is_none_or(|last| found > last) => {
-                    self.early.entry(found).or_insert(line.text);
-                }
-                _ => {}
-            }
-        }
-        let reason = format!("row {row} is gone");
-        Err(SweepError::Damaged { path: path.clone(), line: 0, reason })
-    }
 }
 
 impl Records {

@@ -206,13 +206,13 @@ fn an_interrupt_keeps_rows_and_says_how_to_go_on() {
     wait_for_rows(&folder, "sweep", &mut child);
 
     let second = large(&folder, 600, &[&words[..], &["--resume"]].concat()).output().unwrap();
-    assert_eq!(code(&second), 2);
-    assert!(String::from_utf8_lossy(&second.stderr).contains("another process is writing rows into"));
+    assert_eq!(code(&second), 73);
+    assert!(String::from_utf8_lossy(&second.stderr).contains("another command is writing into"));
 
     let id = child.id().to_string();
     assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
     let done = child.wait_with_output().unwrap();
-    assert_eq!(code(&done), 1);
+    assert_eq!(code(&done), 75);
     assert!(stdout(&done).contains("--resume goes on"), "{}", stdout(&done));
     let journal = fs::read_to_string(folder.path().join("sweep/sweep.journal")).unwrap();
     let kept = journal.lines().count() - 1;
@@ -233,6 +233,10 @@ fn an_interrupt_keeps_rows_and_says_how_to_go_on() {
     let instructions = flank::Instructions::best().name();
     let elsewhere = journal.replacen(&format!("\"instructions\":\"{instructions}\""), "\"instructions\":\"other\"", 1);
     assert_ne!(elsewhere, journal);
+    // With the checksum that such a header has.
+    let (head, rest) = elsewhere.split_once('\n').unwrap();
+    let json = head.splitn(4, ' ').nth(3).unwrap();
+    let elsewhere = format!("flank-rows 1 {:08x} {json}\n{rest}", crc32fast::hash(json.as_bytes()));
     fs::write(folder.path().join("sweep/sweep.journal"), elsewhere).unwrap();
     let here = large(&folder, 600, &[&words[..], &["--resume"]].concat()).output().unwrap();
     assert_eq!(code(&here), 2);

@@ -285,23 +285,38 @@ fn a_folder_in_use_or_occupied_is_refused() {
     assert!(!folder.path().join("sweep.csv").exists());
 }
 
+/// A record that is damaged, or that stands for another row, costs its own row; a second copy costs none.
 #[test]
-fn damage_before_the_last_line_is_named() {
-    let folder = tempfile::tempdir().unwrap();
-    let plan = plan(&["/a=0:1:5"], Seeding::Fresh);
-    sweep(folder.path(), Begin::New, &plan, 1, 3);
-    let path = folder.path().join("sweep.journal");
-    let text = fs::read_to_string(&path).unwrap();
+fn damage_costs_the_row_that_it_hits() {
+    let plan = plan(&["/a=0:1:5"], Seeding::Up);
+    let broken_off = tempfile::tempdir().unwrap();
+    sweep(broken_off.path(), Begin::New, &plan, 1, 4);
+    let text = fs::read_to_string(broken_off.path().join("sweep.journal")).unwrap();
     let lines: Vec<&str> = text.lines().collect();
-    let twice = format!("{text}{}\n", lines[1]);
-    for (damaged, at) in
-        [(text.replacen("done", "dome", 1), 2), (text.replacen("\"row\":1", "\"row\":5", 1), 3), (twice, 5)]
-    {
-        fs::write(&path, &damaged).unwrap();
-        let error = open(folder.path(), Begin::Resume, &plan).unwrap_err();
-        assert!(matches!(error, SweepError::Damaged { line, .. } if line == at), "{error}");
-        assert_eq!(fs::read_to_string(&path).unwrap(), damaged, "nothing was changed");
+    let (twice, other) = (format!("{text}{}\n", lines[1]), text.replacen("\n1 ", "\n4 ", 1));
+    for (damaged, count, bad) in [(text.replacen("done", "dome", 1), 3, 1), (other, 3, 1), (twice, 4, 0)] {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("sweep.journal"), &damaged).unwrap();
+        let journal = open(folder.path(), Begin::Resume, &plan).unwrap().unwrap();
+        assert_eq!((journal.records().count(), journal.records().damaged()), (count, bad));
+        drop(journal);
+        // The rows behind it stay: only what is missing is computed.
+        let computed = AtomicUsize::new(0);
+        let work = |cell: &Cell, seed: Option<&f64>| {
+            computed.fetch_add(1, Ordering::Relaxed);
+            bistable(cell, seed)
+        };
+        sweep_with(folder.path(), Begin::Resume, &plan, 1, usize::MAX, work);
+        assert_eq!(computed.into_inner(), 5 - count);
+        assert_eq!(bytes(folder.path()), undisturbed(&plan));
     }
+    // Without its header nothing can be told of the rows.
+    let folder = tempfile::tempdir().unwrap();
+    let damaged = text.replacen("bistable", "bistabla", 1);
+    fs::write(folder.path().join("sweep.journal"), &damaged).unwrap();
+    let error = open(folder.path(), Begin::Resume, &plan).unwrap_err();
+    assert!(matches!(error, SweepError::Damaged { line: 1, .. }), "{error}");
+    assert_eq!(fs::read_to_string(folder.path().join("sweep.journal")).unwrap(), damaged, "nothing was changed");
 }
 
 #[test]
