@@ -187,3 +187,51 @@ fn points_are_counted_and_parts_planned() {
         assert!(ended(&flank(&words, &["--part", wrong]), 2).contains("I/N is wanted"));
     }
 }
+
+/// Finished work whose files were changed or removed is computed again, with the same bytes.
+#[test]
+fn lost_results_are_written_again() {
+    let place = tempfile::tempdir().unwrap();
+    let out = place.path().join("map");
+    let words =
+        format!("map {PAIR} --vary {FREQUENCY}=0.4:2:5 --vary /train/mean_load=0.02:0.3:4 --out {}", out.display());
+    ended(&flank(&words, &[]), 0);
+    let whole = tree(&out);
+    assert!(ended(&flank(&words, &["--resume"]), 0).contains("holds all of it"));
+    for name in ["map.csv", "figures/map.svg"] {
+        let text = fs::read_to_string(out.join(name)).unwrap();
+        fs::write(out.join(name), text.replacen('1', "2", 1)).unwrap();
+        let said = ended(&flank(&words, &["--resume"]), 0);
+        assert!(said.contains("missing or changed") && said.contains(name), "{said}");
+        assert!(tree(&out) == whole, "{name}");
+        fs::remove_file(out.join(name)).unwrap();
+        assert!(ended(&flank(&words, &["--resume"]), 0).contains(name));
+        assert!(tree(&out) == whole, "{name}");
+    }
+}
+
+/// Streams that are closed or full, pipes in place of scenes, and what a killed command left of its first manifest.
+#[cfg(unix)]
+#[test]
+fn streams_and_special_files_do_no_harm() {
+    let place = tempfile::tempdir().unwrap();
+    let program = env!("CARGO_BIN_EXE_flank");
+    let shell = |line: &str| {
+        let line = line.replace("FLANK", program);
+        let mut command = Command::new("timeout");
+        command.args(["20", "sh", "-c", &line]).current_dir(place.path()).output().unwrap()
+    };
+    fs::copy(Path::new(env!("CARGO_MANIFEST_DIR")).join(PAIR), place.path().join("scene.json")).unwrap();
+    for (line, code) in [
+        ("FLANK check scene.json >&- 2>&-", 0),
+        ("FLANK check none.json >&- 2>/dev/full", 2),
+        ("FLANK check scene.json 2>/dev/full >/dev/full", 74),
+        ("mkfifo pipe && FLANK check pipe", 2),
+        ("FLANK check /dev/zero", 2),
+        ("FLANK check /", 2),
+        ("mkdir -p left && echo '{ \"fla' > left/flank-manifest.json.part && FLANK check scene.json --out left", 0),
+    ] {
+        let said = ended(&shell(line), code);
+        assert!(!said.contains("panicked"), "{line}: {said}");
+    }
+}

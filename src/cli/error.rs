@@ -158,7 +158,7 @@ impl CliError {
             Self::Study(StudyError::Overflow(_)) => 1,
             _ => 2,
         };
-        eprintln!("{:?}", miette::Report::new(self));
+        super::tell(&format!("{:?}", miette::Report::new(self)));
         ExitCode::from(code)
     }
 }

@@ -13,7 +13,7 @@ use flank::{
 };
 use serde::Serialize;
 
-use super::{CliError, Done, print, progress::counted, read_scene, request};
+use super::{CliError, Done, print, progress::counted, read_scene, request, tell};
 
 /// Arguments of `flank identify`.
 #[derive(Debug, clap::Args)]
@@ -72,7 +72,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let descend = |task: Task<'_>| identify(&scene, &parameters, &targets, task);
     let found = match counted(STARTS, 0, "descents", arguments.quiet, descend) {
         Err(StudyError::Interrupted) => {
-            eprintln!("stopped: nothing is found, nothing is written");
+            tell("stopped: nothing is found, nothing is written");
             return Ok(Done::Interrupted);
         }
         found => found?,

@@ -46,6 +46,9 @@ pub use error::CliError;
 pub struct Arguments {
     #[command(subcommand)]
     command: Command,
+    /// Wait so long for another command that writes into the same folder
+    #[arg(long, global = true, value_name = "SECONDS", default_value_t = 0, hide_default_value = true)]
+    lock_wait: u32,
 }
 
 #[derive(Debug, Subcommand)]
@@ -165,6 +168,7 @@ impl Done {
 
 /// Executes what the arguments ask for.
 pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
+    flank::output::wait_for_others(std::time::Duration::from_secs(arguments.lock_wait.into()));
     match arguments.command {
         Command::Run(arguments) => return run::execute(&arguments),
         Command::Study(arguments) => return study::execute(&arguments),
@@ -260,6 +264,11 @@ const COLUMNS: usize = 100;
 fn wrapped(text: &str, indent: &str) -> String {
     let further = format!("{indent}  ");
     textwrap::fill(text, textwrap::Options::new(COLUMNS).initial_indent(indent).subsequent_indent(&further))
+}
+
+/// Writes a line to standard error. Where that cannot be written into, nobody reads it.
+fn tell(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
 }
 
 /// Writes text to standard output. A reader that has gone away, as `head` does, is no error.

@@ -20,7 +20,7 @@ use super::{
     pictures::Pictures,
     print,
     progress::{cancellable, catch_interrupt, running, show},
-    wrapped,
+    tell, wrapped,
 };
 
 /// Arguments of `flank run`.
@@ -70,7 +70,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let ([from, _, end], run) = (simulation.instants(), &simulation.settings);
     let cycles = run.period.map(|period| Clock::between(simulation.clock(), from, end) / period);
     if let Some(warning) = simulation.budget_warning().filter(|_| !arguments.quiet) {
-        eprintln!("warning: {warning}");
+        tell(&format!("warning: {warning}"));
     }
     let bar = running(arguments.quiet);
     let progress = |progress| show(&bar, progress, cycles);
@@ -109,7 +109,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         print(&text(&simulation, &record).unwrap_or_default())?;
     }
     if let Err(reason) = &written {
-        eprintln!("warning: no report.html: {reason}");
+        tell(&format!("warning: no report.html: {reason}"));
     }
     if let Some(out) = out.filter(|_| !arguments.quiet) {
         let names = ["events.jsonl", "events.csv", "summary.json", "trajectory.csv", "report.html"];
@@ -123,10 +123,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         (None, Ended::EventBudgetSpent) if asked => Ok(Done::Completely),
         (None, Ended::EventBudgetSpent) => {
             let cycle = record.summary.outcome.cycle;
-            eprintln!(
+            tell(&format!(
                 "the event budget of the scene, {}, was spent in cycle {cycle}: raise /run/event_budget, or end the run earlier",
                 run.event_budget
-            );
+            ));
             Ok(Done::BudgetSpent)
         }
         (None, Ended::Interrupted) => Ok(Done::Interrupted),

@@ -11,6 +11,7 @@ use flank::{
 use super::{
     CliError, Done, open, print,
     progress::{cancellable, catch_interrupt, running},
+    tell,
 };
 
 /// Arguments of `flank sound`.
@@ -116,10 +117,10 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         ))?;
     }
     if largest > 1.0 {
-        eprintln!(
+        tell(&format!(
             "warning: the peak is beyond full scale; players clip it: use a --full-scale above {:.3}",
             largest * arguments.full_scale
-        );
+        ));
     }
     Ok(Done::Completely)
 }

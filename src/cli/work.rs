@@ -16,7 +16,7 @@ use serde_json::{Value, json};
 use super::{
     CliError, Done, print,
     progress::{counted, limit},
-    threads,
+    tell, threads,
 };
 
 /// What a part says of itself, for `flank merge`.
@@ -124,10 +124,10 @@ pub fn execute<P: Points>(
     }
     let (begin, share) = (work.begin(), work.share());
     if chains < share.of {
-        eprintln!(
+        tell(&format!(
             "warning: {chains} chains of neighbours, fewer than {} parts: some parts have nothing to do",
             share.of
-        );
+        ));
     }
     if begin != Begin::New {
         P::kept().request(begin, out, input).check()?;
@@ -137,13 +137,23 @@ pub fn execute<P: Points>(
         return Ok(Done::Completely);
     };
     let records = P::records(&mut kept);
+    if !records.outputs().is_locked() {
+        tell(&format!(
+            "warning: the file system of {} has no locks: see that no other command writes there",
+            out.display()
+        ));
+    }
+    if !records.lost().is_empty() {
+        let lost = records.lost().join(", ");
+        tell(&format!("warning: missing or changed in {}: {lost}; all is computed again", out.display()));
+    }
     if records.damaged() > 0 {
-        eprintln!(
+        tell(&format!(
             "warning: {} damaged records in {}: their {} are computed again",
             records.damaged(),
             out.display(),
             P::THINGS
-        );
+        ));
     }
     let (own, before) = (records.own(), records.count());
     if share.of > 1 {

@@ -11,6 +11,9 @@ use std::{
     fs::{self, File, Metadata, TryLockError},
     io::{self, Write},
     path::{Component, Path, PathBuf},
+    sync::atomic::{AtomicU64, Ordering},
+    thread,
+    time::Duration,
 };
 
 use serde::{Deserialize, Serialize};
@@ -90,12 +93,13 @@ impl Request<'_> {
         if let Some(file) = self.folder.ancestors().find(|place| place.is_file()) {
             return Err(OutputError::NoFolder(file.to_owned()));
         }
-        if !self.force && fs::read_dir(self.folder).is_ok_and(|mut entries| entries.next().is_some()) {
+        if !self.force && is_occupied(self.folder) {
             return Err(OutputError::Occupied(self.folder.to_owned()));
         }
         let path = self.folder.join(MANIFEST);
         let mut folder = match (found(&path), part(&path)) {
-            (None, part) if found(&part).is_some() => return Err(OutputError::Foreign(part)),
+            // What a killed command left of its first manifest is a file.
+            (None, part) if found(&part).is_some_and(|data| !data.is_file()) => return Err(OutputError::Foreign(part)),
             (None, _) => Folder::new(self.command),
             (Some(data), _) if !data.is_file() => return Err(OutputError::Foreign(path)),
             _ => serde_json::from_slice(&fs::read(&path).map_err(failed(&path))?)
@@ -136,14 +140,19 @@ impl Request<'_> {
     pub fn lock(&self) -> Result<Folder, OutputError> {
         self.check()?;
         fs::create_dir_all(self.folder).map_err(failed(self.folder))?;
-        let lock = match File::open(self.folder) {
-            Ok(folder) => match folder.try_lock() {
-                Ok(()) => Some(Lock(folder)),
+        let mut waited = Duration::ZERO;
+        // A file system without locks: nothing better can be had there.
+        let lock = loop {
+            let Ok(folder) = File::open(self.folder) else { break None };
+            match folder.try_lock() {
+                Ok(()) => break Some(Lock(folder)),
+                Err(TryLockError::WouldBlock) if waited < Duration::from_millis(WAIT.load(Ordering::Relaxed)) => {
+                    thread::sleep(LOOK);
+                    waited += LOOK;
+                }
                 Err(TryLockError::WouldBlock) => return Err(OutputError::InUse(self.folder.to_owned())),
-                // A file system without locks: nothing better can be had there.
-                Err(TryLockError::Error(_)) => None,
-            },
-            Err(_) => None,
+                Err(TryLockError::Error(_)) => break None,
+            }
         };
         // What another command has done since is seen only now.
         Ok(Folder { lock, ..self.check()? })
@@ -162,6 +171,16 @@ impl Request<'_> {
         folder.order.clone_from(&self.files);
         Ok(folder)
     }
+}
+
+/// Time for which a command waits for another one that writes into its folder, ms.
+static WAIT: AtomicU64 = AtomicU64::new(0);
+/// Pause between two looks at a lock.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Makes commands wait so long for others that write into their folders.
+pub fn wait_for_others(time: Duration) {
+    WAIT.store(u64::try_from(time.as_millis()).unwrap_or(u64::MAX), Ordering::Relaxed);
 }
 
 /// A folder that is locked.
@@ -205,6 +224,12 @@ impl Folder {
         // What a killed command left of a manifest: `read` has found it to be ours.
         remove(&part(&path))?;
         whole(&path, &json(self).map_err(failed(&path))?)
+    }
+
+    /// Tells that the file system has locks.
+    #[must_use]
+    pub fn is_locked(&self) -> bool {
+        self.lock.is_some()
     }
 
     /// The command that wrote the manifest.
@@ -274,6 +299,12 @@ impl Folder {
         let why = || OutputError::Manifest(self.path.join(MANIFEST), format!("{name:?} is no path below its folder"));
         if is_below { Ok(path) } else { Err(why()) }
     }
+}
+
+/// Tells that a folder holds something. What a killed command left of its first manifest is nothing.
+pub(crate) fn is_occupied(folder: &Path) -> bool {
+    let left = part(Path::new(MANIFEST));
+    fs::read_dir(folder).is_ok_and(|entries| entries.flatten().any(|entry| Path::new(&entry.file_name()) != left))
 }
 
 /// What is at a path; links are not followed.

@@ -183,6 +183,11 @@ impl Scene {
         let path = path.as_ref();
         let name = path.display().to_string();
         let fail = |fault: Fault| SceneError::new(&name, vec![fault]);
+        // Reading a pipe or a device may never end.
+        if std::fs::metadata(path).is_ok_and(|data| !data.is_file()) {
+            let fault = Fault::new("", "a folder, a pipe or a device".to_owned(), "a file");
+            return Err(fail(fault.remedy("name a file; flank reads standard input in place of -")));
+        }
         let mut bytes = Vec::new();
         std::fs::File::open(path).and_then(|file| file.take(json::MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(
             |error| {

@@ -1,13 +1,15 @@
 //! The final files: complete, or not at all.
 
 use std::{
+    collections::BTreeMap,
     fs::{self, File},
-    io::{BufWriter, Write as _},
+    io::{BufWriter, Read as _, Write as _},
     path::{Path, PathBuf},
 };
 
 use serde::{Serialize, Serializer, de::DeserializeOwned};
 use serde_json::{Map, Value};
+use sha2::{Digest, Sha256};
 
 use super::{Cell, Direction, Journal, Outcome, Plan, SweepError, records::Write};
 use crate::output::{Folder, OutputError, csv_line, failed, label, number, part};
@@ -94,17 +96,33 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
     }
 }
 
-/// The header of a finished sweep.
-pub(super) fn header_of(folder: &Path, seal: &str) -> Result<Map<String, Value>, SweepError> {
+/// SHA-256 of files by name.
+type Sums = BTreeMap<String, String>;
+
+/// The header of finished work, and the checksums of its files.
+pub(super) fn header_of(folder: &Path, seal: &str) -> Result<(Map<String, Value>, Sums), SweepError> {
     let path = folder.join(seal);
     let read = || {
         let mut header: Map<String, Value> = serde_json::from_str(&fs::read_to_string(&path)?)?;
-        header.remove("rows");
-        header.remove("failed");
-        header.remove("found");
-        Ok(header)
+        let sums = header.remove("sha256").map(serde_json::from_value).transpose()?.unwrap_or_default();
+        ["rows", "failed", "found"].iter().for_each(|key| drop(header.remove(*key)));
+        Ok((header, sums))
     };
     Ok(read().map_err(failed(&path))?)
+}
+
+/// SHA-256 of a file, hexadecimal.
+pub(super) fn sum(path: &Path) -> Result<String, OutputError> {
+    let mut hash = Sha256::new();
+    let mut file = File::open(path).map_err(failed(path))?;
+    let mut block = vec![0; 1 << 16];
+    loop {
+        match file.read(&mut block).map_err(failed(path))? {
+            0 => break,
+            count => hash.update(&block[..count]),
+        }
+    }
+    Ok(hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
 /// A file that is being written beside the place it is meant for.

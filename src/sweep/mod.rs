@@ -45,6 +45,7 @@ pub use journal::{Begin, Journal};
 pub(crate) use journal::{Outcome, SWEEP};
 pub use plan::{Cell, Direction, Plan, Seeding};
 pub(crate) use records::Write;
-pub use records::{Kept, Records, Rows, same};
+pub use records::{Kept, Records, Rows};
 pub use run::{Ending, run};
 pub use share::Share;
+pub use source::same;

@@ -14,7 +14,7 @@ use serde_json::{Map, Value};
 use super::{
     Begin, Plan, Share, SweepError,
     files::{self, Part},
-    source::{Lines, Ordered, Source},
+    source::{Lines, Ordered, Source, same, with_share},
 };
 use crate::output::{self, Folder, OutputError, Request, failed};
 
@@ -94,6 +94,8 @@ pub struct Records {
     own: usize,
     count: usize,
     damaged: usize,
+    /// Final files that were missing or changed.
+    lost: Vec<String>,
     synced: Instant,
 }
 
@@ -113,14 +115,22 @@ impl Records {
     ) -> Result<Option<Self>, SweepError> {
         let path = folder.join(kept.files[0]);
         let unfinished = fs::symlink_metadata(&path).is_ok();
+        let mut lost = Vec::new();
         match begin {
             Begin::New if unfinished => return Err(SweepError::Unfinished(folder.to_owned())),
-            Begin::New if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) => {
+            Begin::New if output::is_occupied(folder) => {
                 return Err(OutputError::Occupied(folder.to_owned()).into());
             }
             Begin::Resume if !unfinished && folder.join(kept.files[1]).exists() => {
-                same(folder, &files::header_of(folder, kept.files[1])?, &header)?;
-                return Ok(None);
+                let (there, sums) = files::header_of(folder, kept.files[1])?;
+                same(folder, &there, &header)?;
+                let changed =
+                    sums.into_iter().filter(|(name, sum)| files::sum(&folder.join(name)).ok().as_ref() != Some(sum));
+                let changed: Vec<String> = changed.map(|(name, _)| name).collect();
+                if changed.is_empty() {
+                    return Ok(None);
+                }
+                lost = changed;
             }
             _ => {}
         }
@@ -149,6 +159,7 @@ impl Records {
             own: rows.of(share),
             count: 0,
             damaged: 0,
+            lost,
             synced: Instant::now(),
         };
         if begin != Begin::Replace {
@@ -223,6 +234,7 @@ impl Records {
             own: rows.count,
             count: 0,
             damaged: 0,
+            lost: Vec::new(),
             synced: Instant::now(),
         };
         for part in 0..of {
@@ -338,6 +350,12 @@ impl Records {
         self.damaged
     }
 
+    /// Final files of finished work that were found missing or changed: all is computed again.
+    #[must_use]
+    pub fn lost(&self) -> &[String] {
+        &self.lost
+    }
+
     /// Chains of its share without a record, of rows that are chains of their own, as ranges of their numbers in the share.
     #[must_use]
     pub fn missing(&self) -> Vec<Range<usize>> {
@@ -444,15 +462,23 @@ impl Records {
             write(self, i, &mut |line| Ok(table.write(&format!("{line}\n"))?))?;
             table.publish()?;
         }
-        let mut header = self.header.clone();
-        header.extend(found.iter().map(|(name, value)| ((*name).to_owned(), value.clone())));
-        let seal = format!("{:#}\n", Value::from(header));
-        let others = others.iter().map(|(name, text)| (*name, text));
-        for (name, text) in others.chain([(self.kept.files[1], &seal)]) {
+        for (name, text) in others {
             let mut part = Part::create(&self.folder, name)?;
             part.write(text)?;
             part.publish()?;
         }
+        let figure = self.kept.figure();
+        let names = tables.iter().copied().chain(others.iter().map(|(name, _)| *name));
+        let names = names.chain(figure.iter().map(String::as_str).filter(|name| self.folder.join(name).is_file()));
+        let sums = names.map(|name| Ok((name.to_owned(), Value::from(files::sum(&self.folder.join(name))?))));
+        let sums = sums.collect::<Result<Map<String, Value>, OutputError>>()?;
+        let mut header = self.header.clone();
+        header.insert("sha256".to_owned(), sums.into());
+        header.extend(found.iter().map(|(name, value)| ((*name).to_owned(), value.clone())));
+        let seal = format!("{:#}\n", Value::from(header));
+        let mut part = Part::create(&self.folder, self.kept.files[1])?;
+        part.write(&seal)?;
+        part.publish()?;
         // Nothing depends on the records any more. The lock is held until the file is gone.
         if self.file.is_some() {
             output::remove(&self.sources[0].path)?;
@@ -482,25 +508,3 @@ impl Records {
 
 /// Writes a line.
 pub(crate) type Write<'a> = dyn FnMut(&str) -> Result<(), SweepError> + 'a;
-
-/// A header with the share of the work, if that is not all of it.
-fn with_share(mut header: Map<String, Value>, share: Share) -> Map<String, Value> {
-    if share.of > 1 {
-        header.insert("part".to_owned(), share.to_string().into());
-    }
-    header
-}
-
-/// Whether what was asked of work kept in `folder` is what is asked now.
-///
-/// # Errors
-/// [`SweepError::Mismatch`], with every entry that differs.
-pub fn same(folder: &Path, was: &Map<String, Value>, is: &Map<String, Value>) -> Result<(), SweepError> {
-    let keys = was.keys().chain(is.keys().filter(|key| !was.contains_key(*key)));
-    let text = |value: Option<&Value>| value.map_or("nothing".to_owned(), Value::to_string);
-    let differences: Vec<String> = keys
-        .filter(|key| was.get(*key) != is.get(*key))
-        .map(|key| format!("{key}: {} there, {} here", text(was.get(key)), text(is.get(key))))
-        .collect();
-    if differences.is_empty() { Ok(()) } else { Err(SweepError::Mismatch { path: folder.to_owned(), differences }) }
-}

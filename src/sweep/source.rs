@@ -19,7 +19,7 @@ use std::{
 use crc32fast::Hasher;
 use serde_json::{Map, Value};
 
-use super::{SweepError, records::same};
+use super::{Share, SweepError};
 use crate::output::failed;
 
 /// Begins the file, with the version of its format.
@@ -216,4 +216,26 @@ impl<'s> Ordered<'s> {
         let reason = format!("row {row} is gone");
         Err(SweepError::Damaged { path: path.clone(), line: 0, reason })
     }
+}
+
+/// A header with the share of the work, if that is not all of it.
+pub(super) fn with_share(mut header: Map<String, Value>, share: Share) -> Map<String, Value> {
+    if share.of > 1 {
+        header.insert("part".to_owned(), share.to_string().into());
+    }
+    header
+}
+
+/// Whether what was asked of work kept in `folder` is what is asked now.
+///
+/// # Errors
+/// [`SweepError::Mismatch`], with every entry that differs.
+pub fn same(folder: &Path, was: &Map<String, Value>, is: &Map<String, Value>) -> Result<(), SweepError> {
+    let keys = was.keys().chain(is.keys().filter(|key| !was.contains_key(*key)));
+    let text = |value: Option<&Value>| value.map_or("nothing".to_owned(), Value::to_string);
+    let differences: Vec<String> = keys
+        .filter(|key| was.get(*key) != is.get(*key))
+        .map(|key| format!("{key}: {} there, {} here", text(was.get(key)), text(is.get(key))))
+        .collect();
+    if differences.is_empty() { Ok(()) } else { Err(SweepError::Mismatch { path: folder.to_owned(), differences }) }
 }
