@@ -1,6 +1,9 @@
 //! Numbers, names and tables as text.
 
-use flank::output::{Table, csv_line, five_digits, label};
+use flank::{
+    output::{Table, csv_line, five_digits, label, visible},
+    scene::Scene,
+};
 
 #[test]
 fn numbers_keep_five_digits() {
@@ -48,4 +51,19 @@ fn columns_line_up() {
     let table = Table::new(["name", "value"]).with([vec!["a".to_owned(), "1".to_owned()], vec!["longer".to_owned()]]);
     assert_eq!(table.to_string(), "  name    value\n  a           1\n  longer\n");
     assert_eq!(label(flank::plot::Verdict::Agrees), "agrees");
+}
+
+/// What a terminal would obey or a spreadsheet compute is written so that it is only read.
+#[test]
+fn names_are_data() {
+    let name = "a\u{1b}[31mb\nc\u{202e}d\u{7f} Zahnrad 齿轮";
+    assert_eq!(visible(name), r"a\u{1b}[31mb\u{a}c\u{202e}d\u{7f} Zahnrad 齿轮");
+    assert_eq!(csv_line(["=1+1", "-5.0e-3", "+x", "@a", "-", "a\"b", "1"]), "'=1+1,-5.0e-3,'+x,'@a,-,\"a\"\"b\",1");
+    let scene = r#"{ "flank": 1, "name": "one\ntwo\u001b[2J", "note": "two\nlines",
+        "train": { "kind": "wall", "mass_kg": 1, "wall": { "side": "below", "position_m": 0 }, "law": { "kind": "rigid", "restitution": 0.8 } },
+        "initial": { "q": [1] }, "run": { "t_end_s": 1 } }"#;
+    let scene = Scene::from_json(scene, "file\rname").unwrap();
+    assert_eq!(scene.name(), r"file\u{d}name");
+    assert_eq!(scene.given()["name"], r"one\u{a}two\u{1b}[2J");
+    assert_eq!(scene.given()["note"], "two\nlines");
 }

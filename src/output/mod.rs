@@ -19,7 +19,7 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 pub use fault::Fault;
-pub use text::{Table, csv_line, five_digits, label};
+pub use text::{Table, csv_line, five_digits, label, visible};
 pub(crate) use text::{in_a_line, number};
 
 /// Name of the manifest, a JSON object: version of Flank, command, files relative to the folder with `/`.

@@ -10,13 +10,25 @@ pub fn number(value: f64) -> String {
     format!("{value:?}")
 }
 
-/// A line of a data file without its end: fields joined by commas, in quotes where RFC 4180 asks for them.
+/// A line of a data file without its end: fields joined by commas, in quotes where RFC 4180 asks for them. A text that a spreadsheet would
+/// take for a formula has an apostrophe before it.
 pub fn csv_line(fields: impl IntoIterator<Item: AsRef<str>>) -> String {
-    let quoted = |field: &str| match field.contains([',', '"', '\n', '\r']) {
-        true => format!("\"{}\"", field.replace('"', "\"\"")),
-        false => field.to_owned(),
+    let field = |field: &str| {
+        let is_formula = field.len() > 1 && field.starts_with(['=', '+', '-', '@']) && field.parse::<f64>().is_err();
+        let text = if is_formula { format!("'{field}") } else { field.to_owned() };
+        match text.contains([',', '"', '\n', '\r']) {
+            true => format!("\"{}\"", text.replace('"', "\"\"")),
+            false => text,
+        }
     };
-    fields.into_iter().map(|field| quoted(field.as_ref())).collect::<Vec<_>>().join(",")
+    fields.into_iter().map(|one| field(one.as_ref())).collect::<Vec<_>>().join(",")
+}
+
+/// A name in one line, with codes in place of characters that a terminal would obey: controls, and those that turn the direction of writing.
+pub fn visible(name: &str) -> String {
+    let turns = |c: char| matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let is_hidden = |c: char| c.is_control() || turns(c) || matches!(c, '\u{2028}' | '\u{2029}');
+    name.chars().map(|c| if is_hidden(c) { c.escape_unicode().to_string() } else { c.to_string() }).collect()
 }
 
 /// A text of several lines in one.

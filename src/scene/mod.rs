@@ -66,7 +66,7 @@ pub use initial::Memory;
 pub use run::{Duration, Frame, Run};
 
 pub use self::mesh::ToothMesh;
-use crate::{system::Spec, train::Drawing};
+use crate::{output::visible, system::Spec, train::Drawing};
 
 /// A scene that has been read, checked and resolved.
 #[derive(Clone, Debug, PartialEq)]
@@ -144,6 +144,8 @@ impl Scene {
 
     /// Reads a scene whose start need not fit its train.
     fn with_any_start(mut given: Value, name: &str) -> Result<Self, SceneError> {
+        let name = &visible(name);
+        make_visible(&mut given);
         // Editors read it; it is no part of the scene.
         if let Some(object) = given.as_object_mut().filter(|object| object.get("$schema").is_some_and(Value::is_string))
         {
@@ -291,6 +293,18 @@ impl Scene {
     /// [`SceneError`] if there is no number at a pointer, or no train with these numbers.
     pub fn build_with<'a>(&self, numbers: impl IntoIterator<Item = (&'a str, f64)>) -> Result<Built, SceneError> {
         Variant::new(self).build(numbers)
+    }
+}
+
+/// Makes all texts of a scene visible, but notes, which may have several lines.
+fn make_visible(value: &mut Value) {
+    match value {
+        Value::String(text) if text.contains(|c: char| !c.is_ascii_graphic()) => *text = visible(text),
+        Value::Array(items) => items.iter_mut().for_each(make_visible),
+        Value::Object(object) => {
+            object.iter_mut().filter(|(key, _)| *key != "note").for_each(|(_, item)| make_visible(item))
+        }
+        _ => {}
     }
 }
 

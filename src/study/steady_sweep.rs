@@ -154,7 +154,8 @@ impl SteadySweep {
         run(&self.plan, journal, point, task)
     }
 
-    /// Writes the table and the rows of a complete sweep. `picture` draws its rows, those that did not fail, into the folder.
+    /// Writes the table and the rows of a complete sweep. `picture` draws its rows, those that did not fail, into the folder; of more than
+    /// 10⁶ rows it gets none.
     ///
     /// # Errors
     /// As [`Journal::finish`].
@@ -169,7 +170,9 @@ impl SteadySweep {
         journal.each(|row, outcome| {
             if let Outcome::Done { result, .. } = outcome {
                 measures.take(&result);
-                rows.push(SweepRow::of(row, result));
+                if self.plan.rows() <= DRAWN {
+                    rows.push(SweepRow::of(row, result));
+                }
             }
             Ok(())
         })?;
@@ -184,6 +187,9 @@ impl SteadySweep {
         self.dimensionless
     }
 }
+
+/// Rows that a picture is drawn of, at most: they are in memory.
+const DRAWN: usize = 1_000_000;
 
 /// What a picture shows of a row.
 #[derive(Clone, Debug, PartialEq)]

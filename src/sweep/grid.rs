@@ -3,8 +3,9 @@ use serde::Serialize;
 use super::GridError;
 use crate::output::Fault;
 
-/// Points of a grid at most.
+/// Values of an axis, and points of a grid, at most.
 const MOST: usize = 1_000_000;
+const MOST_POINTS: usize = 1_000_000_000;
 /// Largest number on an axis; weighted with its count it is still a double.
 const LARGEST: f64 = 1e300;
 /// Smallest step of a range, of its larger end; values have 15 digits.
@@ -197,9 +198,9 @@ impl Grid {
     ///
     /// # Errors
     /// [`GridError`] with every fault of every axis, or unless there are one or two of them, of different places, with no more
-    /// than 10⁶ points together.
+    /// than 10⁹ points together.
     pub fn parse(texts: &[impl AsRef<str>]) -> Result<Self, GridError> {
-        Self::parse_up_to(texts, MOST)
+        Self::parse_up_to(texts, MOST_POINTS)
     }
 
     /// The same with at most so many points.

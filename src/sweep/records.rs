@@ -14,7 +14,7 @@ use serde_json::{Map, Value};
 use super::{
     Begin, Plan, Share, SweepError,
     files::{self, Part},
-    source::{Lines, Ordered, Source, same, with_share},
+    source::{Lines, Ordered, Source, same, share_of, with_share},
 };
 use crate::output::{self, Folder, OutputError, Request, failed};
 
@@ -191,24 +191,16 @@ impl Records {
         for folder in folders {
             let path = folder.join(kept.files[0]);
             let place = folder.display();
-            // The part that this file says it is.
-            let there = (0..of).map(|part| Share { part, of }).find_map(|share| {
-                let header = with_share(header.clone(), share);
-                let mut source = Source::new(path.clone(), &header, rows.count);
-                source.check(folder, &header).ok().filter(|()| source.begin > 0)?;
-                Some((share.part, source))
-            });
-            match there {
-                Some((part, _)) if sources[part].is_some() => {
-                    faults.push(format!("{place}: part {part} is there twice"))
+            let share = share_of(&path).filter(|share| share.of == of).unwrap_or(Share { part: 0, of });
+            let own = with_share(header.clone(), share);
+            let mut source = Source::new(path, &own, rows.count);
+            match source.check(folder, &own) {
+                Err(error) => faults.push(error.to_string()),
+                Ok(()) if source.begin == 0 => faults.push(format!("{place}: no rows yet")),
+                Ok(()) if sources[share.part].is_some() => {
+                    faults.push(format!("{place}: part {} is there twice", share.part))
                 }
-                Some((part, source)) => sources[part] = Some(source),
-                None => {
-                    let first = with_share(header.clone(), Share { part: 0, of });
-                    let why = Source::new(path, &first, rows.count).check(folder, &first);
-                    let why = why.map_or_else(|error| error.to_string(), |()| format!("{place}: no header"));
-                    faults.push(why);
-                }
+                Ok(()) => sources[share.part] = Some(source),
             }
         }
         let missing: Vec<usize> = (0..of).filter(|part| sources[*part].is_none()).collect();

@@ -226,6 +226,14 @@ pub(super) fn with_share(mut header: Map<String, Value>, share: Share) -> Map<St
     header
 }
 
+/// The share that the header of a file names, if it can be read.
+pub(super) fn share_of(path: &Path) -> Option<Share> {
+    let mut line = String::new();
+    BufReader::new(File::open(path).ok()?).read_line(&mut line).ok()?;
+    let json = line.strip_prefix(MAGIC)?.split_at_checked(DIGITS)?.1;
+    serde_json::from_str::<Map<String, Value>>(json).ok()?.get("part")?.as_str()?.parse().ok()
+}
+
 /// Whether what was asked of work kept in `folder` is what is asked now.
 ///
 /// # Errors
