@@ -97,7 +97,7 @@ impl Checkpoint {
     }
 }
 
-/// What stands around the checksum and the content.
+/// Text around the checksum and the content.
 const HEAD: &str = "{\"crc32\":\"";
 const MIDDLE: &str = "\",\"content\":";
 const TAIL: &str = "}\n";

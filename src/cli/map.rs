@@ -63,7 +63,7 @@ impl RuleArguments {
     }
 }
 
-/// How many cells there are of each kind, one line each.
+/// Number of cells of each kind, one line each.
 pub fn counts(tally: &Tally) -> String {
     let share = |count: u64| 100.0 * count as f64 / tally.cells().max(1) as f64;
     tally.kinds().into_iter().map(|(kind, count)| format!("{kind}: {count} ({:.2} %)\n", share(count))).collect()

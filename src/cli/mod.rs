@@ -156,7 +156,7 @@ impl Done {
         }
     }
 
-    /// How work of so many points ends, some of which failed.
+    /// The end of work of so many points, some of which failed.
     pub fn with_failed(failed: u64, all: u64) -> Self {
         match failed {
             0 => Self::Completely,

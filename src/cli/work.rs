@@ -19,7 +19,7 @@ use super::{
     tell, threads,
 };
 
-/// What a part says of itself, for `flank merge`.
+/// File in which a part describes itself, for `flank merge`.
 const PART: &str = "part.json";
 
 /// Long work, kept as it is done.
@@ -62,7 +62,7 @@ impl Work {
         Self { quiet, ..Self::default() }
     }
 
-    /// How it begins.
+    /// The way that it begins.
     pub fn begin(&self) -> Begin {
         match (self.resume, self.force) {
             (true, _) => Begin::Resume,
@@ -209,7 +209,7 @@ fn quoted(word: &str) -> String {
     format!("'{}'", word.replace('\'', "'\\''"))
 }
 
-/// What a part says of itself.
+/// Description of a part.
 #[derive(Debug, PartialEq, Deserialize, Serialize)]
 pub struct Part {
     pub command: String,
@@ -263,7 +263,7 @@ pub fn read<T: for<'de> Deserialize<'de>>(asked: Value) -> Result<T, CliError> {
     })
 }
 
-/// What is merged, and how.
+/// Folders of parts, and what to make of them.
 pub struct Merge<'a> {
     pub folders: &'a [PathBuf],
     pub of: usize,

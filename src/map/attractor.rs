@@ -1,4 +1,4 @@
-//! What a start ends on.
+//! Attractors, on which starts end.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,7 @@ const WALKS: [u32; 2] = [1, 8];
 /// Standard deviations within which the means of two irregular motions are the same.
 const ALIKE: f64 = 0.5;
 
-/// Where a start ends.
+/// End of a start.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Attractor {
     /// Its kind.
@@ -25,13 +25,13 @@ pub struct Attractor {
     pub period_cycles: Option<u64>,
     /// Word of an orbit.
     pub word: Option<String>,
-    /// Which flanks are struck.
+    /// Flanks that are struck.
     pub impacts: String,
     /// The largest exponent, 1/s.
     pub exponent: Option<f64>,
     /// The states of an orbit at the starts of its cycles; of any other motion one of its states.
     pub states: Vec<Vec<f64>>,
-    /// Of a motion without an orbit: mean and standard deviation of each component at the starts of cycles.
+    /// Mean and standard deviation of each component at the starts of cycles, of a motion without an orbit.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub averages: Vec<[f64; 2]>,
     /// There is an orbit for each start: a contact that the orbit never loses keeps the approach speed of its last gain; or what rests in its
@@ -39,7 +39,7 @@ pub struct Attractor {
     pub is_family: bool,
     rests: bool,
     scales: Vec<f64>,
-    /// What each contact does at the first of the states.
+    /// Mode of each contact at the first of the states.
     contacts: Vec<ContactMode>,
 }
 
@@ -60,7 +60,7 @@ impl Attractor {
         Ok(Self { kind, period_cycles, word, impacts, exponent, states, averages, is_family, rests, scales, contacts })
     }
 
-    /// Whether a state at the start of a cycle is within `reach` of its orbit.
+    /// Tells that a state at the start of a cycle is within `reach` of its orbit.
     pub(super) fn holds(&self, map: &SectionMap<'_>, drift: &Drift, x: &[f64], reach: f64) -> bool {
         let near = |state: &Vec<f64>| {
             if drift.directions.is_empty() {
@@ -75,7 +75,7 @@ impl Attractor {
         self.period_cycles.is_some() && self.states.iter().any(near)
     }
 
-    /// Whether this orbit becomes `other` as the latched speeds become those of `other`.
+    /// Tells that this orbit becomes `other` as the latched speeds become those of `other`.
     fn leads_to(&self, other: &Self, period: u64, map: &SectionMap<'_>, drift: &Drift) -> bool {
         let n = 2 * map.simulation().structure.freedoms();
         let [from, to] = [&self.states[0][n..], &other.states[0][n..]];
@@ -94,7 +94,7 @@ impl Attractor {
         })
     }
 
-    /// Whether `other` is the same one.
+    /// Tells that `other` is the same one.
     pub(super) fn is(&self, map: &SectionMap<'_>, drift: &Drift, other: &Self) -> bool {
         if self.kind != other.kind || self.period_cycles != other.period_cycles {
             return false;

@@ -324,7 +324,7 @@ impl Basins {
         Ok(if rows.is_complete() { Ending::Complete } else { Ending::Interrupted })
     }
 
-    /// Of attractors beyond the survey, by part and number, the first start that ends there.
+    /// The first start that ends on each attractor beyond the survey, by part and number.
     fn newcomers(&self, rows: &Records, survey: usize) -> Result<BTreeMap<(usize, usize), usize>, SweepError> {
         let mut first = BTreeMap::new();
         rows.in_order(|start, row, part| {

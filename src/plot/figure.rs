@@ -135,7 +135,7 @@ pub struct Panel {
 /// An axis.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Axis {
-    /// What it shows.
+    /// Its plots.
     pub label: String,
     /// Its unit; empty for a pure number.
     pub unit: String,

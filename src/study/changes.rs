@@ -1,4 +1,4 @@
-//! Which number of a scene controls which result: one change at a time.
+//! Effects of numbers of a scene on results: one change at a time.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{output::Table, scene::Scene};
 
-/// What a change did to the motion of a mesh.
+/// Effect of a change on the motion of a mesh.
 pub struct Effect {
     /// The change.
     pub words: String,
@@ -95,7 +95,7 @@ impl Changes {
         })
     }
 
-    /// What controls what, as a table.
+    /// Effects of the changes, as a table.
     pub fn listing(&self, effects: &[Effect], speeds: &[f64]) -> Table {
         let cells = |effect: &Effect| {
             let apart = effect.apart.iter().map(|apart| format!("{apart:.3}"));

@@ -37,7 +37,7 @@ pub struct Section {
     /// Words below the title.
     #[serde(default)]
     pub text: String,
-    /// What it shows.
+    /// Its plots.
     pub plots: Vec<Plot>,
 }
 
@@ -45,7 +45,7 @@ pub struct Section {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plot {
-    /// What is plotted.
+    /// Kind of the plot.
     #[serde(rename = "plot")]
     pub kind: Kind,
     /// Name of its scene.
@@ -58,7 +58,7 @@ pub struct Plot {
     pub highest_hz: Option<f64>,
     /// Scene whose natural frequencies are drawn in; its own if none is named.
     pub modes_of: Option<String>,
-    /// What a table compares.
+    /// Numbers that a table compares.
     #[serde(default)]
     table: Value,
 }
@@ -75,7 +75,7 @@ fn values<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<Ve
 }
 
 impl Plot {
-    /// What its table compares.
+    /// Numbers that its table compares.
     pub(super) fn table<T: DeserializeOwned>(&self) -> Result<T, StudyError> {
         T::deserialize(&self.table).map_err(|error| StudyError::File(format!("table of {}: {error}", self.kind.id())))
     }

@@ -36,7 +36,7 @@ kinds! {
     ApartVsSpeed = "apart-vs-speed",
     /// Threshold load against speed.
     ThresholdVsSpeed = "threshold-vs-speed",
-    /// What single changes do to the results; a table.
+    /// Effects of single changes on the results; a table.
     Changes = "changes",
     /// Paths of the centres of gears.
     Trajectories = "trajectories",

@@ -191,7 +191,7 @@ impl SteadySweep {
 /// Rows that a picture is drawn of, at most: they are in memory.
 const DRAWN: usize = 1_000_000;
 
-/// What a picture shows of a row.
+/// Measures of a row for a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepRow {
     /// Number of the row.
@@ -202,7 +202,7 @@ pub struct SweepRow {
     pub contacts: Vec<(String, Shown)>,
 }
 
-/// What a picture shows of a contact.
+/// Measures of a contact for a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shown {
     /// Share of the time apart.

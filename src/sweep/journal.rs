@@ -113,7 +113,7 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
         Ok(serde_json::from_str(text).map_err(|error| failed(&self.path)(error.into()))?)
     }
 
-    /// What came of some rows, of those that are kept.
+    /// Outcomes of some rows, of those that are kept.
     pub(super) fn find(&mut self, rows: &BTreeSet<usize>) -> Result<BTreeMap<usize, Outcome<R, S>>, SweepError> {
         let found = self.records.find(rows)?;
         found.into_iter().map(|(row, text)| Ok((row, self.read(&text)?))).collect()

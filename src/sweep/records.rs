@@ -31,7 +31,7 @@ pub struct Kept {
 }
 
 impl Kept {
-    /// What the command writes into `folder`; nothing of `input` is replaced.
+    /// Files that the command writes into `folder`; nothing of `input` is replaced.
     #[must_use]
     pub fn request<'a>(&self, begin: Begin, folder: &'a Path, input: Option<&'a Path>) -> Request<'a> {
         // The head of the rows says whose they are.

@@ -32,7 +32,7 @@ pub(super) struct Source {
     pub path: PathBuf,
     /// Checksum of its header.
     head: Hasher,
-    /// Where the records begin and where they end.
+    /// Places of the first record and behind the last one.
     pub begin: u64,
     pub end: u64,
     /// Rows below this are rows.
@@ -110,10 +110,10 @@ const BLOCK: u64 = 1 << 16;
 /// Lines of a source, one after the other.
 pub(super) struct Lines<'s> {
     source: &'s Source,
-    /// What has been read, and where it begins in the file.
+    /// Bytes that have been read, and their place in the file.
     block: Vec<u8>,
     at: u64,
-    /// Where the next line begins in the block.
+    /// Place of the next line in the block.
     next: usize,
     end: u64,
 }
@@ -122,7 +122,7 @@ pub(super) struct Lines<'s> {
 pub(super) struct Line {
     pub row: Option<usize>,
     text: Range<u64>,
-    /// Where the next line begins.
+    /// Place of the next line.
     pub end: u64,
 }
 
@@ -234,7 +234,7 @@ pub(super) fn share_of(path: &Path) -> Option<Share> {
     serde_json::from_str::<Map<String, Value>>(json).ok()?.get("part")?.as_str()?.parse().ok()
 }
 
-/// Whether what was asked of work kept in `folder` is what is asked now.
+/// Checks that work kept in `folder` was asked the same as is asked now.
 ///
 /// # Errors
 /// [`SweepError::Mismatch`], with every entry that differs.
