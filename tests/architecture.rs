@@ -204,7 +204,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("analysis", 2480),
     ("baseline", 1500),
     ("branch", 3060),
-    ("cli", 4000),
+    ("cli", 4060),
     ("engine", 2080),
     ("ensemble", 150),
     ("event", 350),

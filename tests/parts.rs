@@ -235,3 +235,21 @@ fn streams_and_special_files_do_no_harm() {
         assert!(!said.contains("panicked"), "{line}: {said}");
     }
 }
+
+/// A run of years says so after a moment, and ends by a signal.
+#[cfg(unix)]
+#[test]
+fn a_run_of_years_says_so() {
+    let place = tempfile::tempdir().unwrap();
+    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(PAIR)).unwrap();
+    let scene = place.path().join("scene.json");
+    fs::write(&scene, text.replace("\"cycles\": 500", "\"step_budget\": 100000000000000, \"cycles\": 1000000000000"))
+        .unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_flank"));
+    let mut child = command.arg("run").arg(&scene).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = std::io::BufRead::lines(std::io::BufReader::new(child.stderr.take().unwrap())).map(Result::unwrap);
+    let line = lines.find(|line| line.contains("at this rate the run takes about"));
+    assert!(line.is_some_and(|line| line.contains("days") || line.contains("years")));
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(75));
+}

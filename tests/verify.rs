@@ -246,7 +246,7 @@ fn a_wrong_row_of_a_sweep_says_so() {
     let scene = pair(LINEAR, 0.0, r#"{ "cycles": 4, "verify": true }"#);
     fs::write(folder.path().join("scene.json"), scene).unwrap();
     let axis = "/train/mesh/error/0/phase_rad=0,1.1";
-    old().current_dir(&folder).args(["sweep", "scene.json", "--quiet", "--vary", axis]).assert().code(0);
+    old().current_dir(&folder).args(["sweep", "scene.json", "--quiet", "--vary", axis]).assert().code(3);
     let table = fs::read_to_string(folder.path().join("sweep/sweep.csv")).unwrap();
     let rows: Vec<&str> = table.lines().skip(1).collect();
     assert!(rows[0].contains("the check by") && !rows[1].contains("the check by"), "{table}");

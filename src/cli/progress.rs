@@ -125,7 +125,7 @@ fn bar(length: u64, template: &str, quiet: bool) -> ProgressBar {
 
 /// A bar for the length of a run.
 pub fn running(quiet: bool) -> ProgressBar {
-    bar(LENGTH as u64, "{bar:40} {percent:>3} %  {msg}  {eta} left", quiet)
+    bar(LENGTH as u64, "{bar:40} {percent:>3} %  {msg}", quiet)
 }
 
 /// Shows that a share of a run is done, which has so many cycles if it has cycles.
@@ -133,7 +133,38 @@ pub fn show(bar: &ProgressBar, progress: Progress, cycles: Option<f64>) {
     let Progress::Share(done) = progress else { return };
     bar.set_position((done * LENGTH) as u64);
     let seconds = bar.elapsed().as_secs_f64();
-    if let Some(cycles) = cycles.filter(|_| seconds > 0.0) {
-        bar.set_message(format!("{:.0} cycles/s", done * cycles / seconds));
+    if seconds > 0.0 && done > 0.0 {
+        let rate = cycles.map_or_else(String::new, |cycles| format!("{:.0} cycles/s  ", done * cycles / seconds));
+        bar.set_message(format!("{rate}{} left", lasting(seconds * (1.0 / done - 1.0))));
+    }
+}
+
+/// A time in the unit that suits it.
+pub fn lasting(seconds: f64) -> String {
+    const UNITS: [(f64, &str); 5] =
+        [(365.25 * 86_400.0, "years"), (86_400.0, "days"), (3600.0, "hours"), (60.0, "minutes"), (1.0, "s")];
+    let (unit, name) = UNITS.into_iter().find(|(unit, _)| seconds >= 2.0 * unit).unwrap_or(UNITS[4]);
+    format!("{:.0} {name}", seconds / unit)
+}
+
+/// Time after which a run is judged by its rate, and the time that is worth a word, s.
+const JUDGED: f64 = 2.0;
+const LONG: f64 = 600.0;
+
+/// An estimate of a run, told once where it is unusual.
+#[derive(Default)]
+pub struct Estimate(AtomicBool);
+
+impl Estimate {
+    /// Words for a run of which the share `done` took some seconds and wrote `bytes`; nothing if it is not long, or was told.
+    pub fn words(&self, done: f64, seconds: f64, bytes: impl FnOnce() -> u64) -> Option<String> {
+        let total = seconds / done;
+        let is_due =
+            seconds >= JUDGED && done > 0.0 && !self.0.swap(seconds >= JUDGED && done > 0.0, Ordering::Relaxed);
+        (is_due && total > LONG).then(|| {
+            let log = bytes() as f64 / done / 1e9;
+            let log = if log >= 1.0 { format!(", and its files about {log:.0} GB") } else { String::new() };
+            format!("warning: at this rate the run takes about {}{log}", lasting(total))
+        })
     }
 }

@@ -3,10 +3,11 @@
 use std::{
     fmt::Write,
     path::{Path, PathBuf},
+    time::Instant,
 };
 
 use flank::{
-    Simulation,
+    Progress, Simulation,
     hybrid::Clock,
     output::{Request, five_digits as number, label},
     plot::{Item, Print, Report},
@@ -19,7 +20,7 @@ use super::{
     CliError, Done, open,
     pictures::Pictures,
     print,
-    progress::{cancellable, catch_interrupt, running, show},
+    progress::{Estimate, cancellable, catch_interrupt, running, show},
     tell, wrapped,
 };
 
@@ -73,7 +74,22 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         tell(&format!("warning: {warning}"));
     }
     let bar = running(arguments.quiet);
-    let progress = |progress| show(&bar, progress, cycles);
+    let (estimate, began) = (Estimate::default(), Instant::now());
+    let written = || {
+        let size = |name: &str| {
+            arguments.out.as_ref().and_then(|out| out.join(name).metadata().ok()).map_or(0, |data| data.len())
+        };
+        ["events.jsonl", "events.csv", "trajectory.csv"].into_iter().map(size).sum()
+    };
+    let progress = |progress| {
+        show(&bar, progress, cycles);
+        if let Progress::Share(done) = progress
+            && !arguments.quiet
+            && let Some(words) = estimate.words(done, began.elapsed().as_secs_f64(), written)
+        {
+            bar.suspend(|| tell(&words));
+        }
+    };
     let mut job = simulation.job();
     job.task = cancellable(&progress);
     job.max_events = run.event_budget.min(arguments.events.unwrap_or(u64::MAX));
