@@ -167,24 +167,16 @@ fn modes_of_a_chain() {
     assert_eq!(multiplicities(&[0.0, 1.0, 1.0 + 1e-12, 2.0], 1e-9), [(0.0, 1), (1.0, 2), (2.0, 1)]);
 }
 
-fn value(stiffness: &Stiffness, t: f64) -> f64 {
-    match stiffness {
-        Stiffness::Constant(k) => *k,
-        Stiffness::Harmonic { mean, harmonics } => {
-            mean * (1.0 + harmonics.iter().map(|h| h.amplitude * (h.omega * t + h.phase).cos()).sum::<f64>())
-        }
-        Stiffness::Periodic { period, origin, pieces } => {
-            let at = ((t - origin) / period).rem_euclid(1.0);
-            let piece = pieces.iter().rev().find(|p| p.start <= at).expect("a first piece");
-            piece.value + piece.slope * (at - piece.start) * period
-        }
-        Stiffness::Switched { .. } => unreachable!(),
-    }
-}
-
 /// Pairs in contact at the clock τ, by counting.
 fn pairs(path: PathOfContact, tau: f64) -> f64 {
     (-20..=20).filter(|&n| (-path.approach..=path.recess).contains(&(tau + f64::from(n)))).count() as f64
+}
+
+#[test]
+fn a_switched_stiffness_alternates() {
+    let times = vec![[1.0, 0.0], [2.5, 0.0], [4.0, 0.0]];
+    let k = Stiffness::Switched { times, levels: [3.0, 5.0] };
+    assert_eq!([0.0, 0.99, 1.0, 2.0, 2.5, 3.9, 4.0, 9.0].map(|t| k.at(t)), [3.0, 3.0, 5.0, 5.0, 3.0, 3.0, 5.0, 5.0]);
 }
 
 proptest! {
@@ -208,7 +200,7 @@ proptest! {
         let edge = |x: f64| { let f = (tau - x).rem_euclid(1.0); f.min(1.0 - f) < 1.0e-9 };
         prop_assume!(!edge(-approach) && !edge(recess));
         let want = mean * (1.0 - s + s * pairs(path, tau) / path.contact_ratio());
-        prop_assert!((value(&k, t * period) / want - 1.0).abs() < 1.0e-12);
+        prop_assert!((k.at(t * period) / want - 1.0).abs() < 1.0e-12);
     }
 
     #[test]
@@ -227,7 +219,7 @@ proptest! {
             .sum::<f64>() / f64::from(n);
         let want = mean * average / path.contact_ratio();
         // Two steps, each placed to within one sample.
-        prop_assert!((value(&k, t * period) - want).abs() <= 2.1 * mean / path.contact_ratio() / f64::from(n));
+        prop_assert!((k.at(t * period) - want).abs() <= 2.1 * mean / path.contact_ratio() / f64::from(n));
     }
 }
 
@@ -246,7 +238,7 @@ proptest! {
         let want = mean * sections.sum::<f64>() / f64::from(n) / path.contact_ratio();
         // Each end of a pair is placed to within one section, and a section has up to four ends for each pitch of the overlap.
         let bound = (2.0 + 4.0 * overlap) * mean / path.contact_ratio() / f64::from(n);
-        prop_assert!((value(&k, t * period) - want).abs() <= bound);
+        prop_assert!((k.at(t * period) - want).abs() <= bound);
     }
 }
 
@@ -300,9 +292,7 @@ fn fourier_series() {
     let wave = make(Waveform::Rectangular);
     let left = |harmonics| {
         let series = make(Waveform::Fourier { harmonics });
-        (0..2000)
-            .map(|i| (value(&series, f64::from(i) / 2000.0) - value(&wave, f64::from(i) / 2000.0)).powi(2))
-            .sum::<f64>()
+        (0..2000).map(|i| (series.at(f64::from(i) / 2000.0) - wave.at(f64::from(i) / 2000.0)).powi(2)).sum::<f64>()
             / 2000.0
     };
     // Parseval: what is left is Σ_{l>L} a_l²/2 ≤ (s/(π ε))² 2/L.
@@ -328,7 +318,7 @@ fn clocks() {
     let schedule = k.schedule(2.0, 0.25);
     // high while frac(t/T + γ) < duty.
     for (t, want) in [(0.0, 1.2), (0.69, 1.2), (0.71, 0.7), (1.49, 0.7), (1.51, 1.2)] {
-        assert_relative_eq!(value(&schedule, t), want);
+        assert_relative_eq!(schedule.at(t), want);
     }
     assert!(!MeshStiffness::Constant(1.0).varies() && k.varies());
 }

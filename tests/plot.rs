@@ -7,7 +7,8 @@ mod figures;
 use std::sync::Arc;
 
 use flank::plot::{
-    Axis, Cell, Figure, Guide, Item, Panel, Print, Report, Section, Series, Style, Table, Theme, Verdict,
+    Axis, Cell, Figure, Guide, Item, Panel, Print, Raster, Report, SEQUENCE, Section, Series, Style, Table, Theme,
+    Verdict,
 };
 use resvg::{
     tiny_skia::Pixmap,
@@ -375,4 +376,27 @@ fn figures_have_the_size_that_a_paper_wants() {
         assert!(Print::default().sized(bad).is_err(), "{bad}");
     }
     assert!(Print::default().lettered(2.0).is_err());
+}
+
+/// Two rows of three cells: classes of 6 dB up to the largest value, values in the data, and pixels in the page's data.
+#[test]
+fn levels_fall_into_classes() {
+    let values = vec![Some(41.0), Some(36.0), None, Some(35.9), Some(-80.0), Some(0.5)];
+    let raster = Raster { x: [0.0, 3.0], y: [10.0, 30.0], columns: 3, values, ..Raster::default() };
+    let raster = raster.of_levels((41.0, 6.0), "dB");
+    // The highest class is 36 to 42; the lowest, below 0, also holds what has no value.
+    assert_eq!(raster.points, [7, 7, 0, 6, 0, 1]);
+    assert_eq!((raster.classes[7].0.as_str(), raster.classes[7].1), ("36 to 42", SEQUENCE[7]));
+    assert_eq!(raster.classes[0].0, "below 0");
+    let panel = Panel { x: Axis::new("f", "Hz"), y: Axis::new("n", ""), raster: Some(raster), ..Panel::default() };
+    let figure = Figure { id: "levels".to_owned(), columns: 1, panels: vec![panel], ..Figure::default() };
+    let table = rows(&figure.csv());
+    let cells: Vec<[&str; 4]> =
+        table[1..].iter().map(|row| [&row[2], &row[4], &row[7], &row[10]].map(String::as_str)).collect();
+    assert_eq!(cells[0], ["cell", "0.5", "25.0", "41.0"]);
+    assert_eq!(cells[2], ["cell", "0.5", "15.0", "35.9"]);
+    assert_eq!(cells.len(), 5);
+    let items = vec![Item::Figure(figure)];
+    let report = Report { sections: vec![Section::new("", "", items)], ..Report::default() };
+    assert!(report.html().contains("\"points\":\"770601\""));
 }

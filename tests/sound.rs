@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use flank::{
     Simulation, Task,
     scene::Scene,
-    study::sound::{Blow, PathMode, RATE, TransferPath, impacts, render},
+    study::sound::{Blow, PathMode, RATE, TransferPath, impacts, render, spectrum},
 };
 
 /// One mode: between two samples its pointer turns by a known factor, but for an impact, whose time and momentum follow from what is left.
@@ -114,4 +114,19 @@ fn a_path_out_of_range_is_refused_with_every_fault() {
     assert_eq!(TransferPath { modes: vec![bad] }.check().unwrap_err().len(), 3);
     assert_eq!(TransferPath { modes: vec![] }.check().unwrap_err().len(), 1);
     TransferPath::placeholder().check().unwrap();
+}
+
+/// A sine of amplitude a has the level 20 lg a at its frequency, and nothing near it elsewhere.
+#[test]
+fn a_spectrum_has_the_level_of_a_sine() {
+    // A whole number of bins of 48000/8192 Hz.
+    let frequency = 200.0 * f64::from(RATE) / 8192.0;
+    let samples: Vec<f64> =
+        (0..RATE).map(|n| 0.25 * (TAU * frequency * f64::from(n) / f64::from(RATE)).sin()).collect();
+    let figure = spectrum(&samples, &TransferPath::placeholder());
+    let line = &figure.panels[0].series[0];
+    let loudest = line.y.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).unwrap().0;
+    assert!((line.x[loudest] - frequency).abs() < 1e-9 && (line.y[loudest] - 20.0 * 0.25f64.log10()).abs() < 1e-3);
+    let far = line.x.iter().zip(&line.y).filter(|(f, _)| (*f / frequency - 1.0).abs() > 0.05).map(|(_, y)| *y);
+    assert!(far.fold(f64::NEG_INFINITY, f64::max) < -100.0);
 }

@@ -200,5 +200,8 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
 
 /// Merges parts of basins.
 pub fn merge(asked: Value, scene: Scene, pictures: &Pictures, parts: &Merge<'_>) -> Result<Done, CliError> {
-    work::merge(&Plane::new(&work::read(asked)?, scene, pictures)?, parts)
+    let plane = Plane::new(&work::read(asked)?, scene, pictures)?;
+    // A merge reads the survey, or makes it again; it writes into its own folder alone.
+    let survey = plane.survey.clone().filter(|file| file.exists());
+    work::merge(&Plane { survey, ..plane }, parts)
 }

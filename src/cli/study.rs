@@ -6,7 +6,7 @@ use std::{
 };
 
 use flank::{
-    output::{Request, Table, label},
+    output::{Request, Table, csv_line, label},
     plot::Report,
     simulation::SimulationError,
     study::{
@@ -236,23 +236,17 @@ fn rows(contents: &Contents) -> impl Iterator<Item = &Comparison> {
     contents.comparisons().into_iter().chain(&contents.contradictions)
 }
 
-/// A row as RFC 4180 asks, every field quoted.
-fn line<'f>(fields: impl IntoIterator<Item = &'f String>) -> String {
-    let quoted = |field: &String| format!("\"{}\"", field.replace('"', "\"\""));
-    fields.into_iter().map(quoted).collect::<Vec<_>>().join(",") + "\r\n"
-}
-
 fn csv(contents: &Contents) -> String {
-    let mut text = line(&["figure", "quantity", "published", "flank", "verdict", "note", "fitted"].map(String::from));
-    for row in rows(contents) {
+    let head = csv_line(["figure", "quantity", "published", "flank", "verdict", "note", "fitted"]) + "\r\n";
+    let line = |row: &Comparison| {
         let (verdict, fitted) = (label(row.verdict), row.fitted.to_string());
-        text += &line([&row.place, &row.quantity, &row.published, &row.found, &verdict, &row.note, &fitted]);
-    }
-    text
+        csv_line([&row.place, &row.quantity, &row.published, &row.found, &verdict, &row.note, &fitted]) + "\r\n"
+    };
+    head + &rows(contents).map(line).collect::<String>()
 }
 
 fn listing_csv(listing: &Table) -> String {
-    std::iter::once(&listing.head).chain(&listing.rows).map(line).collect()
+    std::iter::once(&listing.head).chain(&listing.rows).map(|row| csv_line(row) + "\r\n").collect()
 }
 
 fn text(contents: &Contents, out: &Path) -> String {

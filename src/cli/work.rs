@@ -187,12 +187,17 @@ fn plan(chains: usize, of: usize, out: &Path) -> Result<Done, CliError> {
     let mut skip = false;
     for word in &words {
         let is_own = ["--plan", "--out"].contains(&word.as_str());
-        if !is_own && !skip && !word.starts_with("--plan=") && !word.starts_with("--out=") {
+        let is_other = ["--resume", "--force"].contains(&word.as_str());
+        if !is_own && !is_other && !skip && !word.starts_with("--plan=") && !word.starts_with("--out=") {
             kept.push(quoted(word));
         }
         skip = is_own;
     }
-    for part in 0..of.min(chains.max(1)) {
+    if chains < of {
+        tell(&format!("warning: {chains} chains of neighbours make no more than {chains} parts"));
+    }
+    let of = of.min(chains.max(1));
+    for part in 0..of {
         let folder = quoted(&out.join(format!("part-{part}")).display().to_string());
         text += &format!("{} --part {part}/{of} --resume --out {folder}\n", kept.join(" "));
     }

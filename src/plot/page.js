@@ -283,7 +283,9 @@
     const grid = svg("g", { stroke: colours.grid });
     X.ticks.forEach(([value]) => grid.append(svg("line", { x1: X.at(value), x2: X.at(value), y1: Y.from, y2: Y.to })));
     Y.ticks.forEach(([value]) => grid.append(svg("line", { x1: X.from, x2: X.to, y1: Y.at(value), y2: Y.at(value) })));
-    const { lines, texts } = guides(panel, X, Y, colours);
+    // An image is light in both themes.
+    const light = COLOURS.light;
+    const { lines, texts } = guides(panel, X, Y, panel.raster ? { ...light, muted: light.ink } : colours);
     const visible = panel.series.filter((series) => !figure.hidden.has("series " + series.name));
     inside.append(...(panel.raster ? [] : [grid]), ...lines, ...visible.map((series) => drawn(series, X, Y, colours)));
     picture.append(inside, svg("path", { d: `M${left} ${top}V${height - bottom}H${room - right}`, fill: "none", stroke: colours.muted }));

@@ -96,15 +96,15 @@ impl Changes {
     }
 
     /// Effects of the changes, as a table.
-    pub fn listing(&self, effects: &[Effect], speeds: &[f64]) -> Table {
+    pub fn listing(&self, effects: &[Effect], ([load, speed], speeds): (&[Quantity; 2], &[f64])) -> Table {
         let cells = |effect: &Effect| {
             let apart = effect.apart.iter().map(|apart| format!("{apart:.3}"));
             let rest = [format!("{:.2}", effect.threshold), format!("{:.1}", effect.largest)];
             std::iter::once(effect.words.clone()).chain(apart).chain(rest).collect()
         };
-        let speeds = speeds.iter().map(|rpm| format!("Without force at {rpm} rev/min, T"));
+        let speeds = speeds.iter().map(|rpm| format!("Without force at {rpm} {}, T", speed.axis.unit));
         let head = std::iter::once("Change".to_owned()).chain(speeds);
-        let head = head.chain(["Threshold, N m", "Largest force, N"].map(String::from));
+        let head = head.chain([format!("Threshold, {}", load.axis.unit), "Largest force, N".to_owned()]);
         Table::new(head).with(effects.iter().map(cells)).titled(&self.title, &self.note)
     }
 }

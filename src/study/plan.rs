@@ -276,7 +276,7 @@ impl Plan {
                 let changes: Changes = plot.table()?;
                 let varied = [self.load(scene)?, self.speed(scene)?];
                 let effects = changes.effects(context, scene, (&varied, &values), &self.search(scene))?;
-                listed(changes.listing(&effects, &values), "numbers varied")?
+                listed(changes.listing(&effects, (&varied, &values)), "numbers varied")?
             }
             Kind::Values => {
                 let table: Values = plot.table()?;
@@ -360,7 +360,8 @@ impl Plan {
 
 /// The family of contacts whose loss of contact is looked at: the last one, as the ring's in a planetary stage.
 fn last_family(scene: &Scene) -> Result<String, StudyError> {
-    let last = scene.built().spec.contacts.last().ok_or_else(|| lacks(scene, "contact"))?;
+    let missing = || StudyError::missing(scene.name(), "it has no contact");
+    let last = scene.built().spec.contacts.last().ok_or_else(missing)?;
     Ok(figures::family(&last.name).to_owned())
 }
 

@@ -17,6 +17,7 @@ use std::{
 };
 
 use crc32fast::Hasher;
+use memchr::memchr;
 use serde_json::{Map, Value};
 
 use super::{Share, SweepError};
@@ -151,8 +152,9 @@ impl<'s> Lines<'s> {
 
     /// The next line that has an end.
     pub fn next(&mut self) -> Result<Option<Line>, SweepError> {
+        let mut seen = 0;
         loop {
-            if let Some(length) = self.block[self.next..].iter().position(|byte| *byte == b'\n') {
+            if let Some(length) = memchr(b'\n', &self.block[self.next + seen..]).map(|at| seen + at) {
                 let line = &self.block[self.next..self.next + length];
                 let record = self.source.record(line);
                 let end = self.at + (self.next + length) as u64;
@@ -161,6 +163,7 @@ impl<'s> Lines<'s> {
                 self.next += length + 1;
                 return Ok(Some(Line { row, text, end: end + 1 }));
             }
+            seen = self.block.len() - self.next;
             if !self.read()? {
                 return Ok(None);
             }

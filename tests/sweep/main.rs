@@ -5,3 +5,4 @@
 mod command;
 mod grid;
 mod map;
+mod picture;

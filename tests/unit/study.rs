@@ -79,6 +79,29 @@ fn modes_of_the_reference_set() {
     assert_eq!(figure.panels.len(), 7);
 }
 
+/// Cells at the harmonics of the mesh have the level of the force's amplitude there, which the picture of the forces finds from a record of
+/// another length.
+#[test]
+fn levels_are_those_of_the_harmonics() {
+    let plan = Plan::reference().unwrap();
+    let heavy = plan.scene("heavy").unwrap();
+    let speed = plan.speed(heavy).unwrap();
+    let (figure, _) = figures::waterfall(&context(), heavy, (&speed, &[500.0, 1000.0]), &[], 1500.0).unwrap();
+    let (_, facts) = figures::forces(&context(), heavy, 1500.0).unwrap();
+    for (panel, family) in figure.panels.iter().zip(["sun_planet", "ring_planet"]) {
+        let raster = panel.raster.as_ref().unwrap();
+        // The first row from the top is 1000 rev/min.
+        let level =
+            |hertz: f64| raster.values[raster.columns + (hertz / 1500.0 * raster.columns as f64) as usize].unwrap();
+        let fact = &facts[family];
+        for h in 1..=4 {
+            let amplitude = number(&fact["harmonics"][h - 1]);
+            let at = level(h as f64 * number(&fact["mesh_frequency"]));
+            close(at, 20.0 * amplitude.log10(), 0.01);
+        }
+    }
+}
+
 #[test]
 fn paths_at_a_hundred_revolutions() {
     let plan = Plan::reference().unwrap();

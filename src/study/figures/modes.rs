@@ -104,11 +104,11 @@ pub(in crate::study) fn listing(rows: &[ModeRow]) -> Table {
         vec![row.name.clone(), format!("{:.2}", row.hertz), row.multiplicity.to_string(), shares]
     };
     let families = if rows.iter().any(|row| !row.name.starts_with('f')) {
-        "R rotational, T translational (in pairs), P planet modes; "
+        "R: rotational, T: translational (in pairs), P: planet modes. "
     } else {
         ""
     };
-    let note = format!("{families}shares of the kinetic energy from 5 % on.");
+    let note = format!("{families}Shares of the kinetic energy from 5 % on.");
     let head = ["Mode", "Hz", "Times", "Kinetic energy"];
     Table::new(head).with(rows.iter().map(cells)).titled("Natural frequencies", note)
 }

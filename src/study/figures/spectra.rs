@@ -143,7 +143,7 @@ pub fn waterfall(
         title: format!("Spectra of the mesh forces against {}", axis.label),
         caption: format!(
             "Levels of the amplitude of the force, {unit}. Slanted: orders of the mesh frequency f_m; upright: natural frequencies with \
-             every mesh closed."
+             every mesh closed. White: below the lowest class, or beyond the spectrum."
         ),
         columns: 2,
         ..Figure::default()
