@@ -4,7 +4,7 @@
 //! multiplies and adds in one instruction rounds once where another one rounds twice. So a run names its set, and what is compiled for one
 //! set gives the same bits on every machine that has it.
 
-use std::fmt;
+use std::{fmt, sync::OnceLock};
 
 /// A set of instructions that this processor has.
 #[derive(Clone, Copy)]
@@ -238,15 +238,23 @@ pub(crate) trait Work {
     fn on<P: Path>(self, path: P) -> Self::Output;
 }
 
+/// The set that was chosen for all trains of this process.
+static CHOSEN: OnceLock<Instructions> = OnceLock::new();
+
 impl Instructions {
     /// The names of all sets: `avx2`, AVX2 and FMA, which x86-64 processors have had since 2013; what all x86-64 processors (`sse2`), all
     /// ARM processors of 64 bits (`neon`) and all others have.
     pub const NAMES: [&str; 4] = ["avx2", "sse2", "neon", "portable"];
 
-    /// The best that this processor has.
+    /// The best that this processor has, or what the process was told to use.
     #[must_use]
     pub fn best() -> Self {
-        Self::named("avx2").unwrap_or(Self(Set::Baseline(Baseline)))
+        CHOSEN.get().copied().or_else(|| Self::named("avx2")).unwrap_or(Self(Set::Baseline(Baseline)))
+    }
+
+    /// Makes this set the best for the rest of the process, so that all machines of a cluster give the same bits. The first call counts.
+    pub fn choose(self) {
+        let _ = CHOSEN.set(self);
     }
 
     /// The set of this name; `None` where the processor does not have it.

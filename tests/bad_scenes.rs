@@ -57,6 +57,7 @@ fn a_wrong_value_is_reported_where_it_stands() {
         (WALL, "/train/kind", json!("wal"), "/train/kind"),
         (WALL, "/train/kind", json!(7), "/train/kind"),
         (WALL, "/train", json!([]), "/train"),
+        (WALL, "/name", json!("n".repeat(201)), "/name"),
         (WALL, "/train/mass_kg", json!(0), "/train/mass_kg"),
         (WALL, "/train/mass_kg", json!("1"), "/train/mass_kg"),
         (WALL, "/train/mass_kg", Value::Null, "/train/mass_kg"),

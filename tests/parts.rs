@@ -178,11 +178,16 @@ fn every_end_has_its_code() {
 #[test]
 fn points_are_counted_and_parts_planned() {
     let words = format!("sweep {PAIR} --vary {FREQUENCY}=0.4:2:3 --vary /train/mean_load=0.02:0.3:6 --seed both");
-    assert!(ended(&flank(&words, &["--count"]), 0).contains("36 rows in 6 chains"));
+    let count = ended(&flank(&words, &["--count", "--threads", "1"]), 0);
+    assert!(count.contains("36 rows in 6 chains, about ") && count.contains(" on 1 threads"), "{count}");
     let plan = ended(&flank(&words, &["--plan", "2", "--out", "my parts"]), 0);
     let lines: Vec<&str> = plan.lines().collect();
     assert_eq!(lines.len(), 2);
     assert!(lines[1].ends_with("--part 1/2 --resume --out 'my parts/part-1'"), "{plan}");
+    // All parts use the instructions of the machine that planned them; one without these refuses.
+    assert!(lines[1].contains(&format!(" --instructions {} ", flank::Instructions::best().name())), "{plan}");
+    let foreign = if cfg!(target_arch = "aarch64") { "avx2" } else { "neon" };
+    assert!(ended(&flank(&words, &["--instructions", foreign]), 2).contains("does not have them"));
     for wrong in ["2/2", "1", "0/0", "a/2"] {
         assert!(ended(&flank(&words, &["--part", wrong]), 2).contains("I/N is wanted"));
     }

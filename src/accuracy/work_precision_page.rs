@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{
     integrate::Choice,
-    output::{Folder, OutputError},
+    output::{Folder, OutputError, Table},
     plot::{Axis, Figure, Guide, Item, Panel, Print, Report, Section, Series, Style},
 };
 
@@ -78,19 +78,21 @@ impl WorkPrecision<'_> {
     }
 
     fn csv(&self) -> String {
-        let mut text =
-            "method,setting,event_time_error_periods,missed,spurious,apart_error,state_error,peak_force_error,\
-                        energy_error,steps,evaluations,newton_iterations,factorisations,unconverged_steps\r\n"
-                .to_owned();
+        let head = "method,setting,event_time_error_periods,missed,spurious,apart_error,state_error,peak_force_error,\
+                        energy_error,steps,evaluations,newton_iterations,factorisations,unconverged_steps";
+        let mut table = Table::new(head.split(','));
         let maybe = |x: Option<f64>| x.map_or(String::new(), |x| x.to_string());
         for row in &self.rows {
             let (s, w) = (&row.score, &row.work);
-            let (time, errors) = (maybe(s.event_time), [s.apart, s.state, s.peak_force, s.energy].map(maybe).join(","));
-            let evaluations = row.evaluations().map_or(String::new(), |e| e.to_string());
-            text += &format!("{},{},{time},{},{},{errors}", row.contender.name, row.setting, s.missed, s.spurious);
-            text += &format!(",{},{evaluations},{},{},{}\r\n", w.steps, w.iterations, w.factorisations, w.unconverged);
+            let found = [row.contender.name.to_string(), row.setting.to_string(), maybe(s.event_time)];
+            let errors = [s.apart, s.state, s.peak_force, s.energy].map(maybe);
+            let counts =
+                [Some(w.steps), row.evaluations(), Some(w.iterations), Some(w.factorisations), Some(w.unconverged)];
+            let counts = counts.map(|count| count.map_or(String::new(), |count| count.to_string()));
+            let events = [s.missed, s.spurious].map(|count| count.to_string());
+            table.rows.push([&found[..], &events, &errors, &counts].concat());
         }
-        text
+        table.csv()
     }
 
     fn report(&self, summaries: &[ContenderSummary], figures: [Figure; 2]) -> Report {

@@ -8,7 +8,7 @@ use std::{
 use flank::{
     Task,
     map::{Attractor, Basins, BasinsError, Found, Measured, basins_figure},
-    output::{Fault, Table},
+    output::{Fault, Table, read_text},
     plot::Print,
     scene::Scene,
     sweep::{Begin, Ending, Kept, Records, Share, SweepError},
@@ -20,7 +20,6 @@ use super::{
     CliError, Done,
     map::RuleArguments,
     pictures::Pictures,
-    read_scene,
     work::{self, Merge, Points, Work, stem},
 };
 
@@ -165,7 +164,7 @@ impl Plane {
         let of = Value::Object(self.basins.header());
         if let Some(file) = self.survey.as_deref().filter(|file| file.exists()) {
             let place = file.display().to_string();
-            let text = std::fs::read_to_string(file).map_err(|error| CliError::Unread(place.clone(), error))?;
+            let text = read_text(file).map_err(|error| CliError::Unread(place.clone(), error))?;
             let fault = |found: String| {
                 let fault = Fault::new(&place, found, "the survey of these basins");
                 CliError::Arguments(vec![fault.remedy("remove the file, or name another one")])
@@ -192,7 +191,7 @@ impl Plane {
 
 /// Finds where each start ends.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let scene = read_scene(arguments.scene.as_deref())?;
+    let scene = arguments.work.scene(arguments.scene.as_deref())?;
     let plane = Plane::new(arguments, scene.clone(), &arguments.pictures)?;
     let asked = serde_json::to_value(arguments).unwrap_or_default();
     work::execute(&plane, (&scene, &asked), &arguments.work, (arguments.scene.as_deref(), &arguments.out))

@@ -16,7 +16,6 @@ use serde_json::Value;
 use super::{
     CliError, Done,
     pictures::Pictures,
-    read_scene,
     work::{self, Merge, Points, Work, stem},
 };
 
@@ -137,7 +136,7 @@ impl Drawn {
 
 /// Draws a diagram.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let scene = read_scene(arguments.scene.as_deref())?;
+    let scene = arguments.work.scene(arguments.scene.as_deref())?;
     let drawn = Drawn::new(arguments, scene.clone(), &arguments.pictures)?;
     let asked = serde_json::to_value(arguments).unwrap_or_default();
     work::execute(&drawn, (&scene, &asked), &arguments.work, (arguments.scene.as_deref(), &arguments.out))

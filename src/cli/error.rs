@@ -1,6 +1,6 @@
 //! What can go wrong, and the exit code it has.
 
-use std::{fmt, process::ExitCode};
+use std::{fmt, io::IsTerminal as _, process::ExitCode};
 
 use flank::{
     accuracy::AccuracyError,
@@ -12,7 +12,7 @@ use flank::{
     study::StudyError,
     sweep::{GridError, SweepError},
 };
-use miette::Diagnostic;
+use miette::{Diagnostic, MietteHandlerOpts, ReportHandler};
 
 /// An error of the command line.
 #[derive(Debug, thiserror::Error)]
@@ -45,8 +45,8 @@ pub enum CliError {
     #[error(transparent)]
     Accuracy(#[from] AccuracyError),
     /// No scene can be made of a gearbox file.
-    #[error("{0}")]
-    Import(ImportError),
+    #[error("{0}: {1}")]
+    Import(String, ImportError),
     /// A file cannot be read.
     #[error("{0} cannot be read: {1}")]
     Unread(String, std::io::Error),
@@ -69,9 +69,7 @@ impl Diagnostic for CliError {
             Self::Sweep(SweepError::Mismatch { .. }) => {
                 "--resume wants the same scene, arguments and version; name another folder, or write --force to begin anew"
             }
-            Self::Sweep(SweepError::Damaged { .. }) => {
-                "remove the line to have its row computed again, or write --force to begin anew"
-            }
+            Self::Sweep(SweepError::Damaged { .. }) => "name another folder, or write --force to begin anew",
             Self::Sweep(SweepError::Parts(_)) => {
                 "name the folders of all parts, each once; compute what is missing with --resume"
             }
@@ -89,12 +87,6 @@ impl Diagnostic for CliError {
             _ => return None,
         };
         Some(Box::new(help))
-    }
-}
-
-impl From<ImportError> for CliError {
-    fn from(error: ImportError) -> Self {
-        Self::Import(error)
     }
 }
 
@@ -158,6 +150,11 @@ impl CliError {
             Self::Study(StudyError::Overflow(_)) => 1,
             _ => 2,
         };
+        // A file or a pipe gets whole lines, which can be searched.
+        let wrapped = std::io::stderr().is_terminal();
+        let handler =
+            move |_: &_| -> Box<dyn ReportHandler> { Box::new(MietteHandlerOpts::new().wrap_lines(wrapped).build()) };
+        let _ = miette::set_hook(Box::new(handler));
         super::tell(&format!("{:?}", miette::Report::new(self)));
         ExitCode::from(code)
     }

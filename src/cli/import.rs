@@ -3,8 +3,8 @@
 use std::{fmt::Write, path::PathBuf};
 
 use flank::{
-    import::{Import, Options, import},
-    output::{Fault, Table, csv_line, label},
+    import::{Import, LARGEST, Options, import},
+    output::{Fault, Table, label, read_file},
 };
 use serde_json::Value;
 
@@ -52,7 +52,7 @@ pub fn execute(arguments: &Arguments) -> Result<(), CliError> {
     if !faults.is_empty() {
         return Err(CliError::Arguments(faults));
     }
-    let bytes = std::fs::read(&arguments.file)
+    let bytes = read_file(&arguments.file, LARGEST)
         .map_err(|error| CliError::Unread(arguments.file.display().to_string(), error))?;
     let options = Options {
         load_case: arguments.load_case.clone(),
@@ -60,7 +60,8 @@ pub fn execute(arguments: &Arguments) -> Result<(), CliError> {
         fix: arguments.fix.clone(),
         no_defaults: arguments.no_defaults,
     };
-    let found = import(&bytes, &options)?;
+    let failed = |error| CliError::Import(arguments.file.display().to_string(), error);
+    let found = import(&bytes, &options).map_err(failed)?;
     for (path, text) in [(&arguments.out, format!("{:#}\n", found.scene)), (&origins, csv(&found))] {
         std::fs::write(path, text).map_err(|error| CliError::file(path.display(), error))?;
     }
@@ -95,8 +96,7 @@ fn rows(import: &Import) -> impl Iterator<Item = Vec<String>> + '_ {
 const HEAD: [&str; 4] = ["number", "value", "origin", "from"];
 
 fn csv(import: &Import) -> String {
-    let lines = rows(import).map(|row| csv_line(row) + "\n");
-    std::iter::once(csv_line(HEAD) + "\n").chain(lines).collect()
+    Table::new(HEAD).with(rows(import)).csv()
 }
 
 fn text(import: &Import, arguments: &Arguments) -> Result<String, std::fmt::Error> {

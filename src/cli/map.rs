@@ -15,7 +15,6 @@ use serde_json::Value;
 use super::{
     CliError, Done,
     pictures::Pictures,
-    read_scene,
     work::{self, Merge, Points, Work, stem},
 };
 
@@ -125,7 +124,7 @@ impl Map {
 
 /// Maps the kinds of motion.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let scene = read_scene(arguments.scene.as_deref())?;
+    let scene = arguments.work.scene(arguments.scene.as_deref())?;
     let map = Map::new(arguments, scene.clone(), &arguments.pictures)?;
     let asked = serde_json::to_value(arguments).unwrap_or_default();
     work::execute(&map, (&scene, &asked), &arguments.work, (arguments.scene.as_deref(), &arguments.out))

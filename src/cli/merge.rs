@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use flank::{output::Fault, scene::Scene, sweep::Share};
+use flank::{Instructions, output::Fault, scene::Scene, sweep::Share};
 
 use super::{
     CliError, Done, basins, diagram, map,
@@ -35,11 +35,19 @@ pub struct Arguments {
 
 /// Takes the parts of divided work together.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let Part { command, part, name, scene, asked } = parts(&arguments.folders)?;
+    let Part { command, part, name, scene, asked, instructions } = parts(&arguments.folders)?;
     let share: Share = part.parse().map_err(|found| {
         let fault = Fault::new("the parts", format!("{part}: {found}"), "parts that flank has written");
         CliError::Arguments(vec![fault])
     })?;
+    match Instructions::named(&instructions) {
+        Some(set) => set.choose(),
+        None => {
+            let fault =
+                Fault::new("the parts", format!("vector instructions {instructions:?}"), "those of this machine");
+            return Err(CliError::Arguments(vec![fault.remedy("merge on a machine like those of the parts")]));
+        }
+    }
     let scene = Scene::from_value(scene, &name)?;
     let out = arguments.out.clone().unwrap_or_else(|| PathBuf::from(&command));
     let work = Work::silent(arguments.quiet);

@@ -124,8 +124,16 @@ impl Arguments {
             arg.allow_negative_numbers(takes_values)
         };
         let command = Self::command().mut_subcommands(|command| command.mut_args(signed));
-        Self::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit())
+        let matches = command.try_get_matches().unwrap_or_else(|error| exit(&error));
+        Self::from_arg_matches(&matches).unwrap_or_else(|error| exit(&error))
     }
+}
+
+/// Ends the program with what clap has to say: a fault of the words, or the help that was asked for.
+fn exit(error: &clap::Error) -> ! {
+    let written = error.print().and_then(|()| std::io::stdout().flush());
+    let is_lost = written.is_err_and(|error| error.kind() != std::io::ErrorKind::BrokenPipe);
+    std::process::exit(if is_lost && !error.use_stderr() { 74 } else { error.exit_code() })
 }
 
 /// How a command ended.
@@ -211,11 +219,7 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
 fn read_scene(path: Option<&Path>) -> Result<Scene, CliError> {
     match path {
         None => Ok(Scene::reference()?),
-        Some(path) if path == Path::new("-") => {
-            let name = "standard input";
-            let text = std::io::read_to_string(std::io::stdin().lock());
-            Ok(Scene::from_json(&text.map_err(|error| CliError::Unread(name.to_owned(), error))?, name)?)
-        }
+        Some(path) if path == Path::new("-") => Ok(Scene::from_stream(std::io::stdin().lock(), "standard input")?),
         Some(path) => Ok(Scene::from_file(path)?),
     }
 }

@@ -3,7 +3,7 @@
 use std::{fs, path::PathBuf};
 
 use flank::{
-    output::Fault,
+    output::{Fault, read_text},
     plot::Theme,
     study::sound::{RATE, TransferPath, impacts, render, spectrum},
 };
@@ -66,7 +66,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
         None => TransferPath::placeholder(),
         Some(file) => {
             let name = file.display().to_string();
-            let text = fs::read_to_string(file).map_err(|error| CliError::Unread(name.clone(), error))?;
+            let text = read_text(file).map_err(|error| CliError::Unread(name.clone(), error))?;
             match serde_json::from_str::<TransferPath>(&text) {
                 Ok(path) => {
                     path.check().map_err(|found| faults.extend(found)).map_or(TransferPath::placeholder(), |()| path)

@@ -6,7 +6,7 @@ use std::{
 };
 
 use flank::{
-    output::{Request, Table, csv_line, label},
+    output::{Request, Table, label, read_text},
     plot::Report,
     simulation::SimulationError,
     study::{
@@ -107,7 +107,7 @@ pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
             if let Ok(entry) = &made {
                 let mut folder = folder.lock().unwrap_or_else(PoisonError::into_inner);
                 entry.figure.iter().try_for_each(|figure| figure.write(&mut folder, &form))?;
-                entry.listing.iter().try_for_each(|listing| folder.bytes(&table(*kind), listing_csv(listing)))?;
+                entry.listing.iter().try_for_each(|listing| folder.bytes(&table(*kind), listing.csv()))?;
             }
             Ok((*kind, made))
         };
@@ -174,7 +174,7 @@ fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
         Some(path) => match study_file(path) {
             Some(text) => Plan::read(&text, &|name| {
                 let file = path.with_file_name(name);
-                std::fs::read_to_string(&file).map_err(|error| format!("{}: {error}", file.display()))
+                read_text(&file).map_err(|error| format!("{}: {error}", file.display()))
             })?,
             None => Plan::of(&read_scene(Some(path))?)?,
         },
@@ -196,7 +196,7 @@ fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
 
 /// The text of a study file; none if the file is a scene.
 fn study_file(path: &Path) -> Option<String> {
-    let text = std::fs::read_to_string(path).ok().filter(|text| text.contains("\"flank_study\""))?;
+    let text = read_text(path).ok().filter(|text| text.contains("\"flank_study\""))?;
     let is_study = |file: &serde_json::Value| file.get("flank_study").is_some();
     // A text that is not JSON is read again, for its error.
     serde_json::from_str(&text).map_or(true, |file| is_study(&file)).then_some(text)
@@ -237,16 +237,13 @@ fn rows(contents: &Contents) -> impl Iterator<Item = &Comparison> {
 }
 
 fn csv(contents: &Contents) -> String {
-    let head = csv_line(["figure", "quantity", "published", "flank", "verdict", "note", "fitted"]) + "\r\n";
-    let line = |row: &Comparison| {
-        let (verdict, fitted) = (label(row.verdict), row.fitted.to_string());
-        csv_line([&row.place, &row.quantity, &row.published, &row.found, &verdict, &row.note, &fitted]) + "\r\n"
+    let row = |row: &Comparison| {
+        let [place, quantity, published, found] =
+            [&row.place, &row.quantity, &row.published, &row.found].map(String::clone);
+        vec![place, quantity, published, found, label(row.verdict), row.note.clone(), row.fitted.to_string()]
     };
-    head + &rows(contents).map(line).collect::<String>()
-}
-
-fn listing_csv(listing: &Table) -> String {
-    std::iter::once(&listing.head).chain(&listing.rows).map(|row| csv_line(row) + "\r\n").collect()
+    let head = ["figure", "quantity", "published", "flank", "verdict", "note", "fitted"];
+    Table::new(head).with(rows(contents).map(row)).csv()
 }
 
 fn text(contents: &Contents, out: &Path) -> String {

@@ -19,7 +19,6 @@ use serde_json::Value;
 use super::{
     CliError, Done,
     pictures::Pictures,
-    read_scene,
     work::{self, Merge, Points, Work, stem},
 };
 
@@ -131,7 +130,7 @@ impl Swept {
 
 /// Sweeps a scene.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
-    let scene = read_scene(arguments.scene.as_deref())?;
+    let scene = arguments.work.scene(arguments.scene.as_deref())?;
     let swept = Swept::new(arguments, scene.clone(), &arguments.pictures)?;
     let asked = serde_json::to_value(arguments).unwrap_or_default();
     work::execute(&swept, (&scene, &asked), &arguments.work, (arguments.scene.as_deref(), &arguments.out))

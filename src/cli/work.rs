@@ -3,10 +3,12 @@
 use std::{
     fs,
     path::{Path, PathBuf},
+    time::Instant,
 };
 
 use flank::{
-    output::{Fault, Folder, OutputError},
+    Instructions,
+    output::{Fault, Folder, OutputError, read_text},
     scene::Scene,
     sweep::{Begin, Ending, Kept, Records, Share, SweepError},
 };
@@ -15,8 +17,8 @@ use serde_json::{Value, json};
 
 use super::{
     CliError, Done, print,
-    progress::{counted, limit},
-    tell, threads,
+    progress::{counted, lasting, limit},
+    read_scene, tell, threads,
 };
 
 /// File in which a part describes itself, for `flank merge`.
@@ -34,12 +36,15 @@ pub struct Work {
     /// Do part I of N only, counted from 0; flank merge takes the folders of all parts together
     #[arg(long, value_name = "I/N", help_heading = "Parts")]
     part: Option<Share>,
-    /// Print the number of points, and do nothing
+    /// Print the number of points and the time that they take about
     #[arg(long, help_heading = "Parts")]
     count: bool,
     /// Print the command lines of N parts, and do nothing
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=Share::MOST as u64), help_heading = "Parts")]
     plan: Option<u64>,
+    /// Vector instructions of all parts, which this machine must have: those that --plan names
+    #[arg(long, value_name = "NAME", value_parser = instructions, help_heading = "Parts")]
+    instructions: Option<Instructions>,
     /// End after this many seconds, at a finished point; exit code 75
     #[arg(long, value_name = "SECONDS", value_parser = seconds, help_heading = "Parts")]
     time_limit: Option<f64>,
@@ -56,7 +61,18 @@ fn seconds(word: &str) -> Result<f64, String> {
     value.ok_or_else(|| "a number of seconds above 0, below 1e9".to_owned())
 }
 
+fn instructions(name: &str) -> Result<Instructions, String> {
+    let best = Instructions::best().name();
+    Instructions::named(name).ok_or_else(|| format!("this machine does not have them; its best are {best:?}"))
+}
+
 impl Work {
+    /// Reads its scene, for the instructions that it is to use.
+    pub fn scene(&self, path: Option<&Path>) -> Result<Scene, CliError> {
+        self.instructions.into_iter().for_each(Instructions::choose);
+        read_scene(path)
+    }
+
     /// Work of its own, which prints unless it is to be `quiet`.
     pub fn silent(quiet: bool) -> Self {
         Self { quiet, ..Self::default() }
@@ -116,7 +132,8 @@ pub fn execute<P: Points>(
 ) -> Result<Done, CliError> {
     let [rows, chains] = points.rows();
     if work.count {
-        print(&format!("{rows} {} in {chains} chains\n", P::THINGS))?;
+        let time = duration(points, work)?;
+        print(&format!("{rows} {} in {chains} chains{time}\n", P::THINGS))?;
         return Ok(Done::Completely);
     }
     if let Some(of) = work.plan {
@@ -179,6 +196,32 @@ pub fn execute<P: Points>(
     points.finish(kept, work, out)
 }
 
+/// Chains that are tried for an estimate, and the time for that, s.
+const TRIED: usize = 64;
+const TRIAL: f64 = 2.0;
+
+/// The time that all rows take, in words, from those that are done in a moment.
+fn duration<P: Points>(points: &P, work: &Work) -> Result<String, CliError> {
+    let [rows, chains] = points.rows();
+    let folder = std::env::temp_dir().join(format!("flank-count-{}", std::process::id()));
+    let share = Share { part: 0, of: (chains / TRIED).clamp(1, Share::MOST) };
+    let pool = threads(work.threads)?;
+    let Ok(Some(mut kept)) = points.open(&folder, Begin::New, share) else { return Ok(String::new()) };
+    limit(TRIAL);
+    let began = Instant::now();
+    let quiet = Work { quiet: true, ..work.clone() };
+    let tried = counted(0, 0, P::THINGS, true, |task| pool.install(|| points.run(&mut kept, &quiet, task)));
+    let (seconds, count) = (began.elapsed().as_secs_f64(), P::records(&mut kept).count());
+    drop(kept);
+    let _ = fs::remove_dir_all(&folder);
+    tried?;
+    let threads = pool.current_num_threads();
+    Ok(match count {
+        0 => format!("; none was done within {TRIAL} s"),
+        _ => format!(", about {} on {threads} threads of this machine", lasting(seconds * rows as f64 / count as f64)),
+    })
+}
+
 /// Prints the command line of every part.
 fn plan(chains: usize, of: usize, out: &Path) -> Result<Done, CliError> {
     let words: Vec<String> = std::env::args().collect();
@@ -192,6 +235,10 @@ fn plan(chains: usize, of: usize, out: &Path) -> Result<Done, CliError> {
             kept.push(quoted(word));
         }
         skip = is_own;
+    }
+    // Parts agree to the last bit if they use the same instructions.
+    if !words.iter().any(|word| word.starts_with("--instructions")) {
+        kept.push(format!("--instructions {}", Instructions::best().name()));
     }
     if chains < of {
         tell(&format!("warning: {chains} chains of neighbours make no more than {chains} parts"));
@@ -223,12 +270,15 @@ pub struct Part {
     pub name: String,
     pub scene: Value,
     pub asked: Value,
+    /// Name of the vector instructions that it used.
+    pub instructions: String,
 }
 
 fn describe<P: Points>(folder: &mut Folder, (scene, asked): (&Scene, &Value), share: Share) -> Result<(), OutputError> {
     let (name, scene) = (scene.name(), scene.given());
     let part = json!({
         "command": P::COMMAND, "part": share.to_string(), "name": name, "scene": scene, "asked": asked,
+        "instructions": Instructions::best().name(),
     });
     folder.complete(PART, &part)
 }
@@ -239,7 +289,7 @@ pub fn parts(folders: &[PathBuf]) -> Result<Part, CliError> {
     let mut first: Option<Part> = None;
     for folder in folders {
         let place = folder.join(PART);
-        let read = fs::read_to_string(&place).map_err(|error| error.to_string());
+        let read = read_text(&place).map_err(|error| error.to_string());
         match (read.and_then(|text| serde_json::from_str::<Part>(&text).map_err(|error| error.to_string())), &first) {
             (Err(why), _) => faults.push(Fault::new(&place.display().to_string(), why, "the folder of a part")),
             (Ok(part), None) => first = Some(part),

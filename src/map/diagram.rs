@@ -1,9 +1,6 @@
 //! Section points and impacts of motions against one number.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -15,7 +12,7 @@ use super::{
 };
 use crate::{
     orbit::{Section, SectionMap, components},
-    output::{Fault, Folder, OutputError, csv_line, in_a_line, label, number},
+    output::{Fault, Folder, OutputError, csv_line, in_a_line, label, number, read_text},
     scene::Scene,
     simulation::{Parameter, Simulation, SimulationError},
     study::numbered,
@@ -411,7 +408,7 @@ impl Diagram {
     /// What is wrong with the folder, in words.
     pub fn branches(&self, folder: &Path) -> Result<Vec<BranchLine>, String> {
         let path = folder.join("branches.csv");
-        let text = fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        let text = read_text(&path).map_err(|error| format!("{}: {error}", path.display()))?;
         let mut lines = text.lines();
         let head: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
         let names = components(&self.own);

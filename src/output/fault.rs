@@ -1,5 +1,7 @@
 use std::fmt;
 
+use super::visible;
+
 /// One thing wrong in a scene, or in the arguments of a command.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
@@ -29,8 +31,8 @@ impl Fault {
 
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let place = if self.pointer.is_empty() { "(the whole scene)" } else { &self.pointer };
-        write!(f, "  at {place}\n    found:   {}\n    allowed: {}", self.found, self.allowed)?;
+        let place = if self.pointer.is_empty() { "(the whole scene)" } else { &visible(&self.pointer) };
+        write!(f, "  at {place}\n    found:   {}\n    allowed: {}", visible(&self.found), self.allowed)?;
         if !self.remedy.is_empty() {
             write!(f, "\n    remedy:  {}", self.remedy)?;
         }

@@ -9,7 +9,7 @@ mod text;
 
 use std::{
     fs::{self, File, Metadata, TryLockError},
-    io::{self, Write},
+    io::{self, Read, Write},
     path::{Component, Path, PathBuf},
     sync::atomic::{AtomicU64, Ordering},
     thread,
@@ -300,6 +300,44 @@ impl Folder {
         if is_below { Ok(path) } else { Err(why()) }
     }
 }
+
+/// Reads a file of at most `most` bytes that a user names.
+///
+/// # Errors
+/// Those of reading; [`io::ErrorKind::InvalidInput`] for a folder, a pipe or a device, which may have no end;
+/// [`io::ErrorKind::FileTooLarge`].
+pub fn read_file(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    if !fs::metadata(path)?.is_file() {
+        let why = "a folder, a pipe or a device; flank reads files, and standard input in place of -";
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, why));
+    }
+    read_at_most(File::open(path)?, most)
+}
+
+/// Reads at most `most` bytes.
+///
+/// # Errors
+/// Those of reading; [`io::ErrorKind::FileTooLarge`].
+pub fn read_at_most(from: impl Read, most: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    from.take(most + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, format!("more than {most} bytes")));
+    }
+    Ok(bytes)
+}
+
+/// Reads a text as [`read_file`] reads bytes.
+///
+/// # Errors
+/// Those of [`read_file`]; [`io::ErrorKind::InvalidData`] for bytes that are no UTF-8.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    let text = String::from_utf8(read_file(path, MOST)?);
+    text.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error.utf8_error().to_string()))
+}
+
+/// Bytes of a text that is read whole.
+const MOST: u64 = 256 << 20;
 
 /// Tells that a folder holds something. What a killed command left of its first manifest is nothing.
 pub(crate) fn is_occupied(folder: &Path) -> bool {

@@ -10,19 +10,24 @@ pub fn number(value: f64) -> String {
     format!("{value:?}")
 }
 
-/// A line of a data file without its end: fields joined by commas, in quotes where RFC 4180 asks for them. A text that a spreadsheet would
-/// take for a formula has an apostrophe before it.
+/// A line of a data file without its end (RFC 4180). A text that a spreadsheet would take for a formula has an apostrophe before it.
 pub fn csv_line(fields: impl IntoIterator<Item: AsRef<str>>) -> String {
-    let field = |field: &str| {
+    let mut line = csv::WriterBuilder::new().buffer_capacity(BUFFER).from_writer(Vec::new());
+    for field in fields {
+        let field = field.as_ref();
         let is_formula = field.len() > 1 && field.starts_with(['=', '+', '-', '@']) && field.parse::<f64>().is_err();
-        let text = if is_formula { format!("'{field}") } else { field.to_owned() };
-        match text.contains([',', '"', '\n', '\r']) {
-            true => format!("\"{}\"", text.replace('"', "\"\"")),
-            false => text,
-        }
-    };
-    fields.into_iter().map(|one| field(one.as_ref())).collect::<Vec<_>>().join(",")
+        let done = if is_formula { line.write_field(format!("'{field}")) } else { line.write_field(field) };
+        done.expect("memory takes every field");
+    }
+    line.write_record(None::<&[u8]>).expect("memory takes every line");
+    let bytes = line.into_inner().expect("memory takes every line");
+    let mut line = String::from_utf8(bytes).expect("fields and commas are UTF-8");
+    line.pop();
+    line
 }
+
+/// Bytes that a line is collected in.
+const BUFFER: usize = 512;
 
 /// A name in one line, with codes in place of characters that a terminal would obey: controls, and those that turn the direction of writing.
 pub fn visible(name: &str) -> String {
@@ -100,6 +105,12 @@ impl Table {
             names.for_each(|name| *name = shortened(name, length));
         }
         self
+    }
+
+    /// The table as a data file (RFC 4180), without title and note.
+    #[must_use]
+    pub fn csv(&self) -> String {
+        std::iter::once(&self.head).chain(&self.rows).map(|row| csv_line(row) + "\r\n").collect()
     }
 
     /// The table under a title, with a note below it.

@@ -7,7 +7,7 @@ use super::{
     fault::Fault,
     gearbox, initial, matrices,
     node::{Findings, Node},
-    pair, planetary, run,
+    pair, planetary, plausible, run,
     shape::{self, Units},
     wall,
 };
@@ -50,6 +50,7 @@ fn read(root: &Node) -> Option<Built> {
     let (spec, carrier_speed) = read_train(&root.at("train"))?;
     let run = run::read(&root.at("run"), &spec);
     clock::check(root, &spec, &run);
+    plausible::size(&root.at("train"), &spec);
     if run.frame == run::Frame::Fixed && carrier_speed.is_none() {
         root.at("run")
             .at("output")

@@ -24,7 +24,14 @@ pub(super) fn check(value: &Value, shape: &Shape, pointer: &str, faults: &mut Ve
             _ => faults
                 .push(Fault::new(pointer, show(value), shape.describe()).remedy("write a whole number in this range")),
         },
-        (Shape::Flag, Value::Bool(_)) | (Shape::Text, Value::String(_)) => return value.clone(),
+        (Shape::Flag, Value::Bool(_)) => return value.clone(),
+        (Shape::Text(most), Value::String(text)) => match text.chars().count() {
+            length if length <= *most => return value.clone(),
+            length => {
+                let found = format!("a text of {length} characters");
+                faults.push(Fault::new(pointer, found, shape.describe()).remedy("shorten it"));
+            }
+        },
         (Shape::Decimal, Value::String(text)) => {
             if Wide::parse(text).is_some() {
                 return value.clone();

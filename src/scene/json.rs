@@ -15,7 +15,7 @@ pub(super) fn parse(text: &str) -> Result<Value, Vec<Fault>> {
     // Some editors start a file with a byte order mark; it carries no meaning in UTF-8.
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     if text.len() as u64 > MAX_BYTES {
-        return Err(vec![too_large(text.len() as u64)]);
+        return Err(vec![too_large(&format!("{} bytes", text.len()))]);
     }
     if text.trim().is_empty() {
         return Err(vec![
@@ -33,8 +33,8 @@ pub(super) fn parse(text: &str) -> Result<Value, Vec<Fault>> {
     if twice.is_empty() { Ok(value) } else { Err(twice) }
 }
 
-pub(super) fn too_large(bytes: u64) -> Fault {
-    Fault::new("", format!("{bytes} bytes"), format!("at most {MAX_BYTES} bytes"))
+pub(super) fn too_large(found: &str) -> Fault {
+    Fault::new("", found, format!("at most {MAX_BYTES} bytes"))
         .remedy("a scene describes one case; split what does not belong to it")
 }
 

@@ -56,7 +56,10 @@ mod schema;
 mod shape;
 mod wall;
 
-use std::{io::Read, path::Path};
+use std::{
+    io::{self, Read},
+    path::Path,
+};
 
 use serde_json::{Map, Value};
 use sha2::{Digest, Sha256};
@@ -66,7 +69,11 @@ pub use initial::Memory;
 pub use run::{Duration, Frame, Run};
 
 pub use self::mesh::ToothMesh;
-use crate::{output::visible, system::Spec, train::Drawing};
+use crate::{
+    output::{read_at_most, read_file, visible},
+    system::Spec,
+    train::Drawing,
+};
 
 /// A scene that has been read, checked and resolved.
 #[derive(Clone, Debug, PartialEq)]
@@ -184,26 +191,30 @@ impl Scene {
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let path = path.as_ref();
         let name = path.display().to_string();
-        let fail = |fault: Fault| SceneError::new(&name, vec![fault]);
-        // Reading a pipe or a device may never end.
-        if std::fs::metadata(path).is_ok_and(|data| !data.is_file()) {
-            let fault = Fault::new("", "a folder, a pipe or a device".to_owned(), "a file");
-            return Err(fail(fault.remedy("name a file; flank reads standard input in place of -")));
-        }
-        let mut bytes = Vec::new();
-        std::fs::File::open(path).and_then(|file| file.take(json::MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(
-            |error| {
+        Self::from_bytes(read_file(path, json::MAX_BYTES), &name)
+    }
+
+    /// Reads a scene from a stream such as standard input.
+    ///
+    /// # Errors
+    /// Those of [`from_file`](Self::from_file).
+    pub fn from_stream(stream: impl Read, name: &str) -> Result<Self, SceneError> {
+        Self::from_bytes(read_at_most(stream, json::MAX_BYTES), name)
+    }
+
+    fn from_bytes(bytes: io::Result<Vec<u8>>, name: &str) -> Result<Self, SceneError> {
+        let fail = |fault: Fault| SceneError::new(name, vec![fault]);
+        let bytes = bytes.map_err(|error| match error.kind() {
+            io::ErrorKind::FileTooLarge => fail(json::too_large(&error.to_string())),
+            _ => {
                 fail(Fault::new("", error.to_string(), "a scene file that can be read").remedy("check path and rights"))
-            },
-        )?;
-        if bytes.len() as u64 > json::MAX_BYTES {
-            return Err(fail(json::too_large(bytes.len() as u64)));
-        }
+            }
+        })?;
         let text = String::from_utf8(bytes).map_err(|error| {
             let found = format!("a byte that is not text, at offset {}", error.utf8_error().valid_up_to());
             fail(Fault::new("", found, "JSON text in UTF-8").remedy("save the file as UTF-8, without a UTF-16 mark"))
         })?;
-        Self::from_json(&text, &name)
+        Self::from_json(&text, name)
     }
 
     /// The same scene with another value at a JSON pointer, such as `/train/speed_rpm`.

@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 
 use super::{mesh::ToothMesh, node::Node};
 use crate::{
-    gear::geometry::iso_mesh_stiffness,
-    system::{Spec, bonded_modes, pressed},
+    gear::{Stiffness, geometry::iso_mesh_stiffness},
+    system::{ContactSpec, Spec, bonded_modes, pressed},
     train::Mesh,
 };
 
@@ -49,6 +49,31 @@ pub(super) const LUMPED: f64 = 10.0;
 const STEEL: f64 = 7850.0;
 /// A zero frequency, relative to the highest one.
 const ZERO: f64 = 1e-7;
+
+/// Harmonics and contacts of which a train has unusually many.
+const MANY: [usize; 2] = [5000, 1000];
+/// Memory of a harmonic, B, and of a pair of contacts; time of a harmonic in a step, s. Measured on the pair of Kahraman and Singh and on walls.
+const MEMORY: [f64; 2] = [2500.0, 8.5];
+const TIME: f64 = 4e-7;
+
+/// Warns of the cost of a train with unusually many harmonics or contacts.
+pub(super) fn size(train: &Node, spec: &Spec) {
+    let of_contact = |contact: &ContactSpec| {
+        let stiffness =
+            if let Stiffness::Harmonic { harmonics, .. } = &contact.stiffness { harmonics.len() } else { 0 };
+        contact.error.len() + stiffness
+    };
+    let harmonics = spec.load_harmonics.len() + spec.contacts.iter().map(of_contact).sum::<usize>();
+    let contacts = spec.contacts.len();
+    if harmonics > MANY[0] {
+        let (memory, time) = (MEMORY[0] * harmonics as f64 / 1e9, TIME * harmonics as f64);
+        train.warn(format!("{harmonics} harmonics in all take about {memory:.2} GB, and {time:.1e} s in every step"));
+    }
+    if contacts > MANY[1] {
+        let memory = MEMORY[1] * contacts as f64 * contacts as f64 / 1e9;
+        train.warn(format!("{contacts} contacts take about {memory:.2} GB"));
+    }
+}
 
 /// Tells that teeth of this module are made.
 fn is_made(teeth: &ToothMesh) -> bool {

@@ -21,7 +21,8 @@ pub(super) fn schema_of(shape: &Shape, partial: bool) -> Value {
         Shape::Whole { min, max } if *max == u64::MAX => json!({ "type": "integer", "minimum": min }),
         Shape::Whole { min, max } => json!({ "type": "integer", "minimum": min, "maximum": max }),
         Shape::Flag => json!({ "type": "boolean" }),
-        Shape::Text => json!({ "type": "string" }),
+        Shape::Text(usize::MAX) => json!({ "type": "string" }),
+        Shape::Text(most) => json!({ "type": "string", "maxLength": most }),
         Shape::Decimal => {
             json!({ "type": "string", "pattern": r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$" })
         }

@@ -59,6 +59,9 @@ fn excluded(closed: bool) -> &'static str {
     if closed { "" } else { " (excluded)" }
 }
 
+/// Characters of a name: it stands in tables, figures and messages.
+const NAME: usize = 200;
+
 /// What a value may be.
 #[derive(Clone, Debug)]
 pub(super) enum Shape {
@@ -68,7 +71,8 @@ pub(super) enum Shape {
         max: u64,
     },
     Flag,
-    Text,
+    /// A text of at most so many characters.
+    Text(usize),
     /// A decimal number as text, of any length.
     Decimal,
     /// A ratio of whole numbers as text, `"1/50"`; resolved to its number.
@@ -200,7 +204,8 @@ impl Reader<'_> {
         };
         Some(match text.split(' ').collect::<Vec<_>>()[..] {
             ["flag"] => Shape::Flag,
-            ["text"] => Shape::Text,
+            ["text"] => Shape::Text(usize::MAX),
+            ["name"] => Shape::Text(NAME),
             ["decimal"] => Shape::Decimal,
             ["ratio"] => Shape::Ratio,
             ["number"] => number(None, None),
@@ -266,7 +271,8 @@ impl Shape {
             Self::Whole { min, max } if *max == u64::MAX => format!("a whole number >= {min}"),
             Self::Whole { min, max } => format!("a whole number from {min} to {max}"),
             Self::Flag => "true or false".to_owned(),
-            Self::Text => "a text".to_owned(),
+            Self::Text(usize::MAX) => "a text".to_owned(),
+            Self::Text(most) => format!("a text of at most {most} characters"),
             Self::Decimal => "a decimal number in quotation marks".to_owned(),
             Self::Ratio => "a ratio \"p/q\" of whole numbers from 1 to 10000".to_owned(),
             Self::Choice(words) => quoted(words.iter().map(String::as_str)),
@@ -295,7 +301,7 @@ impl Shape {
         match self {
             Self::Number(_) | Self::Whole { .. } => value.is_number(),
             Self::Flag => value.is_boolean(),
-            Self::Text | Self::Decimal | Self::Ratio | Self::Choice(_) => value.is_string(),
+            Self::Text(_) | Self::Decimal | Self::Ratio | Self::Choice(_) => value.is_string(),
             // A list of lists is told from a list of numbers by its first item.
             Self::List { item, .. } => {
                 value.as_array().is_some_and(|items| items.first().is_none_or(|first| item.is_about(first)))

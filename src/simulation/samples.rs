@@ -67,14 +67,14 @@ impl<'s> SampleFile<'s> {
         let n = self.structure.freedoms();
         let mut x = sample.x[..2 * n].to_vec();
         self.turn(&mut x, sample.at, n);
-        let mut line = format!("{},{},{}", sample.t, sample.at.cycle, sample.at.phase.value());
-        x.iter().for_each(|value| line.push_str(&format!(",{value}")));
+        let start = [sample.t.to_string(), sample.at.cycle.to_string(), sample.at.phase.value().to_string()];
+        let mut cells: Vec<String> = start.into_iter().chain(x.iter().map(f64::to_string)).collect();
         for j in 0..self.structure.contacts().len() {
             let (deflection, _) = self.structure.deflection(j, sample.at, sample.x);
             let force = self.structure.force(j, sample.mode, sample.at, sample.x);
-            line.push_str(&format!(",{deflection},{force}"));
+            cells.extend([deflection.to_string(), force.to_string()]);
         }
-        match writeln!(self.file, "{line}") {
+        match writeln!(self.file, "{}", csv_line(cells)) {
             Ok(()) => ControlFlow::Continue(()),
             Err(error) => {
                 self.error = Some(error);

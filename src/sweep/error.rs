@@ -25,13 +25,11 @@ pub enum SweepError {
         /// What differs, one entry each: name, what it was, what it is now.
         differences: Vec<String>,
     },
-    /// A line of a journal is neither a row of the sweep nor torn at the end.
-    #[error("line {line} of {path} is damaged: {reason}")]
+    /// The header of a file is not what a command wrote.
+    #[error("{path} is damaged: {reason}")]
     Damaged {
-        /// The journal.
+        /// The file.
         path: PathBuf,
-        /// Line, from 1.
-        line: usize,
         /// What is wrong with it.
         reason: String,
     },

@@ -99,16 +99,26 @@ impl<R: Serialize + DeserializeOwned, S: Serialize + DeserializeOwned> Journal<R
 /// SHA-256 of files by name.
 type Sums = BTreeMap<String, String>;
 
+/// CRC-32 of the entries of a seal, in compact form, hexadecimal.
+pub(super) fn own_sum(seal: &Map<String, Value>) -> String {
+    format!("{:08x}", crc32fast::hash(Value::from(seal.clone()).to_string().as_bytes()))
+}
+
 /// The header of finished work, and the checksums of its files.
 pub(super) fn header_of(folder: &Path, seal: &str) -> Result<(Map<String, Value>, Sums), SweepError> {
     let path = folder.join(seal);
-    let read = || {
-        let mut header: Map<String, Value> = serde_json::from_str(&fs::read_to_string(&path)?)?;
-        let sums = header.remove("sha256").map(serde_json::from_value).transpose()?.unwrap_or_default();
-        ["rows", "failed", "found"].iter().for_each(|key| drop(header.remove(*key)));
-        Ok((header, sums))
-    };
-    Ok(read().map_err(failed(&path))?)
+    let text = fs::read(&path).map_err(failed(&path))?;
+    let damaged = |reason: String| SweepError::Damaged { path: path.clone(), reason };
+    let read: Result<Map<String, Value>, _> = serde_json::from_slice(&text);
+    let mut header = read.map_err(|error| damaged(error.to_string()))?;
+    let sum = header.remove("crc32");
+    if sum.as_ref().and_then(Value::as_str) != Some(&own_sum(&header)) {
+        return Err(damaged("its checksum does not fit".to_owned()));
+    }
+    let sums = header.remove("sha256").map(serde_json::from_value).transpose();
+    let sums = sums.map_err(|error| damaged(error.to_string()))?.unwrap_or_default();
+    ["rows", "failed", "found"].iter().for_each(|key| drop(header.remove(*key)));
+    Ok((header, sums))
 }
 
 /// SHA-256 of a file, hexadecimal.

@@ -467,6 +467,7 @@ impl Records {
         let mut header = self.header.clone();
         header.insert("sha256".to_owned(), sums.into());
         header.extend(found.iter().map(|(name, value)| ((*name).to_owned(), value.clone())));
+        header.insert("crc32".to_owned(), files::own_sum(&header).into());
         let seal = format!("{:#}\n", Value::from(header));
         let mut part = Part::create(&self.folder, self.kept.files[1])?;
         part.write(&seal)?;

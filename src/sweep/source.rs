@@ -76,8 +76,7 @@ impl Source {
 
     /// Checks the header, which must be `header`, and finds where the records begin; a file that was cut within its header has none.
     pub fn check(&mut self, folder: &Path, header: &Map<String, Value>) -> Result<(), SweepError> {
-        let damaged =
-            |reason: &str| SweepError::Damaged { path: self.path.clone(), line: 1, reason: reason.to_owned() };
+        let damaged = |reason: &str| SweepError::Damaged { path: self.path.clone(), reason: reason.to_owned() };
         let file = File::open(&self.path).map_err(failed(&self.path))?;
         let mut line = Vec::new();
         BufReader::new(file).read_until(b'\n', &mut line).map_err(failed(&self.path))?;
@@ -217,7 +216,7 @@ impl<'s> Ordered<'s> {
             }
         }
         let reason = format!("row {row} is gone");
-        Err(SweepError::Damaged { path: path.clone(), line: 0, reason })
+        Err(SweepError::Damaged { path: path.clone(), reason })
     }
 }
 

@@ -159,15 +159,29 @@ impl Map {
     /// One row a cell; those of the engine have the method `flank`.
     #[cfg(feature = "plot")]
     fn csv(&self) -> String {
-        let mut text =
-            "factor,method,steps_per_cycle,step,outcome,missed,spurious,period_cycles,distance,cycles\r\n".to_owned();
+        let head = "factor,method,steps_per_cycle,step,outcome,missed,spurious,period_cycles,distance,cycles";
+        let mut table = Table::new(head.split(','));
         for row in &self.rows {
             let factor = number(row.factor);
             if let Some(own) = &row.own {
                 let word = own.period.map(|period| period.to_string()).unwrap_or_default();
                 let (steps, step) = (number(own.steps_per_cycle), number(self.period_s / own.steps_per_cycle));
                 let outcome = label(row.own_outcome());
-                text += &format!("{factor},flank,{steps},{step},{outcome},0,0,{word},,{}\r\n", own.cycles);
+                let (missed, spurious, distance) = ("0".to_owned(), "0".to_owned(), String::new());
+                let cycles = own.cycles.to_string();
+                let method = "flank".to_owned();
+                table.rows.push(vec![
+                    factor.clone(),
+                    method,
+                    steps,
+                    step,
+                    outcome,
+                    missed,
+                    spurious,
+                    word,
+                    distance,
+                    cycles,
+                ]);
             }
             for (method, cells) in self.methods.iter().zip(&row.cells) {
                 for cell in cells {
@@ -175,12 +189,16 @@ impl Map {
                     let period = cell.period.map(|period| period.to_string()).unwrap_or_default();
                     let distance = cell.distance.map(number).unwrap_or_default();
                     let super::Cell { steps_per_cycle, outcome, missed, spurious, cycles, .. } = cell;
-                    text += &format!("{factor},{method},{steps_per_cycle},{step},{},{missed},", label(outcome));
-                    text += &format!("{spurious},{period},{distance},{cycles}\r\n");
+                    let [steps, missed, spurious, cycles] =
+                        [*steps_per_cycle, *missed as u64, *spurious as u64, *cycles].map(|n| n.to_string());
+                    let (factor, method, outcome) = (factor.clone(), method.to_string(), label(outcome));
+                    table
+                        .rows
+                        .push(vec![factor, method, steps, step, outcome, missed, spurious, period, distance, cycles]);
                 }
             }
         }
-        text
+        table.csv()
     }
 }
 

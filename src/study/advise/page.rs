@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::{Advice, Rung, measure::Estimate, verdict::Verdict};
-use crate::output::{Table, csv_line, label};
+use crate::output::{Table, label};
 
 /// Four significant digits, as they read best.
 fn short(value: f64) -> String {
@@ -228,11 +228,10 @@ impl Advice {
     /// All numbers, one row a model and family of contacts (RFC 4180).
     #[must_use]
     pub fn csv(&self) -> String {
-        let mut text = String::from(
-            "model,ladder,verdict,freedoms,motion,steps_per_cycle,events_per_cycle,family,apart_periods,apart_error,\
+        let head = "model,ladder,verdict,freedoms,motion,steps_per_cycle,events_per_cycle,family,apart_periods,apart_error,\
              separations_per_cycle,separation_s,peak_n,peak_error_n,mean_force_n,apart_change_periods,apart_change_relative,\
-             separation_change_relative,peak_change_n,peak_change_relative,mean_force_change_n\r\n",
-        );
+             separation_change_relative,peak_change_n,peak_change_relative,mean_force_change_n";
+        let mut table = Table::new(head.split(','));
         let some = |value: Option<f64>| value.map(|v| format!("{v:?}")).unwrap_or_default();
         for rung in self.models() {
             let motion = &rung.motion;
@@ -265,10 +264,10 @@ impl Advice {
                 cells.extend(numbers.map(some));
                 cells.push(mesh.family.clone());
                 cells.extend(measures.map(some));
-                text += &(csv_line(cells) + "\r\n");
+                table.rows.push(cells);
             }
         }
-        text
+        table.csv()
     }
 }
 
