@@ -69,7 +69,7 @@ const USE: &str = r##"<script>
       const turned = () => all(".train path", train).map((gear) => gear.getAttribute("transform")).join(" ");
       const before = [slider.value, turned()];
       play.click();
-      await wait(400);
+      for (let i = 0; i < 50 && slider.value === before[0]; i++) await wait(100);
       play.click();
       const after = [slider.value, turned()];
       train.querySelector(".plot").dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" }));

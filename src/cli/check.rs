@@ -87,6 +87,9 @@ fn text(simulation: &Simulation, start: &HybridMode, why: &str) -> Result<String
     }
     integrators(&mut out, simulation, start, why)?;
     writeln!(out)?;
+    for remark in &report.remarks {
+        writeln!(out, "{}", wrapped(remark, ""))?;
+    }
     let mut warnings = report.warnings;
     warnings.extend(stiffness(simulation));
     if warnings.is_empty() {

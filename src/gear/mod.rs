@@ -1,12 +1,14 @@
 //! One gear mesh: geometry, phase, stiffness, error, contact laws. Knows nothing of trains or solvers.
 
 pub mod contact;
+mod curve;
 pub mod geometry;
 mod harmonic;
 pub mod phase;
 mod schedule;
 mod stiffness;
 
+pub use curve::{Curve, Series, Through};
 pub use geometry::{BasicRack, Gear, GeometryError, Material, MeshGeometry, MeshKind, PathOfContact};
 pub use harmonic::{Harmonic, MeshHarmonic};
 pub use schedule::{MeshStiffness, Waveform};

@@ -10,7 +10,7 @@
 
 use std::f64::consts::PI;
 
-use super::{MeshHarmonic, PathOfContact, Piece, Stiffness};
+use super::{Curve, MeshHarmonic, PathOfContact, Piece, Stiffness};
 
 /// How the number of tooth pairs in contact becomes a stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +50,13 @@ pub enum MeshStiffness {
         /// Fraction of the period at `high`, `(0, 1)`.
         duty: f64,
     },
+    /// A measured curve, as straight lines between its points.
+    Lines {
+        /// The curve, N/m.
+        curve: Curve,
+        /// Mesh periods that it covers, ≥ 1: a table of one turn of a gear has as many as the gear has teeth.
+        periods: u32,
+    },
     /// From the number of tooth pairs in contact, `k = k̄ (1 − s) + s k̄ (pairs)/ε`.
     Pairs {
         /// Mean k̄, N/m.
@@ -70,6 +77,7 @@ impl MeshStiffness {
         match self {
             Self::Constant(mean) | Self::Harmonics { mean, .. } | Self::Pairs { mean, .. } => *mean,
             Self::Rectangular { high, low, duty } => high * duty + low * (1.0 - duty),
+            Self::Lines { curve, .. } => curve.mean(),
         }
     }
 
@@ -80,6 +88,7 @@ impl MeshStiffness {
             Self::Constant(_) => false,
             Self::Harmonics { harmonics, .. } => !harmonics.is_empty(),
             Self::Rectangular { high, low, .. } => high != low,
+            Self::Lines { curve, .. } => curve.values().iter().any(|value| *value != curve.values()[0]),
             Self::Pairs { modulation, .. } => *modulation != 0.0,
         }
     }
@@ -97,6 +106,10 @@ impl MeshStiffness {
                     values.push(("stiffness harmonic: amplitude", h.amplitude, true, "finite"));
                     values.push(("stiffness harmonic: phase", h.phase, true, "finite"));
                 }
+            }
+            Self::Lines { curve, .. } => {
+                values
+                    .extend(curve.values().iter().map(|value| ("stiffness of a curve", *value, *value >= 0.0, ">= 0")));
             }
             Self::Rectangular { high, low, duty } => values.extend([
                 ("high stiffness", *high, *high >= 0.0, ">= 0"),
@@ -144,6 +157,11 @@ impl MeshStiffness {
             },
             Self::Rectangular { high, low, duty } => {
                 Stiffness::rectangular(*high, *low, period, *duty, past_origin(-phase) * period)
+            }
+            Self::Lines { curve, periods } => {
+                let whole = f64::from(*periods);
+                let origin = past_origin(-phase / whole) * whole * period;
+                Stiffness::Periodic { period: whole * period, origin, pieces: curve.pieces(whole * period) }
             }
             Self::Pairs { mean, path, waveform, modulation } => {
                 Stiffness::from_contact_ratio(*mean, *path, *waveform, *modulation, period, phase)

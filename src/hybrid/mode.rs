@@ -5,53 +5,70 @@ const FIRST: usize = 16;
 
 /// The discrete state of a hybrid system: a number for each of its elements, which only the system itself reads.
 ///
-/// Modes are equal if all numbers are; numbers that were never set are zero. Sixteen elements need no allocation.
+/// Modes are equal if all numbers are; numbers that were never set are zero. Sixteen elements below 256 need no allocation.
 #[derive(Debug, Default, PartialEq, Eq, Hash)]
 pub struct Mode {
     first: [u8; FIRST],
     /// The numbers of the other elements; the last one is not zero.
     rest: Vec<u8>,
+    /// The numbers of all elements over 256; the last one is not zero.
+    high: Vec<u8>,
 }
 
 impl Mode {
     /// The number of element `i`.
     #[must_use]
     #[inline]
-    pub fn get(&self, i: usize) -> u8 {
-        if i < FIRST { self.first[i] } else { self.rest.get(i - FIRST).copied().unwrap_or(0) }
+    pub fn get(&self, i: usize) -> u16 {
+        let low = if i < FIRST { self.first[i] } else { self.rest.get(i - FIRST).copied().unwrap_or(0) };
+        u16::from_le_bytes([low, self.high.get(i).copied().unwrap_or(0)])
     }
 
     /// Sets the number of element `i`.
     #[inline]
-    pub fn set(&mut self, i: usize, number: u8) {
-        if i < FIRST {
-            self.first[i] = number;
-            return;
+    pub fn set(&mut self, i: usize, number: u16) {
+        let [low, high] = number.to_le_bytes();
+        if high != 0 || !self.high.is_empty() {
+            put(&mut self.high, i, high);
         }
-        self.rest.resize(self.rest.len().max(i - FIRST + 1), 0);
-        self.rest[i - FIRST] = number;
-        self.rest.truncate(self.rest.iter().rposition(|number| *number != 0).map_or(0, |last| last + 1));
+        if i < FIRST {
+            self.first[i] = low;
+        } else {
+            put(&mut self.rest, i - FIRST, low);
+        }
     }
 
     /// The mode with `number` for element `i`.
     #[must_use]
-    pub fn with(mut self, i: usize, number: u8) -> Self {
+    pub fn with(mut self, i: usize, number: u16) -> Self {
         self.set(i, number);
         self
     }
 }
 
+/// Puts a byte in its place, of bytes the last of which is not zero.
+fn put(bytes: &mut Vec<u8>, i: usize, byte: u8) {
+    bytes.resize(bytes.len().max(i + 1), 0);
+    bytes[i] = byte;
+    bytes.truncate(bytes.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1));
+}
+
 impl Clone for Mode {
     #[inline]
     fn clone(&self) -> Self {
-        // Most modes have no rest, and cloning an empty vector is a call.
-        Self { first: self.first, rest: if self.rest.is_empty() { Vec::new() } else { self.rest.clone() } }
+        // Most modes have no other bytes, and cloning an empty vector is a call.
+        let clone = |bytes: &Vec<u8>| if bytes.is_empty() { Vec::new() } else { bytes.clone() };
+        Self { first: self.first, rest: clone(&self.rest), high: clone(&self.high) }
     }
 }
 
-/// The numbers of the elements, the last one first, two hexadecimal digits each.
+/// The numbers of the elements, the last one first, two hexadecimal digits each; before them, and a dash, those over 256 if there are any.
 impl fmt::Display for Mode {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.high.is_empty() {
+            self.high.iter().rev().try_for_each(|number| write!(f, "{number:02x}"))?;
+            f.write_str("-")?;
+        }
         let first = u128::from_le_bytes(self.first);
         if self.rest.is_empty() {
             return write!(f, "{first:#x}");
@@ -62,12 +79,12 @@ impl fmt::Display for Mode {
     }
 }
 
-/// By the last element that differs.
+/// A total order without a meaning.
 impl Ord for Mode {
     fn cmp(&self, other: &Self) -> Ordering {
-        let by_length = self.rest.len().cmp(&other.rest.len());
+        let order = |a: &[u8], b: &[u8]| a.len().cmp(&b.len()).then_with(|| a.iter().rev().cmp(b.iter().rev()));
         let first = |mode: &Self| u128::from_le_bytes(mode.first);
-        let by_rest = by_length.then_with(|| self.rest.iter().rev().cmp(other.rest.iter().rev()));
+        let by_rest = order(&self.high, &other.high).then_with(|| order(&self.rest, &other.rest));
         by_rest.then_with(|| first(self).cmp(&first(other)))
     }
 }

@@ -70,7 +70,7 @@ pub(crate) struct Noted {
 /// A mode that was met, ready to be leapt in.
 pub(super) struct Gait<'s> {
     /// The number of the contact in it.
-    number: u8,
+    number: u16,
     state: ContactMode,
     pub motion: Motion<'s>,
     /// Its flow is asked for.
@@ -114,6 +114,8 @@ type Waves = [[f64; 2]; MOST_INPUTS];
 pub(crate) struct Lane<'s> {
     pub(super) structure: &'s Structure,
     pub(super) gaits: Vec<Gait<'s>>,
+    /// Places of the gaits by the number of the contact, from 1 on; 0 for none.
+    places: Vec<u16>,
     /// A jump changes the columns.
     salts: bool,
     is_rigid: bool,
@@ -160,6 +162,7 @@ impl<'s> Lane<'s> {
         (few && is_periodic && !structure.is_conservative).then(|| Self {
             structure,
             gaits: Vec::new(),
+            places: Vec::new(),
             salts,
             is_rigid,
             is_scheduled: matches!(c.spring, Spring::Scheduled(_)),
@@ -201,12 +204,16 @@ impl<'s> Lane<'s> {
     /// The place of the gait of a mode.
     fn meet(&mut self, mode: &Mode, host: &mut dyn LaneHost) -> usize {
         let number = mode.get(0);
-        self.gaits.iter().position(|gait| gait.number == number).unwrap_or_else(|| {
-            let motion = Motion::new(self.structure, mode);
-            let (state, is_exact) = (contact_mode(mode, 0), host.is_exact(mode));
-            self.gaits.push(Gait { number, state, motion, is_exact, edges: [None; 3] });
-            self.gaits.len() - 1
-        })
+        match self.places.get(usize::from(number)) {
+            Some(place @ 1..) => return usize::from(place - 1),
+            Some(_) => {}
+            None => self.places.resize(usize::from(number) + 1, 0),
+        }
+        let motion = Motion::new(self.structure, mode);
+        let (state, is_exact) = (contact_mode(mode, 0), host.is_exact(mode));
+        self.gaits.push(Gait { number, state, motion, is_exact, edges: [None; 3] });
+        self.places[usize::from(number)] = self.gaits.len() as u16;
+        self.gaits.len() - 1
     }
 
     /// Where it stands.

@@ -31,10 +31,12 @@ pub(super) fn build(resolved: &Value) -> Result<Built, Vec<Fault>> {
     let built = read(&root);
     let (meshes, speeds) = (findings.meshes.take(), findings.speeds.take());
     let drawing = findings.drawing.take();
-    let start_faults = findings.start_faults.take();
+    let (start_faults, remarks) = (findings.start_faults.take(), findings.remarks.take());
     let (faults, warnings) = findings.into_parts();
     match built {
-        Some(built) if faults.is_empty() => Ok(Built { warnings, meshes, speeds, drawing, start_faults, ..built }),
+        Some(built) if faults.is_empty() => {
+            Ok(Built { warnings, remarks, meshes, speeds, drawing, start_faults, ..built })
+        }
         _ => Err(faults),
     }
 }
@@ -71,6 +73,7 @@ fn read(root: &Node) -> Option<Built> {
         speeds: vec![],
         drawing: None,
         warnings: vec![],
+        remarks: vec![],
         start_faults: vec![],
     })
 }

@@ -1,6 +1,6 @@
 //! Contacts: a law, a gap, a stiffness and an error on one direction.
 
-use super::{harmonics, law, node::Node, schedule};
+use super::{curve, harmonics, law, node::Node, schedule};
 use crate::{
     gear::{Stiffness, contact::Law},
     system::{ContactSpec, Flanks},
@@ -92,11 +92,12 @@ pub(super) fn read(node: &Node, index: usize, n: usize) -> ContactSpec {
         node.at("direction").refuse("a direction with an entry that is not zero", "write the deflection's derivatives");
     }
     let (law, half_backlash) = read_gap(node, flanks, law::read(&node.at("law")));
+    let (mean, error) = harmonics::or_curve(&node.at("error"), &node.units.key("amplitude", "m"), &curve::LENGTHS);
     ContactSpec {
         name: node.at("name").written().map_or_else(|| format!("contact {}", index + 1), |name| name.text().to_owned()),
         direction,
-        error: harmonics::read(&node.at("error"), &node.units.key("amplitude", "m")),
-        error_offset: node.at_unit("error_offset", "m").number(),
+        error,
+        error_offset: node.at_unit("error_offset", "m").number() + mean,
         half_backlash,
         flanks,
         stiffness: read_stiffness(&node.at("stiffness"), &law),

@@ -2,13 +2,13 @@
 
 use super::{
     body::read_support,
-    build, fault,
+    build, curve, fault,
     mesh::{self, Engaged},
     node::Node,
     plausible,
 };
 use crate::{
-    gear::{Gear, phase::equally_spaced},
+    gear::{Gear, MeshHarmonic, Series, Through, phase::equally_spaced},
     system::Spec,
     train::{
         Damping, Support,
@@ -151,6 +151,17 @@ impl<'a> Reading<'a> {
         let name = node.at("name");
         unique(&name, "shaft", self.gearbox.shafts.iter().map(|shaft| shaft.name.as_str()));
         let torque = node.at("torque_nm");
+        let (mean, orders) = read_orders(&node.at("orders"), true);
+        // About the mean speed, which the gearbox has already.
+        let (_, motion) = read_orders(&node.at("motion"), false);
+        if torque.is_text() && mean != 0.0 {
+            let found = format!("a torque of mean {mean:e} N m beside \"balance\"");
+            node.at("orders").fault(
+                found,
+                "one mean torque",
+                "write 0 in place of \"balance\": the mean is that of the curve",
+            );
+        }
         let index = self.gearbox.shafts.len();
         self.gearbox.shafts.push(Shaft {
             name: name.text().to_owned(),
@@ -168,10 +179,10 @@ impl<'a> Reading<'a> {
             translation: node.at("translation").written().map(|support| read_support(&support)),
             axial: node.at("axial").written().map(|support| read_support(&support)),
             rotation: read_torsion(&node.at("rotation")),
-            torque: if torque.is_text() { Torque::Balance } else { Torque::Given(torque.number()) },
+            torque: if torque.is_text() { Torque::Balance } else { Torque::Given(torque.number() + mean) },
             drag: read_drag(&node.at("drag")),
-            orders: read_orders(&node.at("orders")),
-            motion: read_orders(&node.at("motion")),
+            orders,
+            motion,
         });
         self.shafts.push(node.clone());
         for gear in node.at("gears").items() {
@@ -357,8 +368,17 @@ fn read_drag(node: &Node) -> Drag {
     Drag { constant: node.at("torque_nm").number(), viscous: node.at("torque_nm_s_per_rad").number() }
 }
 
-/// Orders from a list of them, or from columns.
-fn read_orders(node: &Node) -> Vec<Order> {
+/// Orders of a torque or a speed that is given as a curve over a turn, and its mean.
+fn measured(node: &Node, is_torque: bool) -> Option<(f64, Vec<Order>)> {
+    let (units, of): (&[_], fn(f64) -> Amplitude) =
+        if is_torque { (&curve::TORQUES, Amplitude::Torque) } else { (&curve::SPEEDS, Amplitude::Speed) };
+    let Series { mean, harmonics, .. } = curve::series(node, &curve::read(node, units)?, Through::Spline);
+    let order = |h: MeshHarmonic| Order { order: h.order, amplitude: of(h.amplitude), phase: h.phase };
+    Some((mean, harmonics.into_iter().map(order).collect()))
+}
+
+/// Mean and orders from a list of orders, from columns, or from a curve.
+fn read_orders(node: &Node, is_torque: bool) -> (f64, Vec<Order>) {
     const RPM: f64 = std::f64::consts::TAU / 60.0;
     type Kind = (&'static str, fn(f64) -> Amplitude);
     let kinds: [Kind; 4] = [
@@ -373,9 +393,14 @@ fn read_orders(node: &Node) -> Vec<Order> {
             let (value, of) = written(item).unwrap_or((0.0, Amplitude::Torque));
             Order { order: item.at("order").number(), amplitude: of(value), phase: item.at("phase_rad").number() }
         };
-        return node.items().iter().map(order).collect();
+        return (0.0, node.items().iter().map(order).collect());
     }
-    let Some((key, of)) = kinds.iter().find(|(key, _)| node.at(key).written().is_some()) else { return Vec::new() };
+    if curve::is_curve(node) {
+        return measured(node, is_torque).unwrap_or_default();
+    }
+    let Some((key, of)) = kinds.iter().find(|(key, _)| node.at(key).written().is_some()) else {
+        return Default::default();
+    };
     let (orders, values) = (node.at("order").numbers(), node.at(key).numbers());
     let phases = node.at("phase_rad").written().map_or_else(|| vec![0.0; orders.len()], |phases| phases.numbers());
     for (column, found) in [(*key, values.len()), ("phase_rad", phases.len())] {
@@ -385,5 +410,5 @@ fn read_orders(node: &Node) -> Vec<Order> {
         }
     }
     let rows = orders.into_iter().zip(values).zip(phases);
-    rows.map(|((order, value), phase)| Order { order, amplitude: of(value), phase }).collect()
+    (0.0, rows.map(|((order, value), phase)| Order { order, amplitude: of(value), phase }).collect())
 }

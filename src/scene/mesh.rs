@@ -1,9 +1,15 @@
 //! Gear meshes in their own clock, and the rack their teeth are cut with.
 
-use super::{build, contact, law, node::Node};
+use super::{
+    build, contact,
+    curve::{self, OverMesh},
+    law,
+    node::Node,
+};
 use crate::{
     gear::{
-        BasicRack, Gear, Material, MeshGeometry, MeshHarmonic, MeshKind, MeshStiffness, PathOfContact, Waveform,
+        BasicRack, Gear, Material, MeshGeometry, MeshHarmonic, MeshKind, MeshStiffness, PathOfContact, Series, Through,
+        Waveform,
         contact::{Law, Linear},
         geometry::{hertz_stiffness, iso_mesh_stiffness, low_load_factor},
     },
@@ -97,6 +103,7 @@ fn read_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStif
             let harmonics = read_harmonics(&node.at("harmonics"), "amplitude");
             MeshStiffness::Harmonics { mean: number("mean"), harmonics }
         }
+        "curve" => curve_stiffness(node, engaged).unwrap_or(MeshStiffness::Constant(1.0)),
         "rectangular" => MeshStiffness::Rectangular { high: number("high"), low: number("low"), duty: number("duty") },
         "tooth-pairs" => pairs(Waveform::Rectangular),
         "tooth-pairs-trapezoidal" => pairs(Waveform::Trapezoidal { ramp: number("ramp") }),
@@ -104,6 +111,26 @@ fn read_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStif
         "constant" => MeshStiffness::Constant(number("value")),
         _ => MeshStiffness::Constant(from_teeth(node, law, engaged)),
     }
+}
+
+/// A measured stiffness, as lines or as a series.
+fn curve_stiffness(node: &Node, engaged: Option<&Engaged>) -> Option<MeshStiffness> {
+    let OverMesh { curve, periods } = curve::over_mesh(node, &curve::STIFFNESSES, teeth(engaged))?;
+    if curve.mean() <= 0.0 || curve.values().iter().any(|value| *value < 0.0) {
+        node.at("points").refuse("stiffnesses >= 0, some of them above 0", "correct the values, or their scale");
+        return None;
+    }
+    if node.at("as").text() == "lines" {
+        return Some(MeshStiffness::Lines { curve, periods });
+    }
+    let Series { mean, harmonics, .. } = curve::series(node, &curve, Through::Lines);
+    let own =
+        |h: MeshHarmonic| MeshHarmonic { order: h.order / f64::from(periods), amplitude: h.amplitude / mean, ..h };
+    Some(MeshStiffness::Harmonics { mean, harmonics: harmonics.into_iter().map(own).collect() })
+}
+
+fn teeth(engaged: Option<&Engaged>) -> Option<[u32; 2]> {
+    engaged.map(|engaged| engaged.gears.map(|gear| gear.teeth))
 }
 
 fn path_of_contact(ratio: &Node, engaged: Option<&Engaged>) -> PathOfContact {
@@ -178,9 +205,12 @@ pub(super) fn read(node: &Node, rotary_masses: [f64; 2], engaged: Option<&Engage
         (law, _) => law,
     };
     let (law, half_backlash) = contact::read_gap(node, flanks, law);
+    let error_node = node.at("error");
+    let measured = curve::is_curve(&error_node).then(|| curve::mesh_error(&error_node, teeth(engaged))).flatten();
+    let (mean, error) = measured.unwrap_or_else(|| (0.0, read_harmonics(&error_node, "amplitude_m")));
     Mesh {
-        error: read_harmonics(&node.at("error"), "amplitude_m"),
-        error_offset: node.at("error_offset_m").number(),
+        error,
+        error_offset: node.at("error_offset_m").number() + mean,
         half_backlash,
         flanks,
         ..Mesh::new(law, stiffness)

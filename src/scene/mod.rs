@@ -36,6 +36,7 @@ mod build;
 mod check;
 mod clock;
 mod contact;
+mod curve;
 mod dimensionless;
 mod fault;
 mod gearbox;
@@ -54,6 +55,7 @@ mod run;
 mod schedule;
 mod schema;
 mod shape;
+mod table;
 mod wall;
 
 use std::{
@@ -115,18 +117,34 @@ pub struct Built {
     pub drawing: Option<Drawing>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
+    /// What is not wrong, but should be known: how well a series fits a measured curve.
+    pub remarks: Vec<Warning>,
     /// Why the start does not fit the train: a run from it is refused, a run from elsewhere is not.
     pub start_faults: Vec<Fault>,
 }
 
 impl Scene {
-    /// Reads a scene; `name` appears in messages.
+    /// Reads a scene; `name` appears in messages. The files of its tables are relative to the current folder.
     ///
     /// # Errors
     /// [`SceneError`] with every fault found.
     pub fn from_json(text: &str, name: &str) -> Result<Self, SceneError> {
-        let given = json::parse(text).map_err(|faults| SceneError::new(name, faults))?;
-        Self::from_value(given, name)
+        Self::from_text(text, name, Path::new(""))
+    }
+
+    /// Reads a scene whose tables are below `folder`.
+    fn from_text(text: &str, name: &str, folder: &Path) -> Result<Self, SceneError> {
+        let mut given = json::parse(text).map_err(|faults| SceneError::new(name, faults))?;
+        let mut faults = Vec::new();
+        table::load(&mut given, folder, "", &mut faults);
+        match Self::from_value(given, name) {
+            Err(error) if !faults.is_empty() => {
+                faults.extend(error.faults);
+                Err(SceneError::new(name, faults))
+            }
+            Ok(_) if !faults.is_empty() => Err(SceneError::new(name, faults)),
+            read => read,
+        }
     }
 
     /// The default scene: the reference planetary set under light load at 500 rev/min.
@@ -191,7 +209,7 @@ impl Scene {
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let path = path.as_ref();
         let name = path.display().to_string();
-        Self::from_bytes(read_file(path, json::MAX_BYTES), &name)
+        Self::from_bytes(read_file(path, json::MAX_BYTES), &name, path.parent().unwrap_or(Path::new("")))
     }
 
     /// Reads a scene from a stream such as standard input.
@@ -199,10 +217,10 @@ impl Scene {
     /// # Errors
     /// Those of [`from_file`](Self::from_file).
     pub fn from_stream(stream: impl Read, name: &str) -> Result<Self, SceneError> {
-        Self::from_bytes(read_at_most(stream, json::MAX_BYTES), name)
+        Self::from_bytes(read_at_most(stream, json::MAX_BYTES), name, Path::new(""))
     }
 
-    fn from_bytes(bytes: io::Result<Vec<u8>>, name: &str) -> Result<Self, SceneError> {
+    fn from_bytes(bytes: io::Result<Vec<u8>>, name: &str, folder: &Path) -> Result<Self, SceneError> {
         let fail = |fault: Fault| SceneError::new(name, vec![fault]);
         let bytes = bytes.map_err(|error| match error.kind() {
             io::ErrorKind::FileTooLarge => fail(json::too_large(&error.to_string())),
@@ -214,7 +232,7 @@ impl Scene {
             let found = format!("a byte that is not text, at offset {}", error.utf8_error().valid_up_to());
             fail(Fault::new("", found, "JSON text in UTF-8").remedy("save the file as UTF-8, without a UTF-16 mark"))
         })?;
-        Self::from_json(&text, name)
+        Self::from_text(&text, name, folder)
     }
 
     /// The same scene with another value at a JSON pointer, such as `/train/speed_rpm`.

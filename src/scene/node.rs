@@ -19,6 +19,8 @@ pub(super) struct Findings {
     /// Faults of the start with this train: of interest only where the start is used.
     pub start_faults: RefCell<Vec<Fault>>,
     warnings: RefCell<Vec<Warning>>,
+    /// What is not wrong, but should be known.
+    pub remarks: RefCell<Vec<Warning>>,
     /// Meshes whose teeth are given.
     pub meshes: RefCell<Vec<ToothMesh>>,
     /// The train as a picture shows it.
@@ -190,6 +192,15 @@ impl<'a> Node<'a> {
 
     pub fn turns(&self, name: &str, speed: f64) {
         self.findings.speeds.borrow_mut().push((name.to_owned(), speed));
+    }
+
+    pub fn remark(&self, message: impl Into<String>) {
+        let remark = Warning { pointer: self.pointer.clone(), message: message.into() };
+        let mut remarks = self.findings.remarks.borrow_mut();
+        // Planets share one mesh.
+        if !remarks.contains(&remark) {
+            remarks.push(remark);
+        }
     }
 
     pub fn warn(&self, message: impl Into<String>) {

@@ -1,7 +1,7 @@
 //! Stiffness schedules in time.
 
-use super::{harmonics, node::Node};
-use crate::gear::{PathOfContact, Piece, Stiffness, Waveform};
+use super::{curve, harmonics, node::Node};
+use crate::gear::{Harmonic, PathOfContact, Piece, Stiffness, Through, Waveform};
 
 pub(super) fn read(node: &Node) -> Stiffness {
     if node.is_number() {
@@ -16,6 +16,7 @@ pub(super) fn read(node: &Node) -> Stiffness {
     };
     match node.at("kind").text() {
         "harmonic" => harmonic(node),
+        "curve" => measured(node).unwrap_or(Stiffness::Constant(1.0)),
         "rectangular" => Stiffness::rectangular(number("high"), number("low"), period, number("duty"), origin),
         "trapezoidal" => trapezoidal(node, period, origin),
         "switched" => {
@@ -31,6 +32,18 @@ pub(super) fn read(node: &Node) -> Stiffness {
         "fourier" => from_pairs(Waveform::Fourier { harmonics: node.at("orders").whole() as u32 }),
         _ => Stiffness::Constant(number("value")),
     }
+}
+
+/// A measured stiffness, as lines or as a series.
+fn measured(node: &Node) -> Option<Stiffness> {
+    let (period, origin) = (node.at_unit("period", "s").number(), node.at_unit("origin", "s").number());
+    if node.at("as").text() == "lines" {
+        let curve = curve::read(node, &curve::STIFFNESSES)?;
+        return Some(Stiffness::Periodic { period, origin, pieces: curve.pieces(period) });
+    }
+    let (mean, harmonics) = curve::in_time(node, &curve::STIFFNESSES, Through::Lines)?;
+    let relative = |h: Harmonic| Harmonic { amplitude: h.amplitude / mean, ..h };
+    Some(Stiffness::Harmonic { mean, harmonics: harmonics.into_iter().map(relative).collect() })
 }
 
 fn harmonic(node: &Node) -> Stiffness {

@@ -1,10 +1,13 @@
 //! A mass against a wall, or between two.
 
-use super::{build, contact, harmonics, law, matrices, node::Node};
+use super::{build, contact, curve, harmonics, law, matrices, node::Node};
 use crate::{
     system::{Flanks, Spec},
     train::{Walled, Walls},
 };
+
+/// A mean below this, relative to the amplitudes, is rounding.
+const ROUNDING: f64 = 1e-12;
 
 pub(super) fn read(node: &Node) -> Option<Spec> {
     let number = |key: &str| node.at(key).number();
@@ -12,13 +15,19 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
     if law.is_bilateral() {
         node.at("law").at("kind").refuse("a law that lets go", "choose \"kelvin-voigt\", \"power\" or \"rigid\"");
     }
+    let (mean, motion) = harmonics::or_curve(&node.at("wall_motion"), "amplitude_m", &curve::LENGTHS);
+    let (load, load_harmonics) = harmonics::or_curve(&node.at("load_harmonics"), "amplitude_n", &curve::FORCES);
     let wall = node.at("wall");
-    let position = wall.at("position_m").number();
+    let position = wall.at("position_m").number() + mean;
     let (walls, law) = match wall.at("side").text() {
         "above" => (Walls::Above { position }, law),
         "below" => (Walls::Below { position }, law),
         _ => {
             let half_gap = wall.at("half_gap_m");
+            if mean.abs() > ROUNDING * motion.iter().map(|h| h.amplitude).fold(0.0, f64::max) {
+                let found = format!("a motion of mean {mean:e} m");
+                node.at("wall_motion").fault(found, "a motion about 0", "subtract the mean from the values");
+            }
             let (law, half_gap) = contact::close(&half_gap, half_gap.number(), Flanks::Both, law);
             (Walls::Between { half_gap }, law)
         }
@@ -27,10 +36,10 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
         mass: number("mass_kg"),
         damping: number("damping_n_s_per_m"),
         stiffness: number("stiffness_n_per_m"),
-        load: number("load_n"),
-        load_harmonics: harmonics::read(&node.at("load_harmonics"), "amplitude_n"),
+        load: number("load_n") + load,
+        load_harmonics,
         walls,
-        motion: harmonics::read(&node.at("wall_motion"), "amplitude_m"),
+        motion,
         contact_stiffness: contact::read_stiffness(&node.at("contact_stiffness"), &law),
         law,
         omega: None,

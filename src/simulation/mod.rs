@@ -73,6 +73,8 @@ pub struct Simulation {
     pub drawing: Option<Drawing>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
+    /// What is not wrong, but should be known: how well a series fits a measured curve.
+    pub remarks: Vec<Warning>,
     /// Why the start does not fit the train.
     start_faults: Vec<Fault>,
     /// Periods of the scene's clock in a cycle, and the number of the period that cycle 0 begins with; none unless cycles are common ones.
@@ -130,6 +132,7 @@ impl Simulation {
             speeds: built.speeds,
             drawing: built.drawing,
             warnings: built.warnings,
+            remarks: built.remarks,
             start_faults: built.start_faults,
             common: None,
             scene: Value::Null,
@@ -168,6 +171,7 @@ impl Simulation {
                 speeds,
                 drawing: None,
                 warnings,
+                remarks: Vec::new(),
                 start_faults,
             },
         )

@@ -48,6 +48,8 @@ pub struct Report {
     pub modes: Vec<Mode>,
     /// Warnings.
     pub warnings: Vec<String>,
+    /// How well series fit measured curves.
+    pub remarks: Vec<String>,
 }
 
 /// Mean speed of a shaft or a loose gear.
@@ -181,6 +183,7 @@ impl Simulation {
             contacts: contacts.collect(),
             modes: self.modes(),
             warnings: self.warnings_in_words(),
+            remarks: self.remarks.iter().map(ToString::to_string).collect(),
         }
     }
 

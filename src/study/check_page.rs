@@ -44,7 +44,9 @@ pub fn page(scene: &Scene, simulation: &Simulation) -> Report {
     }
     Report {
         title: simulation.title().to_owned(),
-        summary: report.warnings.iter().map(|warning| format!("Warning: {warning}.")).collect(),
+        summary: (report.remarks.iter().map(|remark| format!("{remark}.")))
+            .chain(report.warnings.iter().map(|warning| format!("Warning: {warning}.")))
+            .collect(),
         sections: vec![
             Section::new("The train", "", figures),
             Section::new("Numbers", "", report.tables().into_iter().map(Item::from).collect()),

@@ -109,7 +109,7 @@ impl Spec {
                 let numbers = pieces.iter().flat_map(|p| [&p.start, &p.value, &p.slope]);
                 finite(&stiffness, [period, origin].into_iter().chain(numbers))?;
                 require(*period > 0.0, "its stiffness needs a period > 0")?;
-                require((1..=MAX_PIECES).contains(&pieces.len()), "its stiffness needs 1 to 32 pieces")?;
+                require((1..=MAX_PIECES).contains(&pieces.len()), "its stiffness needs 1 to 8192 pieces")?;
             }
             Stiffness::Switched { times, levels } => finite(&stiffness, times.iter().flatten().chain(levels))?,
         }

@@ -1,4 +1,4 @@
-//! How a [`Mode`] is packed: one number for each contact, three bits for its state and five for its stiffness piece.
+//! How a [`Mode`] is packed: one number for each contact, three bits for its state and thirteen for its stiffness piece.
 
 use crate::hybrid::{GuardId, Mode};
 
@@ -7,11 +7,11 @@ pub use crate::hybrid::{ContactMode, Watch};
 use ContactMode::{Back, BackDetached, Drive, DriveDetached, Separated};
 
 /// Bits of a contact's state.
-const STATE: u8 = 3;
+const STATE: u32 = 3;
 /// Their mask.
-const MASK: u8 = (1 << STATE) - 1;
+const MASK: u16 = (1 << STATE) - 1;
 /// Pieces of a periodic stiffness a mode has room for.
-pub(crate) const MAX_PIECES: usize = 1 << (u8::BITS - STATE as u32);
+pub(crate) const MAX_PIECES: usize = 1 << (u16::BITS - STATE);
 
 /// The state of contact `j` in `mode`.
 #[must_use]
@@ -27,7 +27,7 @@ pub fn contact_mode(mode: &Mode, j: usize) -> ContactMode {
 
 /// Puts contact `j` into `state`.
 pub fn set_contact(mode: &mut Mode, j: usize, state: ContactMode) {
-    mode.set(j, mode.get(j) & !MASK | state as u8);
+    mode.set(j, mode.get(j) & !MASK | state as u16);
 }
 
 /// The stiffness piece of contact `j` in `mode`.
@@ -37,7 +37,7 @@ pub fn piece(mode: &Mode, j: usize) -> u32 {
 }
 
 pub(crate) fn set_piece(mode: &mut Mode, j: usize, piece: u32) {
-    mode.set(j, mode.get(j) & MASK | (piece as u8) << STATE);
+    mode.set(j, mode.get(j) & MASK | (piece as u16) << STATE);
 }
 
 /// The guard of contact `j` that watches `watch`.

@@ -79,7 +79,7 @@ fn l7_a_crossing_of_third_order_is_one_crossing() {
 fn l7_each_mode_watches_its_own_direction() {
     // (t − 0.5)(t − 0.6): in at the first, out at the second root.
     let run = Course::with_roots(1.0, &[0.5, 0.6]).run(1.0);
-    let to: Vec<u8> = run.events().iter().map(|r| r.to.get(0)).collect();
+    let to: Vec<u16> = run.events().iter().map(|r| r.to.get(0)).collect();
     assert_eq!(to, [1, 0]);
     for (found, exact) in run.times().iter().zip([0.5, 0.6]) {
         assert!((found - exact).abs() <= 16.0 * f64::EPSILON / 0.1);

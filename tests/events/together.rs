@@ -209,7 +209,7 @@ fn sets_of_guards_and_modes_have_no_end() {
     assert_eq!(rest, set(&[127, 0]));
     assert!((&a - &a).is_empty() && &a - &a == *GuardSet::none());
 
-    let mode = |element: usize, number: u8| Mode::default().with(element, number);
+    let mode = |element: usize, number: u16| Mode::default().with(element, number);
     assert_eq!((mode(40, 7).get(40), mode(40, 7).get(41), mode(3, 7).get(40)), (7, 0, 0));
     assert_eq!(mode(40, 7).with(40, 0), Mode::default());
     assert!(
