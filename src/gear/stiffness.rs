@@ -25,7 +25,7 @@ pub enum Stiffness {
         /// Harmonics, amplitudes relative to the mean.
         harmonics: Vec<Harmonic>,
     },
-    /// Pieces that repeat: rectangular (slopes zero) or trapezoidal. At most 8 pieces; their starts
+    /// Pieces that repeat: rectangular (slopes zero) or trapezoidal. At most 8192 pieces; their starts
     /// are known switching times.
     Periodic {
         /// Period, s.
