@@ -117,7 +117,7 @@ pub struct Built {
     pub drawing: Option<Drawing>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
-    /// What is not wrong, but should be known: how well a series fits a measured curve.
+    /// Remarks: how well series fit measured curves.
     pub remarks: Vec<Warning>,
     /// Why the start does not fit the train: a run from it is refused, a run from elsewhere is not.
     pub start_faults: Vec<Fault>,

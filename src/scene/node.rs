@@ -19,7 +19,7 @@ pub(super) struct Findings {
     /// Faults of the start with this train: of interest only where the start is used.
     pub start_faults: RefCell<Vec<Fault>>,
     warnings: RefCell<Vec<Warning>>,
-    /// What is not wrong, but should be known.
+    /// Remarks that are no warnings.
     pub remarks: RefCell<Vec<Warning>>,
     /// Meshes whose teeth are given.
     pub meshes: RefCell<Vec<ToothMesh>>,

@@ -73,7 +73,7 @@ pub struct Simulation {
     pub drawing: Option<Drawing>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
-    /// What is not wrong, but should be known: how well a series fits a measured curve.
+    /// Remarks: how well series fit measured curves.
     pub remarks: Vec<Warning>,
     /// Why the start does not fit the train.
     start_faults: Vec<Fault>,
