@@ -378,7 +378,7 @@ mod gears {
 
     #[test]
     fn rigid_impacts_come_to_rest_and_let_go() {
-        let law = Law::Rigid(Rigid { restitution: 0.4 });
+        let law = Law::Rigid(Rigid::constant(0.4));
         let walled = Walled {
             load: -1.0,
             motion: vec![Harmonic { omega: 1.0, amplitude: 1.6, phase: 0.0 }],

@@ -60,7 +60,7 @@ fn gear_pair() {
 
 #[test]
 fn walls() {
-    let law = Law::Rigid(Rigid { restitution: 0.8 });
+    let law = Law::Rigid(Rigid::constant(0.8));
     let gap = |spec: &Spec, x: f64, t: f64| {
         let c = &spec.contacts[0];
         let e: f64 = c.error.iter().map(|h| h.amplitude * (h.omega * t + h.phase).cos()).sum();

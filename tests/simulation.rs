@@ -33,7 +33,7 @@ fn ball(end: f64) -> String {
 
 /// The same ball without JSON.
 fn ball_in_rust(end: f64) -> Simulation {
-    let law = Law::Rigid(Rigid { restitution: 0.8 });
+    let law = Law::Rigid(Rigid::constant(0.8));
     let walled = Walled::new(1.0, Walls::Below { position: 0.0 }, law, Stiffness::Constant(1.0));
     let spec = Walled { load: -9.81, ..walled }.assemble().unwrap();
     Simulation::from_spec("ball", spec, Run::new(Duration::Until(end))).unwrap().starting_at(vec![1.0], vec![0.0])

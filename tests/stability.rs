@@ -155,7 +155,7 @@ fn a_factor_without_an_answer_says_why() {
     // The force of a rigid contact has no stiffness.
     let mut pair = pair();
     let mut spec = pair.structure.spec().clone();
-    spec.contacts[0].law = Law::Rigid(Rigid { restitution: 0.5 });
+    spec.contacts[0].law = Law::Rigid(Rigid::constant(0.5));
     (pair.structure, pair.is_static) = (Structure::new(spec).unwrap(), true);
     let map = made(&pair, &["rk4"], &[1.0], &[11]);
     assert!(map.rows[0].error.as_ref().unwrap().contains("equilibrium"), "{:?}", map.rows[0].error);

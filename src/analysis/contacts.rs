@@ -304,7 +304,7 @@ impl<S: HybridSystem + ContactView + ?Sized> Observer for Contacts<'_, S> {
             let is_struck = jumped.to.struck.iter().any(|id| system.watch(id).0 == j);
             let [before, after] = [from, to].map(|mode| system.contact_mode(j, mode));
             let rates = if before.side() == 0.0 { rates } else { [0.0, rates[1]] };
-            let restitution = system.free_restitution(j).filter(|_| after.side() == 0.0).unwrap_or(0.0);
+            let restitution = system.free_restitution(j, rates[0].abs()).filter(|_| after.side() == 0.0).unwrap_or(0.0);
             let lost = match is_struck {
                 true => 0.5 * impulses[j] * (1.0 - restitution) * rates[0],
                 // Brought to rest: the energy of its speed is lost.

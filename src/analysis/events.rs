@@ -191,7 +191,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFl
             impulse: ended.map(|e| e.impulse),
             energy_lost: ended.map(|e| e.energy_lost),
             restitution: ended.and_then(|e| e.restitution),
-            restitution_free: ended.and_then(|_| s.free_restitution(j)),
+            restitution_free: ended.and_then(|e| s.free_restitution(j, e.approach)),
         }
     }
 }

@@ -327,12 +327,12 @@ impl Penalty {
             let (p, side) = c.penetration(at[0]);
             touch.strike = None;
             c.latch((p, side), at[1], touch);
-            if let Law::Rigid(law) = c.law
+            if let Law::Rigid(law) = &c.law
                 && p > 0.0
                 && side * at[1] > 0.0
             {
                 // Mirrored in the flank: as far back as the rebound speed would have carried it.
-                let back = (1.0 + law.restitution) / c.mobility;
+                let back = (1.0 + law.restitution.at(side * at[1])) / c.mobility;
                 for (i, push) in &c.push {
                     q[*i as usize] -= push * back * side * p;
                     v[*i as usize] -= push * back * at[1];

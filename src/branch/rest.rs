@@ -66,7 +66,7 @@ impl Solver<'_> {
         }
         let train = self.family.train(node.place()).ok()?;
         let Law::Rigid(law) = train.structure.spec().contacts[rest.contact].law else { return None };
-        Some(libm::pow(rest.load, settling_power(law.restitution)))
+        Some(libm::pow(rest.load, settling_power(law.restitution.at(0.0))))
     }
 }
 

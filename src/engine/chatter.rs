@@ -124,7 +124,9 @@ impl Chatter {
                 let per_share = sequence.interval / (1.0 - ratio);
                 is_joint.then(|| (per_share * ratio, per_share * change / (1.0 - ratio)))
             };
-            let Some((remaining, uncertainty)) = sum.filter(|_| self.blocked.is_none()) else { continue };
+            // A faster sequence does not go on as it began.
+            let is_steady = u < system.steady_speed(*guard);
+            let Some((remaining, uncertainty)) = sum.filter(|_| is_steady && self.blocked.is_none()) else { continue };
             ending.insert(*guard);
             if remaining >= end.remaining {
                 (end.remaining, end.uncertainty) = (remaining, uncertainty + f64::EPSILON * remaining);

@@ -92,8 +92,8 @@ pub trait ContactView {
     fn is_rigid(&self, j: usize) -> bool;
     /// Half the backlash b of contact `j`, m.
     fn half_backlash(&self, j: usize) -> f64;
-    /// What the law of contact `j` returns of the approach speed in a free impact, `[0, 1]`, where it is known.
-    fn free_restitution(&self, j: usize) -> Option<f64>;
+    /// Share of the approach `speed`, m/s, that the law of contact `j` returns in a free impact, `[0, 1]`, where it is known.
+    fn free_restitution(&self, j: usize, speed: f64) -> Option<f64>;
     /// Deflection δ, m, and its rate, m/s, of contact `j`.
     fn deflection(&self, j: usize, at: Instant, x: &[f64]) -> (f64, f64);
     /// `gᵀq = δ + e` of contact `j`, m: of a mesh the dynamic transmission error.

@@ -100,9 +100,13 @@ pub trait HybridSystem {
     fn switched(&self, mode: &Mode, at: Instant) -> Mode {
         mode.clone()
     }
-    /// The coefficient of restitution of the impact that guard `id` stands for; `None` if it is no impact.
+    /// The coefficient of restitution of the slowest impacts that guard `id` stands for; `None` if it is no impact.
     fn restitution(&self, id: GuardId) -> Option<f64> {
         None
+    }
+    /// Approach speed of the impact of guard `id` below which the restitution is that of the slowest one, m/s.
+    fn steady_speed(&self, id: GuardId) -> f64 {
+        f64::INFINITY
     }
     /// Puts the contacts of `fired` to rest on their boundaries: velocity projected, sustained-contact mode.
     ///

@@ -116,7 +116,7 @@ fn first_overflow(spec: &Spec) -> Option<String> {
     let law = |law: &Law| match law {
         Law::Bilateral(linear) | Law::KelvinVoigt(linear, _) => linear.damping,
         Law::Power(power) => power.hysteresis,
-        Law::Rigid(rigid) => rigid.restitution,
+        Law::Rigid(rigid) => rigid.restitution.at(0.0),
     };
     let finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
     let structure = [&spec.mass, &spec.damping, &spec.stiffness].iter().all(|matrix| finite(matrix.as_slice()));

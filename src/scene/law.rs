@@ -1,7 +1,7 @@
 //! Contact laws.
 
 use super::node::Node;
-use crate::gear::contact::{self, Hysteresis, Law, Linear, PowerLaw, Ratio, Release, Rigid};
+use crate::gear::contact::{self, Hysteresis, Law, Linear, MOST_POINTS, PowerLaw, Ratio, Release, Restitution, Rigid};
 
 pub(super) const MODELS: [(&str, Hysteresis); 8] = [
     ("none", Hysteresis::None),
@@ -25,7 +25,7 @@ pub(super) fn read(node: &Node) -> Law {
     match node.at("kind").text() {
         "bilateral" => Law::Bilateral(linear()),
         "kelvin-voigt" => Law::KelvinVoigt(linear(), read_release(&node.at("release"))),
-        "rigid" => Law::Rigid(Rigid { restitution: node.at("restitution").number() }),
+        "rigid" => Law::Rigid(Rigid { restitution: restitution(&node.at("restitution")) }),
         _ => Law::Power(PowerLaw {
             exponent: exponent(&node.at("exponent")),
             hysteresis: hysteresis(node),
@@ -33,6 +33,32 @@ pub(super) fn read(node: &Node) -> Law {
             initial_speed: node.at_unit("initial_speed", "m_per_s").number(),
         }),
     }
+}
+
+/// A restitution, constant or by the approach speed.
+fn restitution(node: &Node) -> Restitution {
+    let speed = |stem: &str| node.at_unit(stem, "m_per_s").number();
+    let found = match node.at("kind").text() {
+        "power" => Restitution::Power {
+            at_speed: node.at("restitution").number(),
+            speed: speed("speed"),
+            exponent: node.at("exponent").number(),
+            smallest_speed: speed("smallest_speed"),
+        },
+        "table" => {
+            let rows = node.at("points").items();
+            let mut points = [[0.0; 2]; MOST_POINTS];
+            for (point, row) in points.iter_mut().zip(&rows) {
+                point.copy_from_slice(&row.vector(2));
+            }
+            Restitution::Table { points, count: rows.len() }
+        }
+        _ => Restitution::Constant(node.number()),
+    };
+    if let Some((name, value, wanted)) = found.fault() {
+        node.fault(format!("a {name} of {value}"), wanted, "correct it");
+    }
+    found
 }
 
 /// An exponent as a ratio; a fault, and Hertz's, if it is none.

@@ -7,7 +7,7 @@ use super::{Parameter, Simulation, SimulationError};
 use crate::{
     gear::{
         Harmonic, Stiffness,
-        contact::{Law, Release},
+        contact::{Law, Release, Restitution},
     },
     scene::Scene,
     system::{ContactSpec, Spec, Structure, Variation},
@@ -288,10 +288,20 @@ fn flatten(spec: &Spec, shape: &mut Vec<u64>, numbers: &mut Numbers, bent: &mut 
                 numbers.push([l.hysteresis, l.speed_floor]);
                 shape.extend([l.exponent.value().to_bits(), u64::from(l.hysteresis > 0.0)]);
             }
-            Law::Rigid(l) => {
-                numbers.push([l.restitution]);
-                shape.push(u64::from(l.restitution > 0.0));
-            }
+            Law::Rigid(l) => match l.restitution {
+                Restitution::Constant(e) => {
+                    numbers.push([e]);
+                    shape.push(u64::from(e > 0.0));
+                }
+                Restitution::Power { at_speed, speed, exponent, smallest_speed } => {
+                    numbers.push([at_speed, speed, exponent, smallest_speed]);
+                    shape.push(2);
+                }
+                Restitution::Table { points, count } => {
+                    numbers.push(points.into_iter().take(count).flatten());
+                    shape.extend([3, count as u64]);
+                }
+            },
         }
     }
 }

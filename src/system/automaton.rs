@@ -406,10 +406,11 @@ impl HybridSystem for Structure {
     }
 
     fn restitution(&self, id: GuardId) -> Option<f64> {
-        match (guard_of(id), &self.contacts.get(usize::from(id.0 / 3))?.spec.law) {
-            ((_, Watch::DriveFlank | Watch::BackFlank), Law::Rigid(l)) => Some(l.restitution),
-            _ => None,
-        }
+        self.rebound_law(id).map(|law| law.restitution.at(0.0))
+    }
+
+    fn steady_speed(&self, id: GuardId) -> f64 {
+        self.rebound_law(id).map_or(f64::INFINITY, |law| law.restitution.steady_speed())
     }
 
     fn settle(&self, from: &Jump, fired: &GuardSet, at: Instant, x: &mut [f64]) -> Result<Jump, ModelError> {

@@ -118,7 +118,10 @@ impl Spec {
             Law::Bilateral(l) | Law::KelvinVoigt(l, _) => {
                 require((0.0..f64::INFINITY).contains(&l.damping), "its damping must be finite and >= 0")?;
             }
-            Law::Rigid(l) => require((0.0..=1.0).contains(&l.restitution), "its restitution must lie in [0, 1]")?,
+            Law::Rigid(l) => require(
+                l.restitution.fault().is_none(),
+                "its restitution must lie in [0, 1]; one that depends on the speed must be above 0 and start below 1",
+            )?,
             Law::Power(l) => {
                 let n = l.exponent;
                 require(

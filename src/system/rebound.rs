@@ -6,11 +6,19 @@ use super::{
     unilateral::rounding,
 };
 use crate::{
-    gear::contact::Law,
+    gear::contact::{Law, Rigid},
     hybrid::{GuardId, GuardSet, Instant, Jump},
 };
 
 impl Structure {
+    /// The law by which guard `id` returns what strikes it; `None` if it is no flank of a rigid contact.
+    pub(super) fn rebound_law(&self, id: GuardId) -> Option<&Rigid> {
+        match (guard_of(id), &self.contacts.get(guard_of(id).0)?.spec.law) {
+            ((_, Watch::DriveFlank | Watch::BackFlank), Law::Rigid(law)) => Some(law),
+            _ => None,
+        }
+    }
+
     /// The impact of `fired` as the rebound of the train's only contact, if it is no more than that.
     pub(super) fn rebound_of(
         &self,
@@ -32,11 +40,12 @@ impl Structure {
     /// it may be lost in rounding.
     pub(crate) fn rebound_alone(&self, watch: Watch, at: Instant, x: &mut [f64]) -> Option<f64> {
         let (side, c) = (watch.side(), &self.contacts[0]);
-        let Law::Rigid(law) = c.spec.law else { return None };
+        let Law::Rigid(law) = &c.spec.law else { return None };
         let speed = side * self.deflection(0, at, x).1;
-        let change = (1.0 + law.restitution) * speed;
+        let restitution = law.restitution.at(speed);
+        let change = (1.0 + restitution) * speed;
         let error = self.speed_rounding(0, at, x);
-        if law.restitution * speed <= error || change <= error + rounding(1) * change {
+        if restitution * speed <= error || change <= error + rounding(1) * change {
             return None;
         }
         let projected = self.project(std::iter::once((0, side)), at, x, &mut []);

@@ -8,7 +8,7 @@ use super::{
     variation::By,
 };
 use crate::{
-    gear::contact::Law,
+    gear::contact::{Law, Restitution},
     hybrid::{Instant, Jump, Mode},
 };
 
@@ -39,9 +39,14 @@ impl Structure {
         let resting = (0..self.contacts.len()).filter(takes_part);
         let groups = self.groups(strikers.iter().copied().chain(resting).collect());
         let mut groups = groups.iter().filter(|group| group.iter().any(|j| strikers.contains(j))).peekable();
-        // One plus the restitution; a contact at rest, or one that comes to rest, has none.
-        let returns = |train: &Self, j: usize| match train.contacts[j].spec.law {
-            Law::Rigid(l) if !settles && strikers.contains(&j) && !rests(&to.mode, j) => 1.0 + l.restitution,
+        // One plus the restitution, by the rate of the deflection; a contact at rest, or one that comes to rest, has none.
+        let of = |train: &Self, (j, rate): (usize, f64), part: fn(&Restitution, f64) -> f64| match &train.contacts[j]
+            .spec
+            .law
+        {
+            Law::Rigid(l) if !settles && strikers.contains(&j) && !rests(&to.mode, j) => {
+                1.0 + part(&l.restitution, side(j) * rate)
+            }
             _ => 1.0,
         };
         // What soft contacts do at this instant is done.
@@ -55,7 +60,8 @@ impl Structure {
             if groups.peek().is_some() {
                 group.iter().for_each(|j| set_contact(&mut mode, *j, contact_mode(&to.mode, *j)));
                 let rate = |j: usize| self.deflection(j, at, &x_before).1;
-                self.rebound(&active, |j| returns(self, j), rate, |i, by| x[self.n + i] -= by);
+                let returns = |j| of(self, (j, rate(j)), Restitution::at);
+                self.rebound(&active, returns, rate, |i, by| x[self.n + i] -= by);
             } else {
                 (mode, x) = (to.mode.clone(), x_plus.to_vec());
             }
@@ -71,7 +77,11 @@ impl Structure {
                 earlier.iter_mut().zip(&along).for_each(|(e, a)| *e += a / (rate * fast.len() as f64));
             }
             let impact = Impact { active: &active, modes: [&before, &mode], states: [&x_before, &x], at };
-            self.strike_group(&impact, |j| returns(self, j), &earlier, columns);
+            // A change of the approach changes the rebound by the restitution's own change too.
+            let rate = |j: usize| self.deflection(j, at, &x_before).1;
+            let slopes = |j: usize| of(self, (j, rate(j)), Restitution::rebound_slope);
+            self.strike_group(&impact, slopes, &earlier, columns);
+            let returns = |train: &Self, j: usize, rate: f64| of(train, (j, rate), Restitution::at);
             by.iter().for_each(|by| self.strike_by(group, returns, *by, columns));
         }
         // Where contacts have come to rest both gap and rate stay zero.

@@ -373,7 +373,8 @@ impl Structure {
         let strikers: PerContact<usize> = (0..self.contacts.len())
             .filter(|j| self.contacts[*j].spec.law.is_rigid() && !rests(&from.mode, *j) && (is_struck(*j) || lands(*j)))
             .collect();
-        let is_dead = |j: usize| matches!(self.contacts[j].spec.law, Law::Rigid(l) if settles || l.restitution == 0.0);
+        let is_dead =
+            |j: usize| matches!(&self.contacts[j].spec.law, Law::Rigid(l) if settles || l.restitution.is_dead());
         if !strikers.is_empty() {
             let sides = fired.iter().chain(to.struck.iter()).map(guard_of).filter(|(_, watch)| watch.side() != 0.0);
             let sides: PerContact<(usize, f64)> = sides.map(|(j, watch)| (j, watch.side())).collect();
@@ -393,8 +394,12 @@ impl Structure {
             let after = |i: usize, j: usize| strikers.contains(&j) && self.depends((i, j), &from.mode, at, x_minus);
             let depends = |i: &usize| acting.iter().any(|j| i != j && (after(*i, *j) || after(*j, *i)));
             saltation.dependent.extend(acting.iter().copied().filter(depends));
-            let logarithm = |j: &usize| match self.contacts[*j].spec.law {
-                Law::Rigid(l) if !settles && !rests(&to.mode, *j) => 2.0 * libm::log(l.restitution),
+            let logarithm = |j: &usize| match &self.contacts[*j].spec.law {
+                Law::Rigid(l) if !settles && !rests(&to.mode, *j) => {
+                    let speed = side(*j) * self.deflection(*j, at, x_minus).1;
+                    let [e, slope] = [l.restitution.at(speed), l.restitution.rebound_slope(speed)];
+                    libm::log(e) + libm::log(slope.abs())
+                }
                 _ => f64::NAN,
             };
             saltation.volume += strikers.iter().map(logarithm).sum::<f64>();

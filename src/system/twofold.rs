@@ -10,7 +10,10 @@ use super::{
     spec::Spec,
 };
 use crate::{
-    gear::{Harmonic, Stiffness, contact::Law},
+    gear::{
+        Harmonic, Stiffness,
+        contact::{Law, Restitution},
+    },
     hybrid::{GuardId, Instant, Mode, Wide, normalise},
 };
 
@@ -25,7 +28,7 @@ pub(crate) fn conserves(spec: &Spec) -> bool {
             let keeps = match c.law {
                 Law::Bilateral(l) | Law::KelvinVoigt(l, _) => l.damping == 0.0,
                 Law::Power(l) => l.hysteresis == 0.0,
-                Law::Rigid(l) => l.restitution == 1.0,
+                Law::Rigid(l) => l.restitution == Restitution::Constant(1.0),
             };
             keeps && still(&c.error) && matches!(c.stiffness, Stiffness::Constant(_))
         })

@@ -210,7 +210,7 @@ impl Structure {
     fn touching(&self, from: &Jump, fired: &GuardSet, settles: bool, at: Instant, x: &[f64]) -> Set {
         let (mut set, mut supports, mut rebounds) = (Set::new(), Set::new(), false);
         for (j, c) in self.contacts.iter().enumerate() {
-            let Law::Rigid(law) = c.spec.law else { continue };
+            let Law::Rigid(law) = &c.spec.law else { continue };
             let state = contact_mode(&from.mode, j);
             let contact = |side, restitution| {
                 let speed = side * self.deflection(j, at, x).1;
@@ -226,15 +226,15 @@ impl Structure {
             for (watch, side) in [(Watch::DriveFlank, 1.0), (Watch::BackFlank, -1.0)] {
                 let id = guard_id(j, watch);
                 if fired.contains(id) {
-                    let striker = contact(side, if settles { 0.0 } else { law.restitution });
+                    let striker = contact(side, 0.0);
                     let speed = if from.still.contains(id) || settles { 0.0 } else { striker.speed };
                     // A rebound lost in rounding is none: the contact comes to rest.
-                    let lost = law.restitution * speed <= striker.error;
-                    let restitution = if lost { 0.0 } else { striker.restitution };
+                    let own = law.restitution.at(speed);
+                    let restitution = if settles || own * speed <= striker.error { 0.0 } else { own };
                     let returns = was_released && from.still.contains(id);
                     rebounds |= restitution > 0.0 && speed > 0.0;
                     set.push(Touching { speed, restitution, returns, ..striker });
-                } else if from.pinned.contains(id) && law.restitution == 0.0 {
+                } else if from.pinned.contains(id) && law.restitution.is_dead() {
                     let touching = contact(side, 0.0);
                     let still = from.still.contains(id);
                     let stops = still || settles && touching.speed > 0.0;

@@ -203,7 +203,7 @@ impl Structure {
     pub(crate) fn strike_by(
         &self,
         contacts: &PerContact<usize>,
-        returns: impl Fn(&Self, usize) -> f64,
+        returns: impl Fn(&Self, usize, f64) -> f64,
         by: By<'_>,
         columns: &mut Columns,
     ) {
@@ -215,7 +215,7 @@ impl Structure {
                 let rate = |j: usize| train.deflection(j, here, by.x).1;
                 train.rebound(
                     &active,
-                    |j| returns(train, j),
+                    |j| returns(train, j, rate(j)),
                     rate,
                     |i, change| {
                         columns.values[(n + i) * count + l] -= weight * change;

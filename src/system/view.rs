@@ -50,10 +50,10 @@ impl ContactView for Structure {
         self.contacts[j].gap()
     }
 
-    fn free_restitution(&self, j: usize) -> Option<f64> {
+    fn free_restitution(&self, j: usize, speed: f64) -> Option<f64> {
         let c = &self.contacts[j];
         match c.spec.law {
-            Law::Rigid(l) => Some(l.restitution),
+            Law::Rigid(l) => Some(l.restitution.at(speed)),
             Law::Power(l) => Some(restitution(l.hysteresis)),
             Law::KelvinVoigt(l, release) => {
                 let critical = 2.0 * (c.spec.stiffness.mean() * c.effective_mass()).sqrt();

@@ -159,7 +159,7 @@ fn l40_a_contact_that_has_just_been_left_is_near() {
 
 fn just_left(n: usize) {
     let unit = |i: usize| (0..n).map(|k| f64::from(u8::from(k == i))).collect::<Vec<f64>>();
-    let rigid = |restitution| Law::Rigid(Rigid { restitution });
+    let rigid = |restitution| Law::Rigid(Rigid::constant(restitution));
     let soft = Law::KelvinVoigt(Linear { damping: 0.2 }, Release::Deflection);
     let wall = 0.25;
     let train = |strikes: f64, touches: f64| {

@@ -46,7 +46,7 @@ pub fn laws() -> [Law; 4] {
         Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection),
         Law::KelvinVoigt(Linear { damping: 0.3 }, Release::Deflection),
         Law::KelvinVoigt(Linear { damping: 0.3 }, Release::Force),
-        Law::Rigid(Rigid { restitution: 0.7 }),
+        Law::Rigid(Rigid::constant(0.7)),
     ]
 }
 
@@ -169,7 +169,7 @@ fn by_series(system: &Structure, q: f64, v: f64, end: f64) -> Option<EventRecord
 #[test]
 fn l38_flights_much_shorter_than_a_span_keep_their_digits() {
     for damping in [0.3, 0.01, 1e-4, 1e-8, 1e-14] {
-        let law = Law::Rigid(Rigid { restitution: 0.5 });
+        let law = Law::Rigid(Rigid::constant(0.5));
         let walls = Walls::Below { position: 0.0 };
         let ball = Walled { load: -1.0, damping, ..Walled::new(1.0, walls, law, Stiffness::Constant(1.0)) };
         let run = run(&walled(&ball), &[0.5], &[0.0], 30.0);

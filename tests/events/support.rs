@@ -112,7 +112,7 @@ pub fn ghost() -> Law {
 }
 
 pub fn rigid(restitution: f64) -> Law {
-    Law::Rigid(Rigid { restitution })
+    Law::Rigid(Rigid::constant(restitution))
 }
 
 /// Unit mass above a rigid floor at 0 under unit gravity.

@@ -210,8 +210,8 @@ fn d7_a_train_made_in_code_with_values_that_cannot_be_is_refused() {
         ("period", Box::new(|s| s.contacts[0].stiffness = Stiffness::rectangular(1.0, 2.0, 0.0, 0.5, 0.0))),
         ("damping", Box::new(|s| s.contacts[0].law = Law::KelvinVoigt(Linear { damping: f64::NAN }, Release::Force))),
         ("damping", Box::new(|s| s.contacts[0].law = Law::KelvinVoigt(Linear { damping: -1.0 }, Release::Force))),
-        ("restitution", Box::new(|s| s.contacts[0].law = Law::Rigid(Rigid { restitution: 1.1 }))),
-        ("restitution", Box::new(|s| s.contacts[0].law = Law::Rigid(Rigid { restitution: f64::NAN }))),
+        ("restitution", Box::new(|s| s.contacts[0].law = Law::Rigid(Rigid::constant(1.1)))),
+        ("restitution", Box::new(|s| s.contacts[0].law = Law::Rigid(Rigid::constant(f64::NAN)))),
     ];
     for (word, spoil) in broken {
         let mut spec = good.clone();

@@ -49,7 +49,7 @@ fn all() -> Spec {
             Stiffness::Switched { times: vec![[1.0, 0.0]], levels: [3.0, 2.0] },
             Law::KelvinVoigt(linear, Release::Deflection),
         ),
-        (Stiffness::Constant(0.0), Law::Rigid(Rigid { restitution: 0.5 })),
+        (Stiffness::Constant(0.0), Law::Rigid(Rigid::constant(0.5))),
     ])
 }
 
@@ -91,6 +91,6 @@ fn damping_and_backlash_are_scaled_alone() {
 fn what_a_train_lacks_is_told() {
     let elastic = spec(vec![(Stiffness::Constant(1.0), Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Force))]);
     assert_eq!(Quantity::ALL.map(|quantity| elastic.has(quantity)), [true, false, true]);
-    let rigid = spec(vec![(Stiffness::Constant(1.0), Law::Rigid(Rigid { restitution: 0.5 }))]);
+    let rigid = spec(vec![(Stiffness::Constant(1.0), Law::Rigid(Rigid::constant(0.5)))]);
     assert_eq!(Quantity::ALL.map(|quantity| rigid.has(quantity)), [false, false, true]);
 }

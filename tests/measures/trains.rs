@@ -123,7 +123,7 @@ fn rigid_along(direction: &[f64], restitution: f64, position: f64) -> ContactSpe
         name: "wall".into(),
         half_backlash: position,
         flanks: Flanks::Drive,
-        law: Law::Rigid(Rigid { restitution }),
+        law: Law::Rigid(Rigid::constant(restitution)),
         ..mesh(direction)
     }
 }

@@ -3,7 +3,7 @@
 use flank::{
     gear::{
         Harmonic, Stiffness,
-        contact::{Law as SpecLaw, Release},
+        contact::{Law as SpecLaw, Release, Restitution},
     },
     system::{Flanks, Spec},
 };
@@ -44,7 +44,53 @@ pub enum Law {
         floor: Wide,
         initial: Wide,
     },
-    Rigid(Wide),
+    Rigid(Return),
+}
+
+/// Restitution by approach speed: straight lines between points, or one that is read in doubles.
+pub enum Return {
+    Lines(Vec<[Wide; 2]>),
+    Doubles(Restitution),
+}
+
+impl Return {
+    fn new(restitution: Restitution, t: &dyn Fn(f64) -> Wide) -> Self {
+        match restitution {
+            Restitution::Constant(e) => Self::Lines(vec![[wide(0.0), t(e)]]),
+            Restitution::Table { points, count } => {
+                Self::Lines(points[..count].iter().map(|point| point.map(t)).collect())
+            }
+            Restitution::Power { at_speed, .. } => {
+                let Restitution::Power { speed, exponent, smallest_speed, .. } = restitution else { unreachable!() };
+                Self::Doubles(Restitution::Power { at_speed: near(t(at_speed)), speed, exponent, smallest_speed })
+            }
+        }
+    }
+
+    pub fn at(&self, speed: Wide) -> Wide {
+        let points = match self {
+            Self::Doubles(law) => return wide(law.at(near(speed))),
+            Self::Lines(points) => points,
+        };
+        let next = points.iter().position(|[v, _]| near(*v - speed) > 0.0).unwrap_or(points.len());
+        match (next, points.get(next)) {
+            (0, _) => points[0][1],
+            (_, None) => points[points.len() - 1][1],
+            (_, Some([v1, e1])) => {
+                let [v0, e0] = points[next - 1];
+                e0 + (*e1 - e0) * (speed - v0) / (*v1 - v0)
+            }
+        }
+    }
+
+    /// Speed below which it is constant.
+    pub fn steady(&self) -> f64 {
+        match self {
+            Self::Doubles(law) => law.steady_speed(),
+            Self::Lines(points) if points.len() == 1 => f64::INFINITY,
+            Self::Lines(points) => near(points[0][0]),
+        }
+    }
 }
 
 pub struct Contact {
@@ -171,7 +217,7 @@ impl Model {
                     law: match c.law {
                         SpecLaw::Bilateral(l) => Law::Bilateral(t(l.damping)),
                         SpecLaw::KelvinVoigt(l, r) => Law::KelvinVoigt(t(l.damping), r == Release::Force),
-                        SpecLaw::Rigid(l) => Law::Rigid(t(l.restitution)),
+                        SpecLaw::Rigid(l) => Law::Rigid(Return::new(l.restitution, &t)),
                         SpecLaw::Power(l) => Law::Power {
                             p: l.exponent.p as usize,
                             q: l.exponent.q as usize,

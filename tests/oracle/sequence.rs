@@ -4,7 +4,7 @@ use flank::hybrid::ContactMode;
 
 use super::{
     instant::{Fired, resolve},
-    model::Model,
+    model::{Law, Model},
     rest::NOTHING,
     roots::{self, First},
     series::expand,
@@ -227,7 +227,8 @@ impl<'a> Runner<'a> {
             if b.approach < SLOW * c.fastest && c.slow_since.is_none() {
                 c.slow_since = Some(t);
             }
-            if c.count >= 3 && rebound <= SUMMED * c.fastest && near(b.restitution) > 0.0 {
+            let steady = if let Law::Rigid(law) = &self.m.contacts[b.contact].law { law.steady() } else { 0.0 };
+            if c.count >= 3 && rebound <= SUMMED * c.fastest && rebound < steady && near(b.restitution) > 0.0 {
                 settling.push(*b);
             }
         }

@@ -20,8 +20,9 @@ pub struct Bounce {
     pub restitution: Wide,
 }
 
-fn restitution(m: &Model, j: usize) -> Wide {
-    if let Law::Rigid(e) = m.contacts[j].law { e } else { wide(0.0) }
+/// Restitution of an approach at `speed`.
+fn restitution(m: &Model, j: usize, speed: Wide) -> Wide {
+    if let Law::Rigid(law) = &m.contacts[j].law { law.at(speed) } else { wide(0.0) }
 }
 
 /// `G M⁻¹ Gᵀ` of some contacts, each seen from its side.
@@ -40,7 +41,7 @@ fn push(m: &Model, s: &mut State, set: &[(usize, f64)], impulses: &[Wide]) {
 /// Applies the impulses. `strikers` are at their flanks, with `side` set.
 pub fn strike(m: &Model, s: &mut State, strikers: &[usize]) -> Result<Vec<Bounce>, String> {
     let mut set: Vec<(usize, f64)> = Vec::new();
-    let is_dead = |j: &usize| restitution(m, *j) == wide(0.0);
+    let is_dead = |j: &usize| restitution(m, *j, wide(0.0)) == wide(0.0);
     for (j, status) in s.contacts.iter().enumerate().filter(|(j, _)| is_rigid(m, *j)) {
         let touches = status.mode.is_closed() || status.zeros > 0 && is_dead(&j) && strikers.iter().all(is_dead);
         if strikers.contains(&j) || touches {
@@ -55,8 +56,11 @@ pub fn strike(m: &Model, s: &mut State, strikers: &[usize]) -> Result<Vec<Bounce
         scale = scale.max(terms);
         before.push(if rests(s, *j) { wide(0.0) } else { rate });
     }
-    let e: Vec<Wide> =
-        set.iter().map(|(j, _)| if strikers.contains(j) { restitution(m, *j) } else { wide(0.0) }).collect();
+    // Gaps close at the speed of the approach.
+    let returned = |((j, _), rate): (&(usize, f64), &Wide)| {
+        if strikers.contains(j) { restitution(m, *j, -*rate) } else { wide(0.0) }
+    };
+    let e: Vec<Wide> = set.iter().zip(&before).map(returned).collect();
     let a = coupling(m, &set);
     let b: Vec<Wide> = before.iter().zip(&e).map(|(w, e)| *w + *e * *w).collect();
     let slack = NOTHING * scale;

@@ -81,7 +81,7 @@ fn a_linear_law_has_the_tangent_and_the_restitution_of_the_power_law() {
         let tangent = 1.5 * k * (force / k).powf(1.0 / 3.0);
         close(contact.stiffness.mean(), tangent, 1e-12 * tangent);
         assert!(matches!(contact.law, Law::KelvinVoigt(..)));
-        let [e, wanted] = [&linear.simulation.structure, structure].map(|s| s.free_restitution(j).unwrap());
+        let [e, wanted] = [&linear.simulation.structure, structure].map(|s| s.free_restitution(j, 1.0).unwrap());
         close(e, wanted, 1e-12);
     }
     // The same laws whatever freedoms are left.

@@ -11,7 +11,7 @@ mod rigid;
 pub use hysteresis::{Hysteresis, coefficient, exact_coefficient, restitution};
 pub use linear::{Linear, Release};
 pub use power::{PowerLaw, Ratio};
-pub use rigid::Rigid;
+pub use rigid::{MOST_POINTS, Restitution, Rigid};
 
 /// The law of one contact element.
 #[derive(Clone, Copy, Debug, PartialEq)]

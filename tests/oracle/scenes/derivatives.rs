@@ -101,6 +101,8 @@ pub fn laws() -> Vec<(&'static str, Vec<Value>)> {
     let trapezoid = json!({
         "kind": "trapezoidal", "high": 8.2, "low": 4.3, "duty": 0.57, "ramp": 0.14, "period_s": 1.0, "origin_s": 0.12,
     });
+    let points = json!([[0.02, 0.93], [0.9, 0.61], [5.3, 0.34]]);
+    let returns = json!({ "kind": "rigid", "restitution": { "kind": "table", "points": points } });
     vec![
         ("soft, by deflection", vec![first(kelvin(0.71, "deflection"), json!(6.2), "both")]),
         ("soft, by force", vec![first(kelvin(0.72, "force"), json!(6.2), "both")]),
@@ -115,6 +117,7 @@ pub fn laws() -> Vec<(&'static str, Vec<Value>)> {
         ("power 2, hysteresis", vec![first(power("2", 1.23), json!(9.4), "both")]),
         ("power 3/2, latched at the floor", vec![first(power_above(2.1, "3/2", 1.9), json!(9.5), "both")]),
         ("rigid", vec![first(rigid(0.62), Value::Null, "both")]),
+        ("returns by speed", vec![first(returns, Value::Null, "both")]),
         ("lands and is released", vec![first(rigid(0.0), Value::Null, "drive")]),
         ("bounces to rest", vec![first(rigid(0.27), Value::Null, "drive")]),
         (

@@ -13,6 +13,25 @@ pub fn restitution(r: &mut Random) -> f64 {
     if r.chance(0.5) { 0.0 } else { r.of(0.1, 0.85) }
 }
 
+/// A restitution that depends on the approach speed.
+pub fn by_speed(r: &mut Random) -> Value {
+    if r.chance(0.3) {
+        let (e, smallest) = (r.of(0.3, 0.7), r.log(1e-4, 0.05));
+        // Below one at the smallest speed: (smallest/speed)^exponent above e.
+        let (speed, most) = (r.log(0.1, 5.0), 0.9 * e.ln());
+        let exponent = crate::scenes::random::round(r.of(0.1, 1.0) * most / (smallest / speed).ln());
+        return json!({ "kind": "power", "restitution": e, "speed_m_per_s": speed, "exponent": exponent, "smallest_speed_m_per_s": smallest });
+    }
+    let mut speed = r.log(1e-4, 0.3);
+    let points: Vec<Value> = (0..1 + r.below(5))
+        .map(|_| {
+            speed = crate::scenes::random::round(speed * r.log(1.5, 10.0));
+            json!([speed, r.of(0.1, 0.95)])
+        })
+        .collect();
+    json!({ "kind": "table", "points": points })
+}
+
 pub const EXPONENTS: [&str; 8] = ["3/2", "5/4", "6/5", "10/9", "4/3", "5/2", "2", "7/5"];
 
 /// A power law with one of the exponents.

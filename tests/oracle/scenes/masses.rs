@@ -4,13 +4,39 @@ use nalgebra::{DMatrix, DVector};
 use serde_json::{Value, json};
 
 use super::{
-    laws::{EXPONENTS, power, restitution, rigid, soft},
+    laws::{EXPONENTS, by_speed, power, restitution, rigid, soft},
     random::{Random, round, scene},
 };
 
 /// Rest and release, one or two freedoms, loads of several cosines.
 pub fn rest_and_release(r: &mut Random) -> Value {
     if r.chance(0.6) { wall(r) } else { chain(r, 2, &mut |r| rigid(restitution(r))) }
+}
+
+/// Walls, chains and stages whose rigid contacts return by their speed.
+pub fn restitution_by_speed(r: &mut Random) -> Value {
+    let mut scene = match r.below(3) {
+        0 => super::stages::rigid_stages(r),
+        _ => rest_and_release(r),
+    };
+    replace(&mut scene, r);
+    scene
+}
+
+fn replace(value: &mut Value, r: &mut Random) {
+    match value {
+        Value::Object(object) => {
+            for (key, item) in object.iter_mut() {
+                if key == "restitution" && item.is_number() {
+                    *item = by_speed(r);
+                } else {
+                    replace(item, r);
+                }
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(|item| replace(item, r)),
+        _ => {}
+    }
 }
 
 fn harmonics(r: &mut Random, most: usize) -> (Vec<Value>, f64) {

@@ -41,7 +41,7 @@ const fn class(letter: &'static str, about: &'static str, make: fn(&mut Random) 
 }
 
 /// All classes.
-pub static CLASSES: [Class; 17] = [
+pub static CLASSES: [Class; 18] = [
     class("A", "rest and release", masses::rest_and_release),
     class("B", "pair from rest, errors at phase 0", pairs::from_rest),
     class("C", "pair started on a flank", pairs::on_flank),
@@ -56,6 +56,7 @@ pub static CLASSES: [Class; 17] = [
     class("N", "starts: inside, pulling, on a switch", special::starts),
     class("P", "scan of phases", special::phases),
     class("Q", "detached modes", special::detached),
+    class("U", "restitution by speed", masses::restitution_by_speed),
     class("V", "ill-conditioned mass matrices", masses::ill_conditioned),
     class("Y", "gearboxes", gearboxes::gearboxes),
     class("S", "symmetric soft stages, simultaneous events", stages::symmetric),
