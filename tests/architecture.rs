@@ -208,7 +208,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("engine", 2080),
     ("ensemble", 150),
     ("event", 350),
-    ("gear", 1400),
+    ("gear", 1500),
     ("hybrid", 1550),
     ("import", 2790),
     ("integrate", 1800),

@@ -293,12 +293,18 @@ fn flatten(spec: &Spec, shape: &mut Vec<u64>, numbers: &mut Numbers, bent: &mut 
                     numbers.push([e]);
                     shape.push(u64::from(e > 0.0));
                 }
-                Restitution::Power { at_speed, speed, exponent, smallest_speed } => {
-                    numbers.push([at_speed, speed, exponent, smallest_speed]);
+                // Factor of the power of v, and value where it is constant.
+                law @ Restitution::Power { exponent, smallest_speed, .. } => {
+                    bent.push([law.at(smallest_speed) * libm::pow(smallest_speed, exponent), law.at(0.0)]);
+                    bent.push([exponent, smallest_speed]);
                     shape.push(2);
                 }
+                // Slopes of the lines and their values at v = 0.
                 Restitution::Table { points, count } => {
-                    numbers.push(points.into_iter().take(count).flatten());
+                    let points = &points[..count];
+                    bent.push(points.as_flattened().iter().copied());
+                    let slope = |line: &[[f64; 2]]| (line[1][1] - line[0][1]) / (line[1][0] - line[0][0]);
+                    bent.push(points.windows(2).flat_map(|line| [slope(line), line[0][1] - slope(line) * line[0][0]]));
                     shape.extend([3, count as u64]);
                 }
             },

@@ -33,7 +33,7 @@ const BY_START: f64 = 1e-11;
 const BY_NUMBER: f64 = 2e-11;
 /// Kinds of events that are crossed, columns, pairs of a scene and a number, and kinds of numbers.
 const EVENTS: &str = "acilrsxz";
-const COLUMNS: usize = 385;
+const COLUMNS: usize = 405;
 const PAIRS: usize = 1263;
 const NUMBERS: usize = 23;
 
