@@ -101,7 +101,7 @@ pub fn laws() -> Vec<(&'static str, Vec<Value>)> {
     let trapezoid = json!({
         "kind": "trapezoidal", "high": 8.2, "low": 4.3, "duty": 0.57, "ramp": 0.14, "period_s": 1.0, "origin_s": 0.12,
     });
-    let points = json!([[0.02, 0.93], [0.9, 0.61], [5.3, 0.34]]);
+    let points = json!([[0.0213, 0.937], [0.917, 0.613], [5.31, 0.347]]);
     let returns = json!({ "kind": "rigid", "restitution": { "kind": "table", "points": points } });
     vec![
         ("soft, by deflection", vec![first(kelvin(0.71, "deflection"), json!(6.2), "both")]),
