@@ -96,7 +96,7 @@ fn what_cannot_come_to_rest_is_refused() {
         (json!({ "kind": "table", "points": [[0.0, 1.0], [1.0, 0.5]] }), "below 1 at the first speed"),
         (json!({ "kind": "table", "points": [[1.0, 0.5], [0.5, 0.5]] }), "speeds that rise"),
         (json!({ "kind": "table", "points": [[1.0, 0.0]] }), "above 0"),
-        (json!({ "kind": "table", "points": [] }), "1 to 16"),
+        (json!({ "kind": "table", "points": [] }), "1 to 8"),
         (json!({ "kind": "law" }), "\"power\""),
         (json!(1.5), "a number from 0 to 1"),
     ] {

@@ -18,7 +18,7 @@ impl Rigid {
 }
 
 /// Points of a table.
-pub const MOST_POINTS: usize = 16;
+pub const MOST_POINTS: usize = 8;
 
 /// Coefficient of restitution e by approach speed v. Towards v = 0 it is constant; there it is below 1 unless it is constant everywhere, so that
 /// a sequence of impacts that shrinks is a geometric one in the end.
@@ -120,7 +120,7 @@ impl Restitution {
             }
             Self::Table { points, count } => {
                 let points = &points[..count.min(MOST_POINTS)];
-                let mut checks = vec![("points", count as f64, (1..=MOST_POINTS).contains(&count), "from 1 to 16")];
+                let mut checks = vec![("points", count as f64, (1..=MOST_POINTS).contains(&count), "from 1 to 8")];
                 for (i, [v, e]) in points.iter().enumerate() {
                     let rises = *v >= 0.0 && v.is_finite() && (i == 0 || points[i - 1][0] < *v);
                     let most = if i == 0 { *e < 1.0 } else { *e <= 1.0 };
