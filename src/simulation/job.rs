@@ -1,5 +1,6 @@
 use std::{
     cell::Cell,
+    collections::BTreeSet,
     io::BufWriter,
     ops::{ControlFlow, Deref},
     path::Path,
@@ -163,6 +164,8 @@ impl<'a> Job<'a> {
         }
         let verified = check.as_mut().map_or(Ok(()), |check| check.finish(state.at));
         let name = |(mode, name): (Mode, _)| (simulation.mode_name(&mode), name);
+        // Pieces of a stiffness make modes of the same states.
+        let mut told = BTreeSet::new();
         let mut summary = Summary {
             flank: env!("CARGO_PKG_VERSION"),
             scene: Provenance { name: simulation.name.clone(), sha256: simulation.hash() },
@@ -179,7 +182,13 @@ impl<'a> Job<'a> {
                 event_tolerance: run.event_tolerance,
                 instructions: run.instructions.name(),
                 why,
-                modes: engine.integrator().chosen().into_iter().map(name).collect(),
+                modes: engine
+                    .integrator()
+                    .chosen()
+                    .into_iter()
+                    .map(name)
+                    .filter(|mode| told.insert(mode.clone()))
+                    .collect(),
             },
             outcome: RunEnd::new(simulation, &result, task.is_cancelled(), state),
             measured_time: log.contacts().time(),
