@@ -58,6 +58,8 @@ fn a_wrong_value_is_reported_where_it_stands() {
         (WALL, "/train/kind", json!(7), "/train/kind"),
         (WALL, "/train", json!([]), "/train"),
         (WALL, "/name", json!("n".repeat(201)), "/name"),
+        // The next piece of the stiffness would be more cycles away than can be counted.
+        (PAIR, "/train/base_frequency", json!(1e30), "/train"),
         (WALL, "/train/mass_kg", json!(0), "/train/mass_kg"),
         (WALL, "/train/mass_kg", json!("1"), "/train/mass_kg"),
         (WALL, "/train/mass_kg", Value::Null, "/train/mass_kg"),

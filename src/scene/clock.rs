@@ -50,6 +50,15 @@ fn shortest_piece(stiffness: &Stiffness) -> Option<f64> {
     starts.zip(ends).map(|(start, end)| (end - start) * period).reduce(f64::min)
 }
 
+/// Largest time that a stiffness names, s: its next period, or the last of listed times.
+fn furthest(stiffness: &Stiffness) -> f64 {
+    match stiffness {
+        Stiffness::Periodic { period, origin, .. } => period + origin.abs(),
+        Stiffness::Switched { times, .. } => times.iter().map(|[t, _]| t.abs()).fold(0.0, f64::max),
+        Stiffness::Constant(_) | Stiffness::Harmonic { .. } => 0.0,
+    }
+}
+
 /// Refuses what the clock of the run does not resolve, with the numbers.
 pub(super) fn check(root: &Node, spec: &Spec, run: &Run) {
     let (train, run_node) = (root.at("train"), root.at("run"));
@@ -92,6 +101,21 @@ pub(super) fn check(root: &Node, spec: &Spec, run: &Run) {
             format!("at most {MOST_CYCLES:.3e} periods"),
             "run to an earlier time, or start in an earlier cycle",
         );
+    }
+    for contact in &spec.contacts {
+        let (time, period) = (furthest(&contact.stiffness), forcing.unwrap_or(f64::INFINITY));
+        if time / period > MOST_CYCLES {
+            train.fault(
+                format!(
+                    "{}: a stiffness with a time of {}, {:.3e} periods of the forcing",
+                    contact.name,
+                    seconds(time),
+                    time / period
+                ),
+                format!("at most {MOST_CYCLES:.3e} periods"),
+                "check the period of the stiffness and the base frequency",
+            );
+        }
     }
     let longest_phase = forcing.unwrap_or(end);
     for contact in &spec.contacts {
