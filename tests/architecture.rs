@@ -220,7 +220,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("plot", 2440),
     ("poly", 1400),
     ("scene", 4380),
-    ("simulation", 2120),
+    ("simulation", 2150),
     ("study", 8780),
     ("sweep", 1740),
     ("system", 4680),
