@@ -172,6 +172,23 @@ fn curves_are_read_wherever_harmonics_are() {
     for (a, b) in points.load.iter().zip(&list.load) {
         assert_relative_eq!(*a, *b, max_relative = 1e-13);
     }
+    // Without a mean it stands beside "balance": what is left of the mean is rounding.
+    let zero: Vec<[f64; 2]> = (0..12).map(|i| [f64::from(i) / 12.0, (TAU * f64::from(i) / 12.0).sin()]).collect();
+    let mut balanced = measured();
+    balanced["train"]["meshes"][0]["stiffness"] = json!(3e8);
+    balanced["train"]["meshes"][0]["error"] = json!([]);
+    balanced["train"]["shafts"][1]["orders"] = json!({ "points": zero });
+    assert!(Scene::from_value(balanced.clone(), "balanced").is_ok());
+    balanced["train"]["shafts"][1]["orders"] = json!([]);
+    // The mean of a speed is that of the shaft, or a warning says so.
+    for (mean, warns) in [(3000.0, false), (1000.0, true)] {
+        let speed: Vec<[f64; 2]> = zero.iter().map(|[x, y]| [*x, mean + 10.0 * y]).collect();
+        let mut moved = balanced.clone();
+        moved["train"]["shafts"][0]["motion"] = json!({ "points": speed });
+        moved["train"]["shafts"][0]["torque_nm"] = json!(0);
+        let scene = Scene::from_value(moved, "moved").unwrap();
+        assert_eq!(scene.built().warnings.iter().any(|w| w.message.contains("it is left out")), warns);
+    }
     let wall = |motion: Value, load: Value, [position, force]: [f64; 2]| {
         let scene = json!({
             "flank": 1, "run": { "t_end_s": 1.0 },
@@ -226,12 +243,25 @@ fn faults_of_tables_have_a_place() {
     wrong("0,1\n180,2\n", none(), &["within one period", "\"place\": \"deg\""]);
     wrong("x,e [V]\n0,1\n0.5,2\n", none(), &["/error/unit", "\"V\"", "\"um\""]);
     wrong("x,e\n0,1\n0.5,2\n", json!({ "columns": ["x", "f"] }), &["/error/columns/1", "x, e"]);
+    wrong("x,e\n0,1\n0.5,2\n", json!({ "points": [[0, 1], [0.5, 2]] }), &["/error", "exactly one of"]);
     wrong("x,e\n0,1\n0.5,2\n", json!({ "over": "driving", "colour": 1 }), &["/error/colour"]);
     fs::remove_file(folder.path().join("t.csv")).unwrap();
     let told = scene(folder.path(), json!(-1), json!({ "table": "t.csv" })).unwrap_err().to_string();
     assert!(told.contains(place) && told.contains("/train/meshes/0/stiffness"), "{told}");
     let told = Scene::from_value(measured(), "value").unwrap_err().to_string();
     assert!(told.contains("a scene from a file or a text"), "{told}");
+    // Angles that are rounded close their period; a stiffness below 0 is refused wherever it stands.
+    assert!(with("0,1\n3.1416,2\n6.2832,1\n", json!({ "place": "rad" })).is_ok());
+    let negative = json!({ "kind": "curve", "points": [[0, 1e8], [0.5, -1e8], [0.7, 2e8]] });
+    let told = scene(folder.path(), negative.clone(), json!([])).unwrap_err().to_string();
+    assert!(told.contains("stiffness/points") && told.contains("stiffnesses >= 0"), "{told}");
+    let mut contact =
+        json!({ "direction": [1.0], "half_backlash_m": 0.0, "flanks": "drive", "law": { "kind": "kelvin-voigt" } });
+    contact["stiffness"] = negative;
+    contact["stiffness"]["period_s"] = json!(1.0);
+    let train = json!({ "kind": "matrices", "mass_kg": [1.0], "contacts": [contact] });
+    let told = Scene::from_value(json!({ "flank": 1, "train": train, "run": { "t_end_s": 1.0 } }), "one").unwrap_err();
+    assert!(told.to_string().contains("stiffnesses >= 0"), "{told}");
     // Semicolons and decimal commas, other columns, a closed period, comments, tabs.
     for (text, keys) in [
         (
@@ -271,7 +301,7 @@ fn a_period_may_have_thousands_of_pieces() {
         };
         let (one, other) = (times(&once), times(&often));
         let period = once.settings.period.unwrap();
-        // Starts of pieces are rounded: a double of a thousandth of the longer period.
+        // A start is rounded to 1e-16 of the long period, 4e-13 of the short one; the motion amplifies that over 60 events.
         assert!(largest_gap(&one, &other) < 1e-9 * period, "{name}: {:e}", largest_gap(&one, &other) / period);
     }
 }

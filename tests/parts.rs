@@ -179,7 +179,7 @@ fn every_end_has_its_code() {
 fn points_are_counted_and_parts_planned() {
     let words = format!("sweep {PAIR} --vary {FREQUENCY}=0.4:2:3 --vary /train/mean_load=0.02:0.3:6 --seed both");
     let count = ended(&flank(&words, &["--count", "--threads", "1"]), 0);
-    assert!(count.contains("36 rows in 6 chains, about ") && count.contains(" on 1 threads"), "{count}");
+    assert!(count.contains("36 rows in 6 chains, about ") && count.contains(" here (threads: 1)"), "{count}");
     let plan = ended(&flank(&words, &["--plan", "2", "--out", "my parts"]), 0);
     let lines: Vec<&str> = plan.lines().collect();
     assert_eq!(lines.len(), 2);

@@ -67,6 +67,26 @@ fn every_impact_returns_by_its_own_speed() {
     }
 }
 
+/// Where e changes down to speeds that are lost in rounding, the ball comes to rest too, and not before its time.
+#[test]
+fn a_restitution_that_changes_to_the_end_comes_to_rest() {
+    let law = json!({
+        "kind": "power", "restitution": 0.8, "speed_m_per_s": 4.0, "exponent": 0.004, "smallest_speed_m_per_s": 1e-13
+    });
+    let record = Simulation::from_scene(ball(law).unwrap()).unwrap().run().unwrap();
+    let e = |v: f64| 0.8 * (v.max(1e-13) / 4.0).powf(-0.004);
+    let g: f64 = 9.81;
+    let (mut t, mut v) = ((2.0 / g).sqrt(), (2.0 * g).sqrt());
+    while v > 1e-15 {
+        v *= e(v);
+        t += 2.0 * v / g;
+    }
+    let last = record.events.last().unwrap();
+    assert_eq!(last.contacts[0].kind, Kind::Stick);
+    let stated = last.uncertainty.max(1e-12);
+    assert!((last.t.parse::<f64>().unwrap() - t).abs() <= stated, "{} {t} {stated:e}", last.t);
+}
+
 #[test]
 fn slopes_are_those_of_the_rebound() {
     let mut points = [[0.0; 2]; MOST_POINTS];

@@ -218,7 +218,7 @@ fn duration<P: Points>(points: &P, work: &Work) -> Result<String, CliError> {
     let threads = pool.current_num_threads();
     Ok(match count {
         0 => format!("; none was done within {TRIAL} s"),
-        _ => format!(", about {} on {threads} threads of this machine", lasting(seconds * rows as f64 / count as f64)),
+        _ => format!(", about {} here (threads: {threads})", lasting(seconds * rows as f64 / count as f64)),
     })
 }
 

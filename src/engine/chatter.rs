@@ -105,7 +105,8 @@ impl Chatter {
             let now = flight.start;
             let since = |before| system.clock().between(before, now);
             let sequence = self.record(*guard, (now, since), u, e, others);
-            let is_last = u <= options.chatter_fraction * sequence.fastest;
+            // Above the speed from which on e is constant the next rebounds are not known from the last ones.
+            let is_last = u <= options.chatter_fraction * sequence.fastest && u < system.steady_speed(*guard);
             // The height of a flight is `u²/2A`.
             let is_flat = u * u <= 2.0 * a.abs() * (flight.rounding)(i);
             let [ratio, before] = sequence.ratios;
@@ -124,9 +125,7 @@ impl Chatter {
                 let per_share = sequence.interval / (1.0 - ratio);
                 is_joint.then(|| (per_share * ratio, per_share * change / (1.0 - ratio)))
             };
-            // A faster sequence does not go on as it began.
-            let is_steady = u < system.steady_speed(*guard);
-            let Some((remaining, uncertainty)) = sum.filter(|_| is_steady && self.blocked.is_none()) else { continue };
+            let Some((remaining, uncertainty)) = sum.filter(|_| self.blocked.is_none()) else { continue };
             ending.insert(*guard);
             if remaining >= end.remaining {
                 (end.remaining, end.uncertainty) = (remaining, uncertainty + f64::EPSILON * remaining);

@@ -110,6 +110,7 @@ impl Curve {
         let mut harmonics: Vec<MeshHarmonic> = rows.collect();
         let peak = harmonics.iter().map(|h| h.amplitude).fold(0.0, f64::max);
         harmonics.retain(|h| h.amplitude > ROUNDING * peak.max(mean.abs()));
+        let mean = if mean.abs() > ROUNDING * peak { mean } else { 0.0 };
         let at = |x: f64| harmonics.iter().fold(mean, |y, h| y + h.amplitude * libm::cos(TAU * h.order * x + h.phase));
         let gaps = self.places.iter().zip(&self.values).map(|(x, y)| (at(*x) - y).abs());
         let [most, squares] = gaps.fold([0.0_f64, 0.0], |[most, sum], gap| [most.max(gap), sum + gap * gap]);

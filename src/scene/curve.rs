@@ -3,8 +3,10 @@
 use super::node::Node;
 use crate::gear::{Curve, Harmonic, MeshHarmonic, Series, Through};
 
-/// A place or a value that closes a period, relative to the largest value.
+/// A value that closes a period, relative to the largest one.
 const CLOSED: f64 = 1e-9;
+/// A place that closes a period, in mean distances of the points: angles are rounded.
+const WHOLE: f64 = 1e-3;
 
 /// A curve and the number of mesh periods that it covers.
 pub(super) struct OverMesh {
@@ -35,7 +37,6 @@ pub(super) fn read(node: &Node, units: &[(&str, f64)]) -> Option<Curve> {
         list.items().iter().map(|item| item.numbers()).map(|row| [row[0] / turn, row[1]]).collect();
     let mut rows = closed(&list, rows)?;
     let scale = node.at("scale").number() * factor;
-    // Within rounding of a whole period, as from angles in radians.
     rows.iter_mut().for_each(|row| row[1] *= scale);
     let (places, values): (Vec<f64>, Vec<f64>) = rows.into_iter().map(|[x, y]| (x, y)).unzip();
     Some(Curve::new(places, values))
@@ -56,7 +57,8 @@ fn closed(list: &Node, mut rows: Vec<[f64; 2]>) -> Option<Vec<[f64; 2]>> {
         return None;
     }
     let span = last[0] - first[0];
-    if span > 1.0 + CLOSED {
+    let whole = WHOLE / items.len() as f64;
+    if span > 1.0 + whole {
         let allowed = "places within one period";
         items[items.len() - 1].refuse(
             allowed,
@@ -64,7 +66,7 @@ fn closed(list: &Node, mut rows: Vec<[f64; 2]>) -> Option<Vec<[f64; 2]>> {
         );
         return None;
     }
-    if span >= 1.0 - CLOSED {
+    if span >= 1.0 - whole {
         let largest = rows.iter().map(|row| row[1].abs()).fold(0.0, f64::max);
         let gap = last[1] - first[1];
         if gap.abs() > CLOSED * largest {
@@ -77,7 +79,7 @@ fn closed(list: &Node, mut rows: Vec<[f64; 2]>) -> Option<Vec<[f64; 2]>> {
         }
         rows.pop();
     }
-    if last[0] >= 1.0 + CLOSED && first[0] >= 1.0 {
+    if first[0] >= 1.0 {
         items[0].refuse("places within one period", "begin the period at 0");
         return None;
     }
@@ -123,6 +125,25 @@ pub(super) fn series(node: &Node, curve: &Curve, through: Through) -> Series {
     series
 }
 
+/// The curve of a stiffness, which is nowhere below 0.
+pub(super) fn stiffness(node: &Node, curve: Curve) -> Option<Curve> {
+    if curve.mean() <= 0.0 || curve.values().iter().any(|value| *value < 0.0) {
+        node.at("points").refuse("stiffnesses >= 0, some of them above 0", "correct the values, or their scale");
+        return None;
+    }
+    Some(curve)
+}
+
+/// Mean and harmonics, relative to it, of a stiffness through points.
+pub(super) fn relative_series(node: &Node, curve: &Curve) -> (f64, Vec<MeshHarmonic>) {
+    let Series { mean, mut harmonics, .. } = series(node, curve, Through::Lines);
+    harmonics.iter_mut().for_each(|h| h.amplitude /= mean);
+    if harmonics.iter().map(|h| h.amplitude).sum::<f64>() >= 1.0 {
+        node.warn("the amplitudes of its series sum to 1 or more: the stiffness may become negative");
+    }
+    (mean, harmonics)
+}
+
 /// Harmonics in a mesh's own clock, as sines.
 pub(super) fn mesh_error(node: &Node, teeth: Option<[u32; 2]>) -> Option<(f64, Vec<MeshHarmonic>)> {
     let OverMesh { curve, periods } = over_mesh(node, &LENGTHS, teeth)?;
@@ -136,12 +157,16 @@ pub(super) fn mesh_error(node: &Node, teeth: Option<[u32; 2]>) -> Option<(f64, V
 }
 
 /// Harmonics in time, of a curve with a period and an origin of its own.
-pub(super) fn in_time(node: &Node, units: &[(&str, f64)], through: Through) -> Option<(f64, Vec<Harmonic>)> {
+pub(super) fn in_time(node: &Node, units: &[(&str, f64)]) -> Option<(f64, Vec<Harmonic>)> {
     let curve = read(node, units)?;
-    let series = series(node, &curve, through);
+    let series = series(node, &curve, Through::Spline);
+    Some((series.mean, timed(node, &series.harmonics)))
+}
+
+/// Harmonics of a curve in time, by the period and the origin that are written here.
+pub(super) fn timed(node: &Node, harmonics: &[MeshHarmonic]) -> Vec<Harmonic> {
     let (period, origin) = (node.at_unit("period", "s").number(), node.at_unit("origin", "s").number());
-    let harmonic = |h: &MeshHarmonic| h.cosine(period.recip(), -origin / period);
-    Some((series.mean, series.harmonics.iter().map(harmonic).collect()))
+    harmonics.iter().map(|h| h.cosine(period.recip(), -origin / period)).collect()
 }
 
 /// Units of lengths and stiffnesses.

@@ -19,6 +19,11 @@ use crate::{
     },
 };
 
+/// A speed of one turn a minute, rad/s.
+const RPM: f64 = std::f64::consts::TAU / 60.0;
+/// Relative distance up to which the mean of a curve of the speed is the speed of its shaft.
+const SPEEDS_AGREE: f64 = 0.01;
+
 /// A gearbox while it is read, with the places of its parts.
 #[derive(Default)]
 struct Reading<'a> {
@@ -153,7 +158,12 @@ impl<'a> Reading<'a> {
         let torque = node.at("torque_nm");
         let (mean, orders) = read_orders(&node.at("orders"), true);
         // About the mean speed, which the gearbox has already.
-        let (_, motion) = read_orders(&node.at("motion"), false);
+        let (turning, motion) = read_orders(&node.at("motion"), false);
+        let (turning, own) = (turning / RPM, node.at("speed_rpm").written().map_or(0.0, |speed| speed.number()));
+        if turning != 0.0 && (turning - own).abs() > SPEEDS_AGREE * own.abs() {
+            let shaft = "which is not the speed_rpm of the shaft: it is left out";
+            node.at("motion").warn(format!("a curve with a mean of {turning:.4} rev/min, {shaft}"));
+        }
         if torque.is_text() && mean != 0.0 {
             let found = format!("a torque of mean {mean:e} N m beside \"balance\"");
             node.at("orders").fault(
@@ -379,7 +389,6 @@ fn measured(node: &Node, is_torque: bool) -> Option<(f64, Vec<Order>)> {
 
 /// Mean and orders from a list of orders, from columns, or from a curve.
 fn read_orders(node: &Node, is_torque: bool) -> (f64, Vec<Order>) {
-    const RPM: f64 = std::f64::consts::TAU / 60.0;
     type Kind = (&'static str, fn(f64) -> Amplitude);
     let kinds: [Kind; 4] = [
         ("torque_nm", Amplitude::Torque),

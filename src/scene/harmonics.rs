@@ -1,12 +1,12 @@
 //! Harmonics in time: loads, errors, wall motions, stiffness variations.
 
 use super::{curve, node::Node};
-use crate::gear::{Harmonic, Through};
+use crate::gear::Harmonic;
 
 /// Mean and harmonics, from a list of harmonics or a measured curve with values in `units`.
 pub(super) fn or_curve(node: &Node, amplitude: &str, units: &[(&str, f64)]) -> (f64, Vec<Harmonic>) {
     if curve::is_curve(node) {
-        return curve::in_time(node, units, Through::Spline).unwrap_or_default();
+        return curve::in_time(node, units).unwrap_or_default();
     }
     (0.0, read(node, amplitude))
 }

@@ -8,8 +8,7 @@ use super::{
 };
 use crate::{
     gear::{
-        BasicRack, Gear, Material, MeshGeometry, MeshHarmonic, MeshKind, MeshStiffness, PathOfContact, Series, Through,
-        Waveform,
+        BasicRack, Gear, Material, MeshGeometry, MeshHarmonic, MeshKind, MeshStiffness, PathOfContact, Waveform,
         contact::{Law, Linear},
         geometry::{hertz_stiffness, iso_mesh_stiffness, low_load_factor},
     },
@@ -116,16 +115,12 @@ fn read_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStif
 /// A measured stiffness, as lines or as a series.
 fn curve_stiffness(node: &Node, engaged: Option<&Engaged>) -> Option<MeshStiffness> {
     let OverMesh { curve, periods } = curve::over_mesh(node, &curve::STIFFNESSES, teeth(engaged))?;
-    if curve.mean() <= 0.0 || curve.values().iter().any(|value| *value < 0.0) {
-        node.at("points").refuse("stiffnesses >= 0, some of them above 0", "correct the values, or their scale");
-        return None;
-    }
+    let curve = curve::stiffness(node, curve)?;
     if node.at("as").text() == "lines" {
         return Some(MeshStiffness::Lines { curve, periods });
     }
-    let Series { mean, harmonics, .. } = curve::series(node, &curve, Through::Lines);
-    let own =
-        |h: MeshHarmonic| MeshHarmonic { order: h.order / f64::from(periods), amplitude: h.amplitude / mean, ..h };
+    let (mean, harmonics) = curve::relative_series(node, &curve);
+    let own = |h: MeshHarmonic| MeshHarmonic { order: h.order / f64::from(periods), ..h };
     Some(MeshStiffness::Harmonics { mean, harmonics: harmonics.into_iter().map(own).collect() })
 }
 

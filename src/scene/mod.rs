@@ -137,14 +137,12 @@ impl Scene {
         let mut given = json::parse(text).map_err(|faults| SceneError::new(name, faults))?;
         let mut faults = Vec::new();
         table::load(&mut given, folder, "", &mut faults);
-        match Self::from_value(given, name) {
-            Err(error) if !faults.is_empty() => {
-                faults.extend(error.faults);
-                Err(SceneError::new(name, faults))
-            }
-            Ok(_) if !faults.is_empty() => Err(SceneError::new(name, faults)),
-            read => read,
+        if faults.is_empty() {
+            return Self::from_value(given, name);
         }
+        let expanded = preset::expand(&given);
+        check::check(&expanded, shape::scene(build::units_of(&expanded)), "", &mut faults);
+        Err(SceneError::new(name, faults))
     }
 
     /// The default scene: the reference planetary set under light load at 500 rev/min.

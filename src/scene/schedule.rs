@@ -1,7 +1,7 @@
 //! Stiffness schedules in time.
 
 use super::{curve, harmonics, node::Node};
-use crate::gear::{Harmonic, PathOfContact, Piece, Stiffness, Through, Waveform};
+use crate::gear::{PathOfContact, Piece, Stiffness, Waveform};
 
 pub(super) fn read(node: &Node) -> Stiffness {
     if node.is_number() {
@@ -37,13 +37,12 @@ pub(super) fn read(node: &Node) -> Stiffness {
 /// A measured stiffness, as lines or as a series.
 fn measured(node: &Node) -> Option<Stiffness> {
     let (period, origin) = (node.at_unit("period", "s").number(), node.at_unit("origin", "s").number());
+    let curve = curve::stiffness(node, curve::read(node, &curve::STIFFNESSES)?)?;
     if node.at("as").text() == "lines" {
-        let curve = curve::read(node, &curve::STIFFNESSES)?;
         return Some(Stiffness::Periodic { period, origin, pieces: curve.pieces(period) });
     }
-    let (mean, harmonics) = curve::in_time(node, &curve::STIFFNESSES, Through::Lines)?;
-    let relative = |h: Harmonic| Harmonic { amplitude: h.amplitude / mean, ..h };
-    Some(Stiffness::Harmonic { mean, harmonics: harmonics.into_iter().map(relative).collect() })
+    let (mean, harmonics) = curve::relative_series(node, &curve);
+    Some(Stiffness::Harmonic { mean, harmonics: curve::timed(node, &harmonics) })
 }
 
 fn harmonic(node: &Node) -> Stiffness {

@@ -24,7 +24,8 @@ pub(super) fn load(value: &mut Value, folder: &Path, pointer: &str, faults: &mut
             }
         }
         Value::Object(object) => {
-            if object.get("table").is_some_and(Value::is_string) {
+            // Both are one too many, which the shape tells.
+            if object.get("table").is_some_and(Value::is_string) && !object.contains_key("points") {
                 fill(object, folder, pointer, faults);
             }
             for (key, item) in object.iter_mut() {
@@ -68,7 +69,7 @@ fn fill(object: &mut Map<String, Value>, folder: &Path, pointer: &str, faults: &
         let fault = Fault::new(&place, format!("{} lines with numbers in {name}", points.len()), "two lines at least");
         own.push(fault.remedy("write one line for each point: place, value"));
     }
-    // What else is wrong with the scene is told with the faults of the file: something has to stand here.
+    // The rest of the scene is checked too: something has to stand here.
     let points = if own.is_empty() { points } else { vec![json!([0.0, 1.0]), json!([0.5, 1.0])] };
     object.insert("points".to_owned(), points.into());
     faults.extend(own);

@@ -6,9 +6,6 @@ use crate::{
     train::{Walled, Walls},
 };
 
-/// A mean below this, relative to the amplitudes, is rounding.
-const ROUNDING: f64 = 1e-12;
-
 pub(super) fn read(node: &Node) -> Option<Spec> {
     let number = |key: &str| node.at(key).number();
     let law = law::read(&node.at("law"));
@@ -24,7 +21,7 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
         "below" => (Walls::Below { position }, law),
         _ => {
             let half_gap = wall.at("half_gap_m");
-            if mean.abs() > ROUNDING * motion.iter().map(|h| h.amplitude).fold(0.0, f64::max) {
+            if mean != 0.0 {
                 let found = format!("a motion of mean {mean:e} m");
                 node.at("wall_motion").fault(found, "a motion about 0", "subtract the mean from the values");
             }

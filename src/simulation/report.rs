@@ -48,7 +48,7 @@ pub struct Report {
     pub modes: Vec<Mode>,
     /// Warnings.
     pub warnings: Vec<String>,
-    /// How well series fit measured curves.
+    /// Remarks: fit of series to measured curves.
     pub remarks: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! How a [`Mode`] is packed: one number for each contact, three bits for its state and thirteen for its stiffness piece.
+//! Packing of a [`Mode`]: one number for each contact, three bits for its state and thirteen for its stiffness piece.
 
 use crate::hybrid::{GuardId, Mode};
 
