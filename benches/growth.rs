@@ -62,6 +62,8 @@ fn chain(size: Size) -> Spec {
         flanks: Flanks::Drive,
         stiffness: Stiffness::Constant(10.0),
         law: Law::KelvinVoigt(Linear { damping: 0.1 }, Release::Deflection),
+        gap_damping: 0.0,
+        back: None,
     };
     let load =
         |h: usize| LoadHarmonic { vector: vec![1.0 / (h * h) as f64; n], omega: 1.3 * h as f64, phase: 0.3 * h as f64 };
@@ -76,6 +78,7 @@ fn chain(size: Size) -> Spec {
         omega: Some(1.3),
         bearings: vec![],
         shared: vec![],
+        load_schedules: vec![],
     }
 }
 

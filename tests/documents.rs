@@ -21,7 +21,7 @@ fn every_scene_in_the_documents_builds_and_starts() {
             found += 1;
         }
     }
-    assert_eq!(found, 10);
+    assert_eq!(found, 12);
 }
 
 /// The places of all values of `value`, as `contacts[].name`.

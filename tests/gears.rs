@@ -175,7 +175,7 @@ fn pairs(path: PathOfContact, tau: f64) -> f64 {
 #[test]
 fn a_switched_stiffness_alternates() {
     let times = vec![[1.0, 0.0], [2.5, 0.0], [4.0, 0.0]];
-    let k = Stiffness::Switched { times, levels: [3.0, 5.0] };
+    let k = Stiffness::switched(times, [3.0, 5.0]);
     assert_eq!([0.0, 0.99, 1.0, 2.0, 2.5, 3.9, 4.0, 9.0].map(|t| k.at(t)), [3.0, 3.0, 5.0, 5.0, 3.0, 3.0, 5.0, 5.0]);
 }
 

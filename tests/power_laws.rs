@@ -54,6 +54,8 @@ fn contact(name: &str, direction: Vec<f64>, stiffness: f64, law: Law) -> Contact
         flanks: Flanks::Drive,
         stiffness: Stiffness::Constant(stiffness),
         law,
+        gap_damping: 0.0,
+        back: None,
     }
 }
 
@@ -70,6 +72,7 @@ fn bodies(masses: &[f64], contacts: Vec<ContactSpec>) -> Spec {
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules: vec![],
     }
 }
 

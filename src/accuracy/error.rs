@@ -1,6 +1,7 @@
 use crate::{
     engine::EngineError,
     integrate::IntegrateError,
+    simulation::SimulationError,
     system::{AssembleError, StartError},
     train::TrainError,
 };
@@ -12,6 +13,9 @@ pub enum AccuracyError {
     /// The engine failed.
     #[error("the reference run fails: {0}")]
     Engine(#[from] EngineError),
+    /// A run that cannot be compared.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
     /// An integrator is not to be had.
     #[error(transparent)]
     Integrate(#[from] IntegrateError),

@@ -34,17 +34,22 @@ impl Roughness {
     /// The roughest thing a train has.
     #[must_use]
     pub fn of(structure: &Structure) -> Self {
+        let jumps = |before: f64, after: f64| (after - before).abs() > 1e-9 * after.abs();
+        let has_steps = |schedule: &Stiffness| match schedule {
+            Stiffness::Periodic { pieces, period, .. } => (0..pieces.len()).any(|i| {
+                let (p, next) = (pieces[i], pieces[(i + 1) % pieces.len()]);
+                let width = if i + 1 < pieces.len() { next.start - p.start } else { 1.0 + next.start - p.start };
+                jumps(p.value + p.slope * width * period, next.value)
+            }),
+            Stiffness::Listed { times, values, slopes } => (0..times.len()).any(|i| {
+                let width = if i > 0 { times[i][0] - times[i - 1][0] } else { 0.0 };
+                jumps(values[i] + slopes[i] * width, values[i + 1])
+            }),
+            _ => false,
+        };
+        let of_loads = structure.spec().load_schedules.iter().any(|l| has_steps(&l.factor));
         let contacts = structure.spec().contacts.iter().map(|c| {
-            let steps = match &c.stiffness {
-                Stiffness::Periodic { pieces, period, .. } => (0..pieces.len()).any(|i| {
-                    let (p, next) = (pieces[i], pieces[(i + 1) % pieces.len()]);
-                    let width = if i + 1 < pieces.len() { next.start - p.start } else { 1.0 + next.start - p.start };
-                    let jump = next.value - (p.value + p.slope * width * period);
-                    jump.abs() > 1e-9 * next.value.abs()
-                }),
-                Stiffness::Switched { times, levels } => !times.is_empty() && levels[0] != levels[1],
-                _ => false,
-            };
+            let steps = of_loads || has_steps(&c.stiffness);
             match c.law {
                 Law::Rigid(_) => Self::Impact,
                 _ if steps => Self::Jump,

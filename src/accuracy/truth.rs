@@ -11,8 +11,8 @@ use crate::{
     analysis::Contacts,
     baseline::{Crossing, Penalty, Ramp},
     engine::State,
+    hybrid::ContactView,
     integrate::Choice,
-    system::contact_mode,
 };
 
 /// Where errors can be compared: before the motion itself amplifies them.
@@ -135,7 +135,8 @@ impl Truth {
         let n = problem.structure().freedoms();
         let point = |k: usize, x: &[f64]| model.point(problem.section(k as u64), &x[..n], &x[n..]);
         let mode = &problem.start.jump.mode;
-        let closed: Vec<bool> = (0..model.contacts()).map(|j| contact_mode(mode, j).side() != 0.0).collect();
+        let closed: Vec<bool> =
+            (0..model.contacts()).map(|j| problem.structure().contact_mode(j, mode).side() != 0.0).collect();
         let rigid = model.rigid();
         let energy = sections.iter().enumerate().map(|(k, x)| model.energy(&point(k, x))).collect();
         let mut forces = Contacts::new(problem.structure(), None).keep(0);

@@ -125,13 +125,14 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
                 continue;
             }
             let [of_deflection, of_force] = [Shown::Deflection(j), Shown::Force(j)];
+            let side = state.side();
             if !presses {
-                piece.rows(step, [of_deflection], [deflection], |at, x, _| [system.deflection(j, at, x).0]);
+                piece.rows(step, [of_deflection], [deflection], |at, x, _| [system.deflection(j, side, at, x).0]);
                 Extent::extend([&mut track.deflection], deflection);
                 continue;
             }
             piece.rows(step, [of_deflection, of_force], [deflection, force], |at, x, _| {
-                [system.deflection(j, at, x).0, system.force(j, mode, at, x)]
+                [system.deflection(j, side, at, x).0, system.force(j, mode, at, x)]
             });
             let impulse = piece.integral(force);
             let [lost] = piece.integrals(step, [Power::Loss(j)], |at, x| [system.dissipation(j, mode, at, x)]);
@@ -155,7 +156,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
     fn follow(&mut self, j: usize, record: &EventRecord, measured: bool) {
         let system = self.system;
         let (before, after) = (system.contact_mode(j, &record.from), system.contact_mode(j, &record.to));
-        let (_, rate) = system.deflection(j, record.at, &record.x_minus);
+        let (_, rate) = system.deflection(j, side_at(system, j, record), record.at, &record.x_minus);
         if self.tracks[j].spell.is_none() {
             self.begin(j, before, record.at);
         }
@@ -246,7 +247,7 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
 
     /// A rigid impact, with all its blows at the instant: an episode of no duration.
     fn impact(&mut self, j: usize, side: f64, record: &EventRecord, measured: bool) {
-        let rates = [&record.x_minus, &record.x_plus].map(|x| self.system.deflection(j, record.at, x).1);
+        let rates = [&record.x_minus, &record.x_plus].map(|x| self.system.deflection(j, side, record.at, x).1);
         let track = &mut self.tracks[j];
         let Blows { count, first, last, impulse, lost } = track.blows;
         // A flank that closes and takes no impulse: others have turned it back.
@@ -277,6 +278,13 @@ impl<'s, S: HybridSystem + ContactView + ?Sized> Contacts<'s, S> {
     }
 }
 
+/// The side of the flank of contact `j` that a record is about.
+pub(super) fn side_at<S: ContactView + ?Sized>(system: &S, j: usize, record: &EventRecord) -> f64 {
+    let struck = record.fired.iter().map(|id| system.watch(id)).find(|(k, watch)| *k == j && watch.side() != 0.0);
+    let [before, after] = [&record.from, &record.to].map(|mode| system.contact_mode(j, mode).side());
+    struck.map_or(if before == 0.0 { after } else { before }, |(_, watch)| watch.side())
+}
+
 impl<S: HybridSystem + ContactView + ?Sized> Observer for Contacts<'_, S> {
     fn step(&mut self, mode: &Mode, step: &dyn DenseStep, until: f64) -> ControlFlow<()> {
         for j in 0..self.tracks.len() {
@@ -300,9 +308,11 @@ impl<S: HybridSystem + ContactView + ?Sized> Observer for Contacts<'_, S> {
         let (from, to, fired) = (&from.mode, &to.mode, &(jumped.fired | &to.struck));
         system.impulses(&Transition { at, fired, from, to, x_minus, x_plus }, impulses);
         for (j, track) in tracks.iter_mut().enumerate().filter(|(j, _)| impulses[*j] != 0.0) {
-            let rates = [x_minus, x_plus].map(|x| system.deflection(j, at, x).1);
-            let is_struck = jumped.to.struck.iter().any(|id| system.watch(id).0 == j);
+            let struck = jumped.to.struck.iter().map(|id| system.watch(id)).find(|(k, _)| *k == j);
+            let is_struck = struck.is_some();
             let [before, after] = [from, to].map(|mode| system.contact_mode(j, mode));
+            let side = struck.map_or(before.side(), |(_, watch)| watch.side());
+            let rates = [x_minus, x_plus].map(|x| system.deflection(j, side, at, x).1);
             let rates = if before.side() == 0.0 { rates } else { [0.0, rates[1]] };
             let restitution = system.free_restitution(j, rates[0].abs()).filter(|_| after.side() == 0.0).unwrap_or(0.0);
             let lost = match is_struck {

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use serde::Serialize;
 
-use super::contacts::Contacts;
+use super::contacts::{Contacts, side_at};
 use crate::{
     engine::{Jumped, Observer},
     event::EventRecord,
@@ -168,9 +168,8 @@ impl<'s, S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFl
     fn contact(&self, j: usize, kind: Kind, record: &EventRecord) -> ContactEvent {
         let s = self.system;
         let (before, after) = (s.contact_mode(j, &record.from), s.contact_mode(j, &record.to));
-        let (deflection, rate) = s.deflection(j, record.at, &record.x_minus);
-        // At rest on a flank just struck, the flank is the one after.
-        let side = if s.is_rigid(j) { flank_side(s, j, record, before, after) } else { 0.0 };
+        let side = side_at(s, j, record);
+        let (deflection, rate) = s.deflection(j, side, record.at, &record.x_minus);
         let begins = matches!(kind, Kind::DriveContact | Kind::BackContact);
         let ended = self.contacts.ended(j).filter(|_| matches!(kind, Kind::Separation | Kind::Impact | Kind::Release));
         let contact_side = after.side();
@@ -196,18 +195,6 @@ impl<'s, S: HybridSystem + ContactView + ?Sized, F: FnMut(EventRow) -> ControlFl
     }
 }
 
-/// The flank a rigid contact meets or leaves at a record.
-fn flank_side<S: ContactView + ?Sized>(
-    s: &S,
-    j: usize,
-    record: &EventRecord,
-    before: ContactMode,
-    after: ContactMode,
-) -> f64 {
-    let struck = record.fired.iter().map(|id| s.watch(id)).find(|(k, watch)| *k == j && watch.side() != 0.0);
-    struck.map_or(before.side() + after.side(), |(_, watch)| watch.side())
-}
-
 /// What happened to contact `j`: up to two things (an impact that comes to rest at once).
 fn kinds<S: ContactView + ?Sized>(s: &S, j: usize, record: &EventRecord) -> [Option<Kind>; 2] {
     let (before, after) = (s.contact_mode(j, &record.from), s.contact_mode(j, &record.to));
@@ -220,7 +207,8 @@ fn kinds<S: ContactView + ?Sized>(s: &S, j: usize, record: &EventRecord) -> [Opt
     }
     if s.is_rigid(j) {
         let struck = fired(true) && !closed && record.accumulation.is_none();
-        let moving = s.deflection(j, record.at, &record.x_minus).1 != s.deflection(j, record.at, &record.x_plus).1;
+        let rate = |x: &[f64]| s.deflection(j, side_at(s, j, record), record.at, x).1;
+        let moving = rate(&record.x_minus) != rate(&record.x_plus);
         let impact = (struck && (moving || !record.start)).then_some(Kind::Impact);
         let rest = match (closed, closes) {
             (false, true) => Some(Kind::Stick),

@@ -19,17 +19,8 @@ pub(super) fn wave(h: &Harmonic, scale: f64, frequencies: &mut Vec<f64>) -> Wave
 /// A stiffness at time `t`; `waves` are its harmonics.
 fn stiffness(stiffness: &Stiffness, waves: &[Wave], t: f64, phasors: &[Phasor]) -> f64 {
     match stiffness {
-        Stiffness::Constant(k) => *k,
         Stiffness::Harmonic { mean, .. } => mean + sum(waves, phasors),
-        Stiffness::Periodic { period, origin, pieces } => {
-            let turns = (t - origin) / period;
-            let u = turns - turns.floor();
-            let i = pieces.iter().rposition(|p| p.start <= u);
-            let piece = &pieces[i.unwrap_or(pieces.len() - 1)];
-            let elapsed = u - piece.start + if i.is_none() { 1.0 } else { 0.0 };
-            piece.value + piece.slope * elapsed * period
-        }
-        Stiffness::Switched { times, levels } => levels[times.partition_point(|[s, _]| *s <= t) & 1],
+        _ => stiffness.at(t),
     }
 }
 
@@ -147,16 +138,17 @@ impl Forcing {
             forced.stiffness = stiffness(&c.stiffness, &c.stiffness_waves, self.t, &self.phasors);
             forced.error = [c.error_offset + sum(&c.error, &self.phasors), sum(&c.error_rate, &self.phasors)];
         }
-        let mut waves = model.load_waves.iter();
-        if let Some((i, cosine, sine)) = waves.next() {
-            let Phasor { cos, sin, .. } = self.phasors[*i];
-            for (out, (load, (c, s))) in out.load.iter_mut().zip(model.load.iter().zip(cosine.iter().zip(sine))) {
-                *out = load + c * cos + s * sin;
-            }
+        if model.load_waves.is_empty() && model.load_schedules.is_empty() {
+            return;
         }
-        for (i, cosine, sine) in waves {
+        out.load.copy_from_slice(&model.load);
+        for (i, cosine, sine) in &model.load_waves {
             let Phasor { cos, sin, .. } = self.phasors[*i];
             out.load.iter_mut().zip(cosine.iter().zip(sine)).for_each(|(out, (c, s))| *out += c * cos + s * sin);
+        }
+        for (factor, accelerations) in &model.load_schedules {
+            let factor = factor.at(self.t);
+            out.load.iter_mut().zip(accelerations).for_each(|(out, a)| *out += factor * a);
         }
     }
 }

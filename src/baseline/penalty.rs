@@ -78,6 +78,8 @@ pub struct Penalty {
     pub(super) rows: Vec<Vec<(u32, f64, f64)>>,
     pub(super) load: Vec<f64>,
     pub(super) load_waves: Vec<(usize, Vec<f64>, Vec<f64>)>,
+    /// Loads that follow a schedule, over M.
+    pub(super) load_schedules: Vec<(Stiffness, Vec<f64>)>,
     pub(super) frequencies: Vec<f64>,
     pub(super) contacts: Vec<Contact>,
     /// Contacts whose stiffness or error changes in time.
@@ -187,6 +189,7 @@ impl Penalty {
             rows: (0..n).map(row).collect(),
             load: over_mass(&spec.load),
             load_waves,
+            load_schedules: spec.load_schedules.iter().map(|l| (l.factor.clone(), over_mass(&l.vector))).collect(),
             frequencies,
             varying: (0..contacts.len()).filter(|j| varies(&contacts[*j])).collect(),
             contacts,

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use crate::{
     engine::{Jumped, Observer},
     event::EventRecord,
-    hybrid::{GuardId, HybridSystem, Mode, Watch},
+    hybrid::{ContactView, GuardId, HybridSystem, Mode, Watch},
     integrate::DenseStep,
     orbit::{
         Section, SectionMap,
@@ -13,7 +13,7 @@ use crate::{
     },
     poly,
     simulation::SimulationError,
-    system::{Structure, contact_mode, guard_id, guard_of},
+    system::{Structure, contact_mode, guard_of},
 };
 
 /// Share of the size of a guard that steps may differ by where they meet.
@@ -88,7 +88,7 @@ struct End {
 
 impl Lowest<'_> {
     fn take(&mut self, id: GuardId, is_closed: bool, value: f64) {
-        let (contact, watch) = guard_of(id);
+        let (contact, watch) = self.structure.watch(id);
         self.lows.push(Low { contact, watch, is_closed, after: self.events, value });
     }
 
@@ -160,7 +160,11 @@ impl Observer for Lowest<'_> {
         self.events += 1;
         self.ends.clear();
         let resting = letters(self.structure, jumped).filter(|(_, token)| token.starts_with('z'));
-        let load = |j| self.structure.guard(&jumped.to.mode, guard_id(j, Watch::Force), jumped.at, jumped.x_plus);
+        let load = |j| {
+            let side = self.structure.contact_mode(j, &jumped.to.mode).side();
+            let guard = self.structure.guard_of_contact(j, side, Watch::Force);
+            self.structure.guard(&jumped.to.mode, guard, jumped.at, jumped.x_plus)
+        };
         self.rests.extend(resting.map(|(contact, _)| Rest {
             contact,
             load: load(contact),

@@ -11,7 +11,7 @@ use flank::{
     plot::Item,
     scene::Duration,
     study::check_page,
-    system::{bonded_modes, set_contact},
+    system::bonded_modes,
 };
 
 /// Arguments of `flank check`.
@@ -121,7 +121,7 @@ fn integrators(out: &mut String, simulation: &Simulation, start: &HybridMode, wh
     let count = structure.contacts().len();
     let set = |state| {
         let mut mode = start.clone();
-        (0..count).for_each(|j| set_contact(&mut mode, j, state));
+        (0..count).for_each(|j| structure.set_contact(&mut mode, j, state));
         mode
     };
     let modes: [(&str, HybridMode); 3] = [

@@ -5,10 +5,7 @@ use std::{
     time::Instant,
 };
 
-use flank::{
-    accuracy::{AccuracyError, Contender, ContenderSummary, Kind, Problem, WorkPrecision},
-    simulation::SimulationError,
-};
+use flank::accuracy::{AccuracyError, Contender, ContenderSummary, Kind, Problem, WorkPrecision};
 
 use super::{CliError, Done, open, pictures::Pictures, print, progress::counted, report_line, request};
 
@@ -56,7 +53,7 @@ const USUAL: [&str; 8] = ["flank", "rk4", "rk4+cubic", "newmark", "verlet", "eul
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let form = arguments.pictures.print()?;
     let simulation = open(arguments.scene.as_deref())?;
-    let problem = Problem::new(&simulation, arguments.cycles).map_err(SimulationError::from)?;
+    let problem = Problem::new(&simulation, arguments.cycles)?;
     let contenders = contenders(arguments, &problem)?;
     let (out, scene) = (arguments.out.as_deref(), arguments.scene.as_deref());
     let request = request(out, "compare", scene, arguments.force, WorkPrecision::files())?;

@@ -164,11 +164,11 @@ impl Locator {
         let (curvature, own_error) = (curvature.abs(), series.error_at(theta));
         // To first order the error over the slope; where the slope vanishes, the curvature takes over.
         let width = |gathered: f64| {
-            // A guard that is exactly zero at the start and leaves does so at once: no uncertainty.
-            if theta == 0.0 && series.order > 0 {
+            let error = own_error + gathered / theta.powi(series.order as i32);
+            // A guard that is exactly zero at the start and leaves, or that a switch or an impact has taken outside, fires at once.
+            if theta == 0.0 && (series.order > 0 || value < -error) {
                 return 0.0;
             }
-            let error = own_error + gathered / theta.powi(series.order as i32);
             (error / deflated_slope.abs()).min((2.0 * error / curvature).sqrt()).min(1.0)
         };
         let reach = if theta == 0.0 { 0.0 } else { width(0.0) };

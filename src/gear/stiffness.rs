@@ -35,33 +35,40 @@ pub enum Stiffness {
         /// Pieces in rising order of their starts; the last one runs on to the next period's first.
         pieces: Vec<Piece>,
     },
-    /// Starts at `levels[0]` and alternates between the two levels at the listed times.
-    Switched {
+    /// Pieces between listed times, once.
+    Listed {
         /// Switching times, s, strictly rising: each a double and the remainder to the time, at most half a unit in the
         /// last place of it.
         times: Vec<[f64; 2]>,
-        /// The two stiffnesses.
-        levels: [f64; 2],
+        /// Value before the first time, and at each time.
+        values: Vec<f64>,
+        /// Slopes, 1/s of the values; zero before the first time and after the last one.
+        slopes: Vec<f64>,
     },
 }
 
 impl Stiffness {
-    /// Largest value the schedule takes (a bound, attained for piecewise schedules).
+    /// Largest size of the values (a bound, attained for piecewise schedules).
     #[must_use]
     pub fn maximum(&self) -> f64 {
         match self {
-            Self::Constant(k) => *k,
+            Self::Constant(k) => k.abs(),
             Self::Harmonic { mean, harmonics } => {
-                mean * (1.0 + harmonics.iter().map(|h| h.amplitude.abs()).sum::<f64>())
+                mean.abs() * (1.0 + harmonics.iter().map(|h| h.amplitude.abs()).sum::<f64>())
             }
             Self::Periodic { period, pieces, .. } => (0..pieces.len())
                 .map(|i| {
                     let p = pieces[i];
                     let end = pieces.get(i + 1).map_or(1.0 + pieces[0].start, |q| q.start);
-                    p.value.max(p.value + p.slope * (end - p.start) * period)
+                    p.value.abs().max((p.value + p.slope * (end - p.start) * period).abs())
                 })
                 .fold(0.0, f64::max),
-            Self::Switched { levels, .. } => levels[0].max(levels[1]),
+            Self::Listed { times, values, slopes } => (0..values.len())
+                .map(|i| {
+                    let width = if i == 0 || i == times.len() { 0.0 } else { times[i][0] - times[i - 1][0] };
+                    values[i].abs().max((values[i] + slopes[i] * width).abs())
+                })
+                .fold(0.0, f64::max),
         }
     }
 
@@ -80,11 +87,14 @@ impl Stiffness {
                 let piece = pieces.iter().rev().find(|piece| piece.start <= turn).or(pieces.last());
                 piece.map_or(0.0, |piece| piece.value + piece.slope * (turn - piece.start).rem_euclid(1.0) * period)
             }
-            Self::Switched { times, levels } => levels[times.iter().filter(|[at, _]| *at <= t).count() % 2],
+            Self::Listed { times, values, slopes } => {
+                let piece = times.partition_point(|[at, _]| *at <= t);
+                values[piece] + if piece == 0 { 0.0 } else { slopes[piece] * (t - times[piece - 1][0]) }
+            }
         }
     }
 
-    /// Time average over a period (of the two levels, for a list of times).
+    /// Time average over a period; the middle between the least and the largest value at listed times.
     #[must_use]
     pub fn mean(&self) -> f64 {
         match self {
@@ -97,7 +107,10 @@ impl Stiffness {
                     width * (p.value + 0.5 * p.slope * width * period)
                 })
                 .sum(),
-            Self::Switched { levels, .. } => 0.5 * (levels[0] + levels[1]),
+            Self::Listed { values, .. } => {
+                let of = |pick: fn(f64, f64) -> f64| values.iter().copied().reduce(pick).unwrap_or_default();
+                0.5 * (of(f64::min) + of(f64::max))
+            }
         }
     }
 
@@ -111,6 +124,13 @@ impl Stiffness {
         }
     }
 
+    /// Starts at `levels[0]` and alternates between the two levels at the listed times.
+    #[must_use]
+    pub fn switched(times: Vec<[f64; 2]>, levels: [f64; 2]) -> Self {
+        let values: Vec<f64> = (0..=times.len()).map(|i| levels[i % 2]).collect();
+        Self::Listed { times, slopes: vec![0.0; values.len()], values }
+    }
+
     /// The same schedule with every stiffness `factor` times as large.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
@@ -121,8 +141,9 @@ impl Stiffness {
                 let scaled = |p: &Piece| Piece { value: factor * p.value, slope: factor * p.slope, ..*p };
                 Self::Periodic { period: *period, origin: *origin, pieces: pieces.iter().map(scaled).collect() }
             }
-            Self::Switched { times, levels } => {
-                Self::Switched { times: times.clone(), levels: levels.map(|k| factor * k) }
+            Self::Listed { times, values, slopes } => {
+                let scaled = |of: &[f64]| of.iter().map(|value| factor * value).collect();
+                Self::Listed { times: times.clone(), values: scaled(values), slopes: scaled(slopes) }
             }
         }
     }

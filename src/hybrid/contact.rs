@@ -39,6 +39,18 @@ impl ContactMode {
         }
     }
 
+    /// The state with the flanks exchanged.
+    #[must_use]
+    pub fn turned(self) -> Self {
+        match self {
+            Separated => Separated,
+            Drive => Back,
+            Back => Drive,
+            DriveDetached => BackDetached,
+            BackDetached => DriveDetached,
+        }
+    }
+
     /// The word used in logs.
     #[must_use]
     pub fn name(self) -> &'static str {
@@ -94,8 +106,8 @@ pub trait ContactView {
     fn half_backlash(&self, j: usize) -> f64;
     /// Share of the approach `speed`, m/s, that the law of contact `j` returns in a free impact, `[0, 1]`, where it is known.
     fn free_restitution(&self, j: usize, speed: f64) -> Option<f64>;
-    /// Deflection δ, m, and its rate, m/s, of contact `j`.
-    fn deflection(&self, j: usize, at: Instant, x: &[f64]) -> (f64, f64);
+    /// Deflection δ, m, and its rate, m/s, of contact `j`: by the error of the back flank where `side` is −1, else by that of the drive flank.
+    fn deflection(&self, j: usize, side: f64, at: Instant, x: &[f64]) -> (f64, f64);
     /// `gᵀq = δ + e` of contact `j`, m: of a mesh the dynamic transmission error.
     fn transmission(&self, j: usize, x: &[f64]) -> f64;
     /// Force F of contact `j`, N; zero where it carries none.

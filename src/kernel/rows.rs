@@ -64,9 +64,15 @@ impl Motion<'_> {
             }
             Shown::Time => return out.extend([0.0, step.span * step.reach]),
             Shown::State(i) => Some(rows.every(step.dim, &step.state[i..])),
-            Shown::Deflection(j) => Some(rows.deflection(j)),
+            Shown::Deflection(j) => {
+                let (flank, sense) = self.structure.flank_in(&self.mode, j);
+                Some(scaled(sense, rows.deflection(flank)))
+            }
             Shown::Transmission(j) => Some(rows.transmission(j)),
-            Shown::Force(j) => rows.force(j),
+            Shown::Force(j) => {
+                let (flank, sense) = self.structure.flank_in(&self.mode, j);
+                rows.force(flank).map(|series| scaled(sense, series))
+            }
             Shown::ByDeflection(j) | Shown::ByRate(j) | Shown::ByLatch(j) => rows.change(j, what),
         };
         series.iter().for_each(|series| out.extend_from_slice(series));
@@ -82,7 +88,7 @@ impl Motion<'_> {
         let rows = Rows { motion: self, step, is_pressed: step.is_estimate, powers };
         let mut sum = [0.0; SAMPLES];
         match what {
-            Power::Loss(j) => rows.loss::<P>(j, thetas, &mut sum),
+            Power::Loss(j) => rows.loss::<P>(self.structure.flank_in(&self.mode, j).0, thetas, &mut sum),
             Power::Load => rows.load::<P>(thetas, &mut sum),
             Power::Damping => rows.damping::<P>(thetas, &mut sum),
             Power::Error => (0..self.parts.len()).for_each(|j| rows.error::<P>(j, thetas, &mut sum)),
@@ -242,6 +248,9 @@ impl Rows<'_> {
     #[inline(always)]
     fn parametric<P: Path>(&self, j: usize, thetas: &Samples, sum: &mut Samples) {
         let s = self.motion.structure;
+        if s.is_load(j) {
+            return;
+        }
         let Some(Force::Linear { stiffness, .. }) = self.force_of(j) else { return };
         let rate = match (stiffness, &s.contacts[j].spring) {
             (Elasticity::Ramp { slope, .. }, _) => Some(std::array::from_fn(|k| if k == 0 { slope } else { 0.0 })),
@@ -351,6 +360,11 @@ impl Rows<'_> {
         for (load, wave) in s.spec.load_harmonics.iter().zip(&s.load_waves) {
             let (sin, cos) = libm::sincos(load.phase);
             if let Some(force) = self.follow([Wave { index: wave.index, cosine: cos, sine: -sin }].into_iter()) {
+                add(sum, 1.0, &values::<P>(&force, thetas), &values::<P>(&self.along(&load.vector), thetas));
+            }
+        }
+        for (load, j) in s.spec.load_schedules.iter().zip(s.flanks()..) {
+            if let Some(force) = self.force(j) {
                 add(sum, 1.0, &values::<P>(&force, thetas), &values::<P>(&self.along(&load.vector), thetas));
             }
         }

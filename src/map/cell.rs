@@ -4,11 +4,11 @@ use std::ops::ControlFlow;
 
 use crate::{
     engine::{Jumped, Observer, State},
-    hybrid::Mode,
+    hybrid::{ContactView, Mode},
     integrate::DenseStep,
     orbit::{Approach, Motion, Section, SectionMap, Watching, decide},
     simulation::{Simulation, SimulationError},
-    system::{ContactMode, contact_mode, guard_of},
+    system::{ContactMode, Structure, guard_of},
     task::Task,
 };
 
@@ -96,7 +96,8 @@ pub(super) fn average(values: &[f64]) -> [f64; 2] {
 
 /// Times that contacts are separated, and the flanks that they touch.
 #[derive(Debug)]
-struct Flanks {
+struct Flanks<'s> {
+    structure: &'s Structure,
     /// s, for each contact.
     apart: Vec<f64>,
     /// All, s.
@@ -105,15 +106,16 @@ struct Flanks {
     met: Vec<[bool; 3]>,
 }
 
-impl Flanks {
-    fn new(contacts: usize) -> Self {
-        Self { apart: vec![0.0; contacts], time: 0.0, met: vec![[false; 3]; contacts] }
+impl<'s> Flanks<'s> {
+    fn new(structure: &'s Structure) -> Self {
+        let contacts = structure.contact_count();
+        Self { structure, apart: vec![0.0; contacts], time: 0.0, met: vec![[false; 3]; contacts] }
     }
 
     fn add(&mut self, mode: &Mode, time: f64) {
         self.time += time;
         for (j, (apart, met)) in self.apart.iter_mut().zip(&mut self.met).enumerate() {
-            match contact_mode(mode, j) {
+            match self.structure.contact_mode(j, mode) {
                 ContactMode::Separated => {
                     *apart += time;
                     met[0] = true;
@@ -129,7 +131,7 @@ impl Flanks {
     }
 }
 
-impl Observer for Flanks {
+impl Observer for Flanks<'_> {
     fn wants_steps(&self, _: &Mode) -> bool {
         false
     }
@@ -199,14 +201,14 @@ impl Rule {
         let mut engine = simulation.engine(start)?;
         let approach = Approach { most_cycles: self.transient_cycles, longest_period: LONGEST, ..Approach::default() };
         let Some(approached) = approach.run(&map, &mut engine, &mut (), task)? else { return Ok(None) };
-        let mut flanks = Flanks::new(simulation.structure.contacts().len());
+        let mut flanks = Flanks::new(&simulation.structure);
         let watching = Watching { cycles: self.further_cycles / 2, doublings: 1, is_settled: true };
         let decided = decide(&map, &mut engine, &approached, watching, &mut flanks, task)?;
         let Some((motion, decided)) = decided else { return Ok(None) };
         let orbit = approached.orbit.or(decided);
         let mut exponent = motion.exponent.map(|[exponent, _]| exponent);
         if let Some(orbit) = &orbit {
-            flanks = Flanks::new(flanks.apart.len());
+            flanks = Flanks::new(flanks.structure);
             map.watch(&orbit.section, orbit.period, &mut flanks)?;
             let growth = libm::log(orbit.largest_multiplier());
             exponent = Some(growth / (orbit.period as f64 * simulation.period()?));

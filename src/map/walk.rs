@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::runner::Runner;
 use crate::{
     engine::{Engine, Outcome, State},
-    hybrid::Mode,
+    hybrid::{ContactView, Mode},
     kernel::Noted,
     orbit::{
         SectionMap,
@@ -14,7 +14,7 @@ use crate::{
         words::{Speller, is_gained},
     },
     simulation::{Simulation, SimulationError},
-    system::{ContactMode, contact_mode},
+    system::ContactMode,
 };
 
 /// A contact gained, or an impact.
@@ -147,7 +147,8 @@ impl<'s> Walk<'s> {
             (None, Some(engine)) => engine.state().jump.mode.clone(),
             (None, None) => Mode::default(),
         };
-        (0..self.simulation.structure.contacts().len()).map(|j| contact_mode(&mode, j)).collect()
+        let structure = &self.simulation.structure;
+        (0..structure.contact_count()).map(|j| structure.contact_mode(j, &mode)).collect()
     }
 
     /// The state.

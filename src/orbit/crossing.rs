@@ -11,10 +11,10 @@ use super::{
 use crate::{
     engine::{Jumped, Observer, Outcome, State},
     event::EventRecord,
-    hybrid::{GuardId, Mode, Watch},
+    hybrid::{GuardId, Mode, VectorField, Watch},
     integrate::DenseStep,
     simulation::{Simulation, SimulationError},
-    system::{By, Structure, Variation, guard_id},
+    system::{By, Structure, Variation},
 };
 
 /// Kinds of tokens whose event is a flank that is met, and those whose event is a force that becomes zero.
@@ -72,7 +72,8 @@ impl<'a> GuardMap<'a> {
             };
             let is_flank = AT_FLANK.contains(&kind);
             let watch = if is_flank { flank } else { Watch::Force };
-            (is_flank || BY_FORCE.contains(&kind)).then(|| guard_id(contact, watch))
+            (is_flank || BY_FORCE.contains(&kind))
+                .then(|| simulation.structure.guard_of_contact(contact, flank.side(), watch))
         };
         let guard = read().ok_or_else(|| {
             simulation.missing(format!(
@@ -110,10 +111,8 @@ impl<'a> GuardMap<'a> {
         let Watcher { tangent, mut speller, .. } = watcher;
         let dim = end.x.len();
         let rates = |state: &State| {
-            let (n, mut forces) = (structure.freedoms(), vec![0.0; structure.contacts().len()]);
             let mut rates = DVector::zeros(dim);
-            rates.as_mut_slice()[..n].copy_from_slice(&state.x[n..2 * n]);
-            structure.dynamics(&state.jump.mode, state.at, &state.x, &mut forces, &mut rates.as_mut_slice()[n..2 * n]);
+            structure.eval(&state.jump.mode, state.at, 0.0, &state.x, rates.as_mut_slice());
             rates
         };
         let after = rates(&end);

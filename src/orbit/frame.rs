@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use super::{Drift, Tangent};
 use crate::{
     engine::{Jumped, Observer, State},
-    hybrid::Mode,
+    hybrid::{HybridSystem, Mode},
     integrate::DenseStep,
     simulation::Simulation,
     system::Columns,
@@ -52,7 +52,7 @@ pub(crate) fn rate_scale(simulation: &Simulation) -> f64 {
 pub(crate) fn column(simulation: &Simulation) -> Columns {
     let (structure, scale) = (&simulation.structure, rate_scale(simulation));
     let n = structure.freedoms();
-    let latches = structure.contacts().iter().filter(|c| c.latch().is_some()).count();
+    let latches = structure.dim() - 2 * n;
     let values = (0..2 * n).map(|i| (1.0 + (i as f64 + 2.0).sqrt().fract()) * if i < n { 1.0 } else { scale });
     Columns { count: 1, values: values.chain(std::iter::repeat_n(0.0, latches)).collect() }
 }
@@ -63,7 +63,7 @@ impl<'s> Frame<'s> {
         let n = structure.freedoms();
         let left_out: usize = drift.is_free.iter().map(|free| 1 + usize::from(*free)).sum();
         let count = 2 * n - left_out;
-        let dim = 2 * n + structure.contacts().iter().filter(|c| c.latch().is_some()).count();
+        let dim = structure.dim();
         // Unit columns; those most along a drift are left out, and what is left of it in the others goes with the first factors.
         let mut values = vec![0.0; dim * count];
         let mut kept: Vec<usize> = (0..2 * n).collect();

@@ -14,8 +14,11 @@ use crate::{simulation::Simulation, system::ContactMode};
 pub fn components(simulation: &Simulation) -> Vec<String> {
     let spec = simulation.structure.spec();
     let of = |kind: &str| spec.freedoms.iter().map(move |name| format!("{kind} {name}")).collect::<Vec<_>>();
-    let latched = simulation.structure.contacts().iter().filter(|c| c.latch().is_some());
-    of("q").into_iter().chain(of("v")).chain(latched.map(|c| format!("latched {}", c.spec.name))).collect()
+    let latched = simulation.structure.latched().map(|(j, side)| {
+        let flank = if side < 0.0 { " back flank" } else { "" };
+        format!("latched {}{flank}", spec.contacts[j].name)
+    });
+    of("q").into_iter().chain(of("v")).chain(latched).collect()
 }
 
 /// An orbit as a file has it.

@@ -3,9 +3,9 @@
 use crate::{
     engine::{Engine, Observer, Outcome, State},
     gear::Stiffness,
-    hybrid::{Instant, Mode, Watch},
+    hybrid::{ContactView, Instant, Mode, Watch},
     simulation::{Simulation, SimulationError},
-    system::{ContactMode, Variation, contact_mode, guard_id, set_contact},
+    system::{ContactMode, Variation},
     tangent::zeros,
 };
 use nalgebra::DMatrix;
@@ -101,12 +101,15 @@ impl<'a> SectionMap<'a> {
     pub fn repeats(&self) -> Result<(), SimulationError> {
         let (clock, structure) = (self.simulation.clock(), &self.simulation.structure);
         let begins = clock.time(self.at(0)).value();
-        let switched = structure.spec().contacts.iter().find_map(|c| match &c.stiffness {
-            Stiffness::Switched { times, .. } => {
+        let spec = structure.spec();
+        let of_contacts =
+            spec.contacts.iter().flat_map(|c| c.schedules().map(|k| (k, format!("the stiffness of {}", c.name))));
+        let of_loads = spec.load_schedules.iter().enumerate().map(|(i, l)| (&l.factor, format!("load {}", i + 1)));
+        let switched = of_contacts.chain(of_loads).find_map(|(schedule, name)| match schedule {
+            Stiffness::Listed { times, .. } => {
                 let last = times.last().map(|time| time[0]).filter(|time| *time > begins)?;
                 Some(format!(
-                    "the stiffness of {} is switched at {last} s, and no cycle repeats before; start the run later (/run/start_cycle)",
-                    c.name
+                    "{name} changes at {last} s, and no cycle repeats before; start the run later (/run/start_cycle)"
                 ))
             }
             _ => None,
@@ -212,7 +215,8 @@ impl<'a> SectionMap<'a> {
     }
 
     fn contacts(&self, mode: &Mode) -> Vec<ContactMode> {
-        (0..self.simulation.structure.contacts().len()).map(|j| contact_mode(mode, j)).collect()
+        let structure = &self.simulation.structure;
+        (0..structure.contact_count()).map(|j| structure.contact_mode(j, mode)).collect()
     }
 
     /// The state to go on from.
@@ -224,15 +228,18 @@ impl<'a> SectionMap<'a> {
         // Contacts at rest stay at rest, whatever rounding has made of gap and rate.
         let rests = |j: &usize| section.contacts[*j].is_closed() && structure.contacts()[*j].spec.law.is_rigid();
         let mut resting = Mode::default();
-        (0..section.contacts.len()).filter(rests).for_each(|j| set_contact(&mut resting, j, section.contacts[j]));
+        (0..section.contacts.len())
+            .filter(rests)
+            .for_each(|j| structure.set_contact(&mut resting, j, section.contacts[j]));
         let mut x = section.x.clone();
         structure.rest(&resting, at, &mut x);
         let mut start = structure.resume(at, &x, &section.contacts)?;
         for j in (0..section.contacts.len()).filter(rests) {
-            set_contact(&mut start.jump.mode, j, section.contacts[j]);
+            structure.set_contact(&mut start.jump.mode, j, section.contacts[j]);
             for watch in [Watch::DriveFlank, Watch::BackFlank] {
-                start.jump.pinned.remove(guard_id(j, watch));
-                start.jump.still.remove(guard_id(j, watch));
+                let guard = structure.guard_of_contact(j, watch.side(), watch);
+                start.jump.pinned.remove(guard);
+                start.jump.still.remove(guard);
             }
         }
         Ok(State { at, x: start.x, jump: start.jump })

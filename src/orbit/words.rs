@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use crate::{
     engine::{Jumped, Observer, STALLED},
     event::EventRecord,
-    hybrid::{Instant, Watch},
-    system::{ContactMode, Structure, contact_mode, guard_of},
+    hybrid::{ContactView, Instant, Watch},
+    system::{ContactMode, Structure},
 };
 
 /// The token of a contact that goes from `was` to `is`; `None` where nothing happens that has a name.
@@ -172,10 +172,10 @@ pub struct Letter {
 /// What a jump is called: for each contact that it changes, its token.
 pub(crate) fn letters<'a>(structure: &'a Structure, jumped: &'a Jumped<'a>) -> impl Iterator<Item = (usize, String)> {
     structure.contacts().iter().enumerate().filter_map(|(j, c)| {
-        let (was, is) = (contact_mode(&jumped.from.mode, j), contact_mode(&jumped.to.mode, j));
+        let (was, is) = (structure.contact_mode(j, &jumped.from.mode), structure.contact_mode(j, &jumped.to.mode));
         let is_rigid = c.spec.law.is_rigid();
         let told = token(j, was, is, is_rigid).or_else(|| {
-            let struck = jumped.to.struck.iter().map(guard_of).find(|(k, _)| *k == j);
+            let struck = jumped.to.struck.iter().map(|id| structure.watch(id)).find(|(k, _)| *k == j);
             let (_, watch) = struck.filter(|_| is_rigid && was == ContactMode::Separated)?;
             Some(spelled('i', j, if watch == Watch::DriveFlank { 1.0 } else { -1.0 }))
         });
@@ -273,7 +273,9 @@ impl Observer for Speller<'_> {
         self.meet(jumped.x_minus);
         self.meet(jumped.x_plus);
         for (contact, token) in letters(self.structure, jumped) {
-            let (_, rate) = self.structure.deflection(contact, jumped.at, jumped.x_minus);
+            // A token ends with the side of its flank.
+            let side = if token.ends_with('-') { -1.0 } else { 1.0 };
+            let (_, rate) = ContactView::deflection(self.structure, contact, side, jumped.at, jumped.x_minus);
             self.open.push(Letter { token, contact, at: jumped.at, rate, event: self.events, ends: false });
         }
     }
@@ -285,7 +287,7 @@ impl Observer for Speller<'_> {
         }
         if let Some(accumulation) = record.accumulation {
             // The impacts of the sequence, the last ones of their contact, are one token: that of its end.
-            for (contact, watch) in record.fired.iter().map(guard_of) {
+            for (contact, watch) in record.fired.iter().map(|id| self.structure.watch(id)) {
                 self.open.iter_mut().filter(|letter| letter.contact == contact).for_each(|letter| letter.ends = true);
                 let impact = spelled('i', contact, watch.side());
                 for _ in 0..accumulation.resolved {

@@ -120,11 +120,14 @@ fn first_overflow(spec: &Spec) -> Option<String> {
     };
     let finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
     let structure = [&spec.mass, &spec.damping, &spec.stiffness].iter().all(|matrix| finite(matrix.as_slice()));
-    let loads = finite(&spec.load) && spec.load_harmonics.iter().all(|load| finite(&load.vector));
+    let loads = finite(&spec.load)
+        && spec.load_harmonics.iter().all(|load| finite(&load.vector))
+        && spec.load_schedules.iter().all(|load| finite(&load.vector) && load.factor.maximum().is_finite());
     let broken = |c: &&ContactSpec| {
-        let stiffness = [c.stiffness.maximum(), c.stiffness.mean(), law(&c.law), c.half_backlash];
+        let stiffness: Vec<f64> = c.schedules().flat_map(|k| [k.maximum(), k.mean()]).collect();
+        let stiffness = [stiffness, vec![law(&c.law), c.half_backlash, c.gap_damping]].concat();
         let error = |h: &Harmonic| h.amplitude.is_finite() && h.phase.is_finite() && h.omega.is_finite();
-        !finite(&stiffness) || !finite(&c.direction) || !c.error.iter().all(error)
+        !finite(&stiffness) || !finite(&c.direction) || !c.errors().flatten().all(error)
     };
     match spec.contacts.iter().find(broken) {
         _ if !structure => Some("the structure".to_owned()),

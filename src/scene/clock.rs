@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     gear::{Harmonic, Stiffness},
-    system::Spec,
+    system::{ContactSpec, Spec},
 };
 
 /// Frequencies, rad/s, and periods, s: products of several stay far from the ends of a double.
@@ -38,23 +38,29 @@ fn frequencies(stiffness: &Stiffness) -> Vec<f64> {
     match stiffness {
         Stiffness::Harmonic { harmonics, .. } => of_waves(harmonics).collect(),
         Stiffness::Periodic { period, .. } => vec![TAU / period],
-        Stiffness::Constant(_) | Stiffness::Switched { .. } => vec![],
+        Stiffness::Constant(_) | Stiffness::Listed { .. } => vec![],
     }
 }
 
-/// The shortest piece of a periodic stiffness, s.
+/// The shortest piece of a schedule, s.
 fn shortest_piece(stiffness: &Stiffness) -> Option<f64> {
-    let Stiffness::Periodic { period, pieces, .. } = stiffness else { return None };
+    let (period, pieces) = match stiffness {
+        Stiffness::Periodic { period, pieces, .. } => (period, pieces),
+        Stiffness::Listed { times, .. } => {
+            return times.windows(2).map(|pair| pair[1][0] - pair[0][0]).reduce(f64::min);
+        }
+        _ => return None,
+    };
     let starts = pieces.iter().map(|piece| piece.start);
     let ends = starts.clone().skip(1).chain(starts.clone().take(1).map(|first| first + 1.0));
     starts.zip(ends).map(|(start, end)| (end - start) * period).reduce(f64::min)
 }
 
-/// Largest time that a stiffness names, s: its next period, or the last of listed times.
+/// Largest time that a schedule names, s: its next period, or the last of listed times.
 fn furthest(stiffness: &Stiffness) -> f64 {
     match stiffness {
         Stiffness::Periodic { period, origin, .. } => period + origin.abs(),
-        Stiffness::Switched { times, .. } => times.iter().map(|[t, _]| t.abs()).fold(0.0, f64::max),
+        Stiffness::Listed { times, .. } => times.iter().map(|[t, _]| t.abs()).fold(0.0, f64::max),
         Stiffness::Constant(_) | Stiffness::Harmonic { .. } => 0.0,
     }
 }
@@ -66,9 +72,13 @@ pub(super) fn check(root: &Node, spec: &Spec, run: &Run) {
         if root.units == Units::Si { format!("{value:e} {unit}") } else { format!("{value:e}") }
     };
     let seconds = |t: f64| in_unit(t, "s");
-    let of_contacts = spec.contacts.iter().flat_map(|c| of_waves(&c.error).chain(frequencies(&c.stiffness)));
+    let stiffnesses = spec.contacts.iter().flat_map(|c| c.schedules().map(|k| (k, format!("{}: a stiffness", c.name))));
+    let loads = spec.load_schedules.iter().enumerate().map(|(i, l)| (&l.factor, format!("load {}: a schedule", i + 1)));
+    let schedules: Vec<(&Stiffness, String)> = stiffnesses.chain(loads).collect();
+    let of_contacts = spec.contacts.iter().flat_map(ContactSpec::errors).flat_map(|error| of_waves(error));
+    let of_schedules = schedules.iter().flat_map(|(schedule, _)| frequencies(schedule));
     let of_loads = spec.load_harmonics.iter().map(|load| load.omega);
-    let all: Vec<f64> = spec.omega.into_iter().chain(of_loads).chain(of_contacts).collect();
+    let all: Vec<f64> = spec.omega.into_iter().chain(of_loads).chain(of_contacts).chain(of_schedules).collect();
     if let Some(omega) = all.iter().find(|omega| **omega != 0.0 && !resolves(omega.abs())) {
         train.fault(
             format!("a frequency of {}", in_unit(*omega, "rad/s")),
@@ -102,33 +112,28 @@ pub(super) fn check(root: &Node, spec: &Spec, run: &Run) {
             "run to an earlier time, or start in an earlier cycle",
         );
     }
-    for contact in &spec.contacts {
-        let (time, period) = (furthest(&contact.stiffness), forcing.unwrap_or(f64::INFINITY));
+    for (schedule, name) in &schedules {
+        let (time, period) = (furthest(schedule), forcing.unwrap_or(f64::INFINITY));
         if time / period > MOST_CYCLES {
             train.fault(
-                format!(
-                    "{}: a stiffness with a time of {}, {:.3e} periods of the forcing",
-                    contact.name,
-                    seconds(time),
-                    time / period
-                ),
+                format!("{name} with a time of {}, {:.3e} periods of the forcing", seconds(time), time / period),
                 format!("at most {MOST_CYCLES:.3e} periods"),
-                "check the period of the stiffness and the base frequency",
+                "check its period and the base frequency",
             );
         }
     }
     let longest_phase = forcing.unwrap_or(end);
-    for contact in &spec.contacts {
-        let shortest = shortest_piece(&contact.stiffness).filter(|piece| *piece < SHORTEST * longest_phase);
+    for (schedule, name) in &schedules {
+        let shortest = shortest_piece(schedule).filter(|piece| *piece < SHORTEST * longest_phase);
         if let Some(piece) = shortest {
             train.fault(
-                format!("{}: a stiffness that switches after {}", contact.name, seconds(piece)),
+                format!("{name} that switches after {}", seconds(piece)),
                 format!(
                     "pieces of {} and more, as phases go up to {}",
                     seconds(SHORTEST * longest_phase),
                     seconds(longest_phase)
                 ),
-                "check the period of the stiffness and that of the forcing",
+                "check its period and that of the forcing",
             );
         }
     }

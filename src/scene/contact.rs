@@ -3,7 +3,7 @@
 use super::{curve, harmonics, law, node::Node, schedule};
 use crate::{
     gear::{Stiffness, contact::Law},
-    system::{ContactSpec, Flanks},
+    system::{BackFlank, ContactSpec, Flanks},
 };
 
 fn keys(units: super::shape::Units) -> (String, String) {
@@ -92,15 +92,38 @@ pub(super) fn read(node: &Node, index: usize, n: usize) -> ContactSpec {
         node.at("direction").refuse("a direction with an entry that is not zero", "write the deflection's derivatives");
     }
     let (law, half_backlash) = read_gap(node, flanks, law::read(&node.at("law")));
-    let (mean, error) = harmonics::or_curve(&node.at("error"), &node.units.key("amplitude", "m"), &curve::LENGTHS);
+    let amplitude = node.units.key("amplitude", "m");
+    let (mean, error) = harmonics::or_curve(&node.at("error"), &amplitude, &curve::LENGTHS);
+    let (error_offset, stiffness) =
+        (node.at_unit("error_offset", "m").number() + mean, read_stiffness(&node.at("stiffness"), &law));
+    let read_back = |back: Node| {
+        if flanks == Flanks::Drive || law.is_bilateral() {
+            back.fault(
+                "a back flank",
+                "a contact with two flanks and a gap",
+                "remove it, or give the contact both flanks",
+            );
+        }
+        let own = back.at("error").written().map(|own| harmonics::or_curve(&own, &amplitude, &curve::LENGTHS));
+        let offset = back.at_unit("error_offset", "m").written().map(|offset| offset.number());
+        let mean = own.as_ref().map_or(0.0, |(mean, _)| *mean);
+        BackFlank {
+            error_offset: offset.unwrap_or(if own.is_some() { 0.0 } else { error_offset }) + mean,
+            error: own.map_or_else(|| error.clone(), |(_, own)| own),
+            stiffness: back.at("stiffness").written().map_or_else(|| stiffness.clone(), |k| read_stiffness(&k, &law)),
+        }
+    };
+    let back = node.at("back_flank").written().map(read_back);
     ContactSpec {
         name: node.at("name").written().map_or_else(|| format!("contact {}", index + 1), |name| name.text().to_owned()),
         direction,
         error,
-        error_offset: node.at_unit("error_offset", "m").number() + mean,
+        error_offset,
         half_backlash,
         flanks,
-        stiffness: read_stiffness(&node.at("stiffness"), &law),
+        stiffness,
         law,
+        gap_damping: node.at("gap_damping_n_s_per_m").number(),
+        back,
     }
 }

@@ -1,12 +1,12 @@
 //! The gear pair of Kahraman and Singh: one relative freedom, lengths in half gaps, time in natural periods.
 
-use super::{contact, harmonics, law, matrices, node::Node, schedule};
+use super::{contact, harmonics, law, load, matrices, node::Node, schedule};
 use crate::{
     gear::{
         Stiffness,
         contact::{Law, Linear, Release},
     },
-    system::{ContactSpec, Flanks, LoadHarmonic, Spec},
+    system::{ContactSpec, Flanks, LoadHarmonic, LoadSchedule, Spec},
 };
 use nalgebra::DMatrix;
 
@@ -23,18 +23,19 @@ pub(super) fn read(node: &Node) -> Spec {
     } else {
         (0.0, Law::KelvinVoigt(Linear { damping }, law::read_release(&release)))
     };
-    let load = |item: &Node, inertial: bool| {
+    let wave = |item: &Node, inertial: bool| {
         let (omega, phase) = harmonics::read_timing(item);
         let amplitude = item.at("amplitude").number();
         LoadHarmonic { vector: vec![if inertial { amplitude * omega * omega } else { amplitude }], omega, phase }
     };
+    let (mean, factor) = load::or_schedule(&node.at("mean_load"), &[], None);
     let errors = node.at("transmission_error").items();
     let loads = node.at("load_harmonics").items();
     let stiffness = schedule::read(&node.at("stiffness"));
     if stiffness.maximum() <= 0.0 {
         node.at("stiffness").refuse("a stiffness that is positive at some time", "write a mean stiffness of 1");
     }
-    if (stiffness.mean() - 1.0).abs() > 1.0e-6 && !matches!(stiffness, Stiffness::Switched { .. }) {
+    if (stiffness.mean() - 1.0).abs() > 1.0e-6 && !matches!(stiffness, Stiffness::Listed { .. }) {
         node.at("stiffness")
             .warn(format!("the mean stiffness is {}, not 1: time is not in natural periods", stiffness.mean()));
     }
@@ -45,8 +46,8 @@ pub(super) fn read(node: &Node) -> Spec {
         mass: DMatrix::from_element(1, 1, 1.0),
         damping: DMatrix::from_element(1, 1, everywhere),
         stiffness: DMatrix::zeros(1, 1),
-        load: vec![node.at("mean_load").number()],
-        load_harmonics: errors.iter().map(|e| load(e, true)).chain(loads.iter().map(|l| load(l, false))).collect(),
+        load: vec![if factor.is_some() { 0.0 } else { mean }],
+        load_harmonics: errors.iter().map(|e| wave(e, true)).chain(loads.iter().map(|l| wave(l, false))).collect(),
         contacts: vec![ContactSpec {
             name: "mesh".to_owned(),
             direction: vec![1.0],
@@ -56,10 +57,13 @@ pub(super) fn read(node: &Node) -> Spec {
             flanks: Flanks::Both,
             stiffness,
             law,
+            gap_damping: 0.0,
+            back: None,
         }],
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules: factor.into_iter().map(|factor| LoadSchedule { vector: vec![1.0], factor }).collect(),
     };
     spec.omega = matrices::base_frequency(node, &spec);
     spec

@@ -1,8 +1,10 @@
 //! A gearbox.
 
+use std::f64::consts::TAU;
+
 use super::{
     body::read_support,
-    build, curve, fault,
+    build, curve, fault, load,
     mesh::{self, Engaged},
     node::Node,
     plausible,
@@ -20,7 +22,7 @@ use crate::{
 };
 
 /// A speed of one turn a minute, rad/s.
-const RPM: f64 = std::f64::consts::TAU / 60.0;
+const RPM: f64 = TAU / 60.0;
 /// Relative distance up to which the mean of a curve of the speed is the speed of its shaft.
 const SPEEDS_AGREE: f64 = 0.01;
 
@@ -104,7 +106,8 @@ impl<'a> Reading<'a> {
         for (place, planets) in &self.stages {
             self.overlap(place, planets, &layout);
         }
-        let spec = build::assembled(node, gearbox.assemble(&layout, &meshes))?;
+        let mut spec = build::assembled(node, gearbox.assemble(&layout, &meshes))?;
+        load::of_shafts(node, &mut spec, &self.shafts, (gearbox, &layout, &meshes))?;
         plausible::train(node, &spec, &toothed_meshes);
         node.meshes(toothed_meshes);
         node.drawing(gearbox.drawing(&layout));
@@ -156,6 +159,8 @@ impl<'a> Reading<'a> {
         let name = node.at("name");
         unique(&name, "shaft", self.gearbox.shafts.iter().map(|shaft| shaft.name.as_str()));
         let torque = node.at("torque_nm");
+        // The time of a turn follows with the layout; a mean does not depend on it.
+        let given = if torque.is_text() { 0.0 } else { load::or_schedule(&torque, &curve::TORQUES, Some(1.0)).0 };
         let (mean, orders) = read_orders(&node.at("orders"), true);
         // About the mean speed, which the gearbox has already.
         let (turning, motion) = read_orders(&node.at("motion"), false);
@@ -189,7 +194,7 @@ impl<'a> Reading<'a> {
             translation: node.at("translation").written().map(|support| read_support(&support)),
             axial: node.at("axial").written().map(|support| read_support(&support)),
             rotation: read_torsion(&node.at("rotation")),
-            torque: if torque.is_text() { Torque::Balance } else { Torque::Given(torque.number() + mean) },
+            torque: if torque.is_text() { Torque::Balance } else { Torque::Given(given + mean) },
             drag: read_drag(&node.at("drag")),
             orders,
             motion,

@@ -1,9 +1,9 @@
 //! A train written out as matrices and contacts.
 
-use super::{contact, harmonics, node::Node};
+use super::{contact, harmonics, load, node::Node};
 use crate::{
     gear::Stiffness,
-    system::{LoadHarmonic, Spec},
+    system::{ContactSpec, LoadHarmonic, LoadSchedule, Spec},
 };
 
 pub(super) fn read(node: &Node) -> Spec {
@@ -33,6 +33,11 @@ pub(super) fn read(node: &Node) -> Spec {
             LoadHarmonic { vector: load.at("vector_n").vector(n), omega, phase }
         })
         .collect();
+    let schedules = node.at("load_schedules").items();
+    let schedule = |item: &Node| {
+        Some(LoadSchedule { vector: item.at("vector_n").vector(n), factor: load::read(item, &[], None)? })
+    };
+    let load_schedules = schedules.iter().filter_map(schedule).collect();
     let contacts = node.at("contacts").items();
     let mut spec = Spec {
         freedoms: names(&node.at("freedoms"), n),
@@ -45,6 +50,7 @@ pub(super) fn read(node: &Node) -> Spec {
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules,
     };
     for (i, c) in spec.contacts.iter().enumerate() {
         if spec.contacts[..i].iter().any(|other| other.name == c.name) {
@@ -83,12 +89,14 @@ pub(super) fn base_frequency(node: &Node, spec: &Spec) -> Option<f64> {
         return Some(written.number());
     }
     let of_period = |period: f64| std::f64::consts::TAU / period;
-    let scheduled = spec.contacts.iter().flat_map(|c| match &c.stiffness {
+    let schedules =
+        spec.contacts.iter().flat_map(ContactSpec::schedules).chain(spec.load_schedules.iter().map(|l| &l.factor));
+    let scheduled = schedules.flat_map(|schedule| match schedule {
         Stiffness::Harmonic { harmonics, .. } => harmonics.iter().map(|h| h.omega).collect(),
         Stiffness::Periodic { period, .. } => vec![of_period(*period)],
-        Stiffness::Constant(_) | Stiffness::Switched { .. } => vec![],
+        Stiffness::Constant(_) | Stiffness::Listed { .. } => vec![],
     });
-    let errors = spec.contacts.iter().flat_map(|c| c.error.iter().map(|h| h.omega));
+    let errors = spec.contacts.iter().flat_map(ContactSpec::errors).flatten().map(|h| h.omega);
     let loads = spec.load_harmonics.iter().map(|h| h.omega);
     let all: Vec<f64> = loads.chain(errors).chain(scheduled).collect();
     let least = all.iter().copied().reduce(f64::min)?;

@@ -13,7 +13,7 @@ use crate::{
         geometry::{hertz_stiffness, iso_mesh_stiffness, low_load_factor},
     },
     system::Flanks,
-    train::{Mesh, TrainError, mesh_damping},
+    train::{Mesh, MeshBack, TrainError, mesh_damping},
 };
 
 fn read_harmonics(node: &Node, amplitude: &str) -> Vec<MeshHarmonic> {
@@ -177,18 +177,7 @@ pub(super) fn read(node: &Node, rotary_masses: [f64; 2], engaged: Option<&Engage
     let (law_node, stiffness_node) = (node.at("law"), node.at("stiffness"));
     let flanks = if node.at("flanks").text() == "drive" { Flanks::Drive } else { Flanks::Both };
     let law = law::read(&law_node);
-    let stiffness = match (&law, stiffness_node.clone().written()) {
-        (Law::Rigid(_), None) => MeshStiffness::Constant(0.0),
-        (Law::Rigid(_), Some(written)) => {
-            written.refuse("no stiffness under a rigid law", "remove it (null over a preset), or choose another law");
-            MeshStiffness::Constant(0.0)
-        }
-        (_, Some(written)) => read_stiffness(&written, &law, engaged),
-        (_, None) => {
-            stiffness_node.refuse("a stiffness > 0 or a schedule", "add stiffness: a compliant law needs one");
-            MeshStiffness::Constant(1.0)
-        }
-    };
+    let stiffness = own_stiffness(&stiffness_node, &law, engaged);
     let ratio = law_node.at("damping_ratio").written();
     // Along the normal of helical teeth a rotation moves less, and its mass counts for more.
     let normal = engaged.map_or(1.0, |e| libm::cos(e.geometry.base_helix).powi(2));
@@ -200,16 +189,84 @@ pub(super) fn read(node: &Node, rotary_masses: [f64; 2], engaged: Option<&Engage
         (law, _) => law,
     };
     let (law, half_backlash) = contact::read_gap(node, flanks, law);
-    let error_node = node.at("error");
-    let measured = curve::is_curve(&error_node).then(|| curve::mesh_error(&error_node, teeth(engaged))).flatten();
-    let (mean, error) = measured.unwrap_or_else(|| (0.0, read_harmonics(&error_node, "amplitude_m")));
-    Mesh {
-        error,
-        error_offset: node.at("error_offset_m").number() + mean,
-        half_backlash,
-        flanks,
-        ..Mesh::new(law, stiffness)
+    let (mean, error) = read_error(&node.at("error"), engaged);
+    let error_offset = node.at("error_offset_m").number() + mean;
+    let mut mesh = Mesh { error, error_offset, half_backlash, flanks, ..Mesh::new(law, stiffness) };
+    mesh.gap_damping = node.at("gap_damping_n_s_per_m").number();
+    mesh.back = node.at("back_flank").written().map(|back| read_back(&back, &mesh, engaged));
+    let (thicker, thickness) = read_error(&node.at("thickness_error"), engaged);
+    if thicker != 0.0 || !thickness.is_empty() {
+        thicken(&mut mesh, thicker, &thickness);
     }
+    if mesh.back.is_some() && (flanks == Flanks::Drive || mesh.law.is_bilateral()) {
+        let key = if node.at("back_flank").written().is_some() { "back_flank" } else { "thickness_error" };
+        node.at(key).fault(
+            "flanks that differ",
+            "a mesh with two flanks and a gap",
+            "remove it, or give the mesh both flanks",
+        );
+    }
+    mesh
+}
+
+/// The stiffness that a law needs: one for a compliant law, none for a rigid one.
+fn own_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStiffness {
+    match (law, node.clone().written()) {
+        (Law::Rigid(_), None) => MeshStiffness::Constant(0.0),
+        (Law::Rigid(_), Some(written)) => {
+            written.refuse("no stiffness under a rigid law", "remove it (null over a preset), or choose another law");
+            MeshStiffness::Constant(0.0)
+        }
+        (_, Some(written)) => read_stiffness(&written, law, engaged),
+        (_, None) => {
+            node.refuse("a stiffness > 0 or a schedule", "add stiffness: a compliant law needs one");
+            MeshStiffness::Constant(1.0)
+        }
+    }
+}
+
+/// Mean and harmonics of an error.
+fn read_error(node: &Node, engaged: Option<&Engaged>) -> (f64, Vec<MeshHarmonic>) {
+    let measured = curve::is_curve(node).then(|| curve::mesh_error(node, teeth(engaged))).flatten();
+    measured.unwrap_or_else(|| (0.0, read_harmonics(node, "amplitude_m")))
+}
+
+/// The back flank: what is not written is that of the drive flank.
+fn read_back(node: &Node, mesh: &Mesh, engaged: Option<&Engaged>) -> MeshBack {
+    let stiffness = node.at("stiffness").written().map(|written| own_stiffness(&written, &mesh.law, engaged));
+    let error = node.at("error").written().map(|written| read_error(&written, engaged));
+    let offset = node.at("error_offset_m").written().map(|offset| offset.number());
+    let mean = error.as_ref().map_or(0.0, |(mean, _)| *mean);
+    MeshBack {
+        stiffness: stiffness.unwrap_or_else(|| mesh.stiffness.clone()),
+        error_offset: offset.unwrap_or(if error.is_some() { 0.0 } else { mesh.error_offset }) + mean,
+        error: error.map_or_else(|| mesh.error.clone(), |(_, error)| error),
+        phase: node.at("phase").number(),
+    }
+}
+
+/// Adds half an excess of thickness to each flank.
+fn thicken(mesh: &mut Mesh, mean: f64, harmonics: &[MeshHarmonic]) {
+    let mut back = mesh.back.take().unwrap_or_else(|| MeshBack {
+        stiffness: mesh.stiffness.clone(),
+        error: mesh.error.clone(),
+        error_offset: mesh.error_offset,
+        phase: 0.0,
+    });
+    // The error of the drive flank opens it, that of the back flank closes it. Sines in the clock of the mesh, which the back flank is ahead of.
+    let part = |share: f64, ahead: f64| {
+        let of = move |h: &MeshHarmonic| MeshHarmonic {
+            amplitude: share * h.amplitude,
+            phase: h.phase - std::f64::consts::TAU * h.order * ahead,
+            ..*h
+        };
+        harmonics.iter().map(of)
+    };
+    mesh.error.extend(part(-0.5, 0.0));
+    back.error.extend(part(0.5, back.phase));
+    mesh.error_offset -= 0.5 * mean;
+    back.error_offset += 0.5 * mean;
+    mesh.back = Some(back);
 }
 
 /// The angle written here in either unit, rad.

@@ -44,6 +44,7 @@ mod harmonics;
 mod initial;
 mod json;
 mod law;
+mod load;
 mod matrices;
 mod mesh;
 mod node;

@@ -1,7 +1,7 @@
 //! A pair of gears with real teeth.
 
 use super::{
-    body, build,
+    body, build, curve, load,
     mesh::{self, Engaged},
     node::Node,
     plausible::{self, LUMPED},
@@ -28,6 +28,8 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
     for (k, (gear, body)) in [(&driving, &one), (&driven, &two)].into_iter().enumerate() {
         plausible::inertia(gear, (body.mass, body.inertia()), &teeth, k, LUMPED);
     }
+    let turn = (rpm != 0.0).then(|| 60.0 / rpm.abs());
+    let (torque, schedule) = load::or_schedule(&node.at("torque_nm"), &curve::TORQUES, turn);
     let pair = GearPair {
         driving_teeth: gears[0].teeth,
         driving: one,
@@ -36,11 +38,16 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
         base_helix: engaged.rack.base_helix(),
         mesh,
         rpm,
-        torque: node.at("torque_nm").number(),
+        torque,
     };
     let translational = node.at("freedoms").text() == "torsional-translational";
-    let spec = build::assembled(node, if translational { pair.translational() } else { pair.torsional() })?;
+    let assemble = |pair: &GearPair| if translational { pair.translational() } else { pair.torsional() };
+    let mut spec = build::assembled(node, assemble(&pair))?;
     plausible::train(node, &spec, std::slice::from_ref(&teeth));
+    if let Some(factor) = schedule {
+        let load = |torque: f64| Some(build::assembled(node, assemble(&GearPair { torque, ..pair.clone() }))?.load);
+        load::follow(&mut spec, factor, [load(0.0)?, load(1.0)?]);
+    }
     node.meshes(vec![teeth]);
     node.drawing(pair.drawing(translational));
     Some(spec)

@@ -1,7 +1,7 @@
 //! A planetary stage.
 
 use super::{
-    body, build,
+    body, build, curve, load,
     mesh::{self, Engaged, ToothMesh},
     node::Node,
     plausible::{self, LUMPED},
@@ -33,8 +33,14 @@ pub(super) fn read(node: &Node) -> Option<(Spec, f64)> {
         "full-carrier" => Freedoms::FullCarrier,
         _ => Freedoms::Named(freedoms.items().iter().map(|name| name.text().to_owned()).collect()),
     };
-    let spec = build::assembled(node, stage.assemble(&kept))?;
+    let mut spec = build::assembled(node, stage.assemble(&kept))?;
     plausible::train(node, &spec, &meshes);
+    let torque = node.at("load").at("output_torque_nm");
+    if let (_, Some(factor)) = load::or_schedule(&torque, &curve::TORQUES, None) {
+        let with = |load: Load| Some(build::assembled(node, Planetary { load, ..stage.clone() }.assemble(&kept))?.load);
+        let unit = Load { output_torque: 1.0, ..Load::default() };
+        load::follow(&mut spec, factor, [with(Load { output_torque: 0.0, ..stage.load })?, with(unit)?]);
+    }
     stage.drawing(&kept).into_iter().for_each(|drawing| node.drawing(drawing));
     Some((spec, stage.carrier_speed()))
 }
@@ -87,7 +93,7 @@ fn read_stage(node: &Node) -> Option<(Planetary, Vec<ToothMesh>)> {
             .collect(),
         rpm: number("speed_rpm"),
         load: Load {
-            output_torque: load("output_torque_nm"),
+            output_torque: load::or_schedule(&node.at("load").at("output_torque_nm"), &curve::TORQUES, None).0,
             drag: load("drag_torque_nm"),
             drag_per_rpm: load("drag_torque_nm_per_rpm"),
             planet_drag: load("planet_drag_n"),

@@ -25,7 +25,7 @@ pub(super) fn read(node: &Node) -> Stiffness {
             if values.windows(2).any(|pair| pair[0] >= pair[1]) {
                 times.refuse("times that rise strictly", "sort the times and write each once");
             }
-            Stiffness::Switched { times: values, levels: [levels[0], levels[1]] }
+            Stiffness::switched(values, [levels[0], levels[1]])
         }
         "tooth-pairs" => from_pairs(Waveform::Rectangular),
         "tooth-pairs-trapezoidal" => from_pairs(Waveform::Trapezoidal { ramp: number("ramp") }),

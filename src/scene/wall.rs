@@ -1,6 +1,6 @@
 //! A mass against a wall, or between two.
 
-use super::{build, contact, curve, harmonics, law, matrices, node::Node};
+use super::{build, contact, curve, harmonics, law, load, matrices, node::Node};
 use crate::{
     system::{Flanks, Spec},
     train::{Walled, Walls},
@@ -13,6 +13,7 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
         node.at("law").at("kind").refuse("a law that lets go", "choose \"kelvin-voigt\", \"power\" or \"rigid\"");
     }
     let (mean, motion) = harmonics::or_curve(&node.at("wall_motion"), "amplitude_m", &curve::LENGTHS);
+    let (constant, schedule) = load::or_schedule(&node.at("load_n"), &curve::FORCES, None);
     let (load, load_harmonics) = harmonics::or_curve(&node.at("load_harmonics"), "amplitude_n", &curve::FORCES);
     let wall = node.at("wall");
     let position = wall.at("position_m").number() + mean;
@@ -33,7 +34,7 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
         mass: number("mass_kg"),
         damping: number("damping_n_s_per_m"),
         stiffness: number("stiffness_n_per_m"),
-        load: number("load_n") + load,
+        load: load + if schedule.is_some() { 0.0 } else { constant },
         load_harmonics,
         walls,
         motion,
@@ -42,6 +43,9 @@ pub(super) fn read(node: &Node) -> Option<Spec> {
         omega: None,
     };
     let mut spec = build::assembled(node, walled.assemble())?;
+    if let Some(factor) = schedule {
+        load::follow(&mut spec, factor, [vec![load], vec![1.0]]);
+    }
     spec.omega = matrices::base_frequency(node, &spec);
     Some(spec)
 }

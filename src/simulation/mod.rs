@@ -30,10 +30,10 @@ pub use summary::{Ended, IntegratorUsed, Provenance, RunEnd, Summary, TrainUsed}
 use crate::{
     engine::{Engine, Observer, Options, State},
     gear::contact::Law,
-    hybrid::{Clock, HybridSystem, Instant, Watch, Wide},
+    hybrid::{Clock, ContactView, HybridSystem, Instant, Watch, Wide},
     integrate::{Integrator, build},
     scene::{Built, Duration, Fault, Memory, Run, Scene, SceneError, ToothMesh, Warning, hash},
-    system::{Contact, ContactMode, Spec, Structure, bonded_modes, contact_mode, guard_id, set_contact},
+    system::{ContactMode, Spec, Structure, bonded_modes},
     train::Drawing,
     verify::Verifier,
 };
@@ -328,10 +328,11 @@ impl Simulation {
         let (structure, mut x) = (&self.structure, start.x);
         for (j, speed) in &self.memory.latched {
             // A simpler model of a train may have no such contact, or another law there.
-            let latch = structure.contacts().get(*j).and_then(Contact::latch);
+            let known = *j < structure.contact_count();
+            let latch = known.then(|| structure.latch_in(&start.jump.mode, *j)).flatten();
             latch.iter().for_each(|latch| x[*latch] = *speed);
         }
-        let state = |j: usize| match contact_mode(&start.jump.mode, j) {
+        let state = |j: usize| match structure.contact_mode(j, &start.jump.mode) {
             ContactMode::Drive if self.memory.detached.contains(&j) => ContactMode::DriveDetached,
             ContactMode::Back if self.memory.detached.contains(&j) => ContactMode::BackDetached,
             other => other,
@@ -348,7 +349,7 @@ impl Simulation {
         let start = self.start().ok()?.jump.mode;
         let rate_with = |state| {
             let mut mode = start.clone();
-            (0..structure.contacts().len()).for_each(|j| set_contact(&mut mode, j, state));
+            (0..structure.contact_count()).for_each(|j| structure.set_contact(&mut mode, j, state));
             structure.rates(&mode).map_or(0.0, |rates| rates.oscillating)
         };
         let fastest = rate_with(ContactMode::Separated).max(rate_with(ContactMode::Drive));
@@ -388,17 +389,18 @@ impl Simulation {
         let of_train =
             self.warnings.iter().map(ToString::to_string).chain(self.budget_warning()).chain(self.mass_warning());
         let Ok(start) = self.start() else { return of_train.collect() };
-        let hysteretic = self.structure.contacts().iter().enumerate().filter_map(|(j, c)| match c.spec.law {
+        let structure = &self.structure;
+        let hysteretic = structure.contacts().iter().enumerate().filter_map(|(j, c)| match c.spec.law {
             Law::Power(law) if c.latch().is_some() => Some((j, c, law.speed_floor)),
             _ => None,
         });
         let at_rest = hysteretic.filter(|(j, _, floor)| {
-            let (_, rate) = self.structure.deflection(*j, start.at, &start.x);
-            let on = |watch: &Watch| start.jump.pinned.contains(guard_id(*j, *watch));
+            let on = |watch: &Watch| start.jump.pinned.contains(structure.guard_of_contact(*j, watch.side(), *watch));
+            let rate = |side: f64| ContactView::deflection(structure, *j, side, start.at, &start.x).1;
             [Watch::DriveFlank, Watch::BackFlank]
                 .iter()
                 .filter(|watch| on(watch))
-                .any(|watch| watch.side() * rate <= *floor)
+                .any(|watch| watch.side() * rate(watch.side()) <= *floor)
         });
         let mut by_floor: Vec<(f64, Vec<&str>)> = Vec::new();
         for (_, c, floor) in at_rest {
@@ -538,7 +540,7 @@ impl Simulation {
     /// The states of all contacts, such as `drive, separated`.
     #[must_use]
     pub fn mode_name(&self, mode: &crate::hybrid::Mode) -> String {
-        let names = (0..self.structure.contacts().len()).map(|j| crate::system::contact_mode(mode, j).name());
+        let names = (0..self.structure.contact_count()).map(|j| self.structure.contact_mode(j, mode).name());
         names.collect::<Vec<_>>().join(", ")
     }
 }

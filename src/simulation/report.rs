@@ -7,9 +7,10 @@ use serde::Serialize;
 use super::Simulation;
 use crate::{
     gear::contact::{Law, Release},
+    hybrid::ContactView,
     linalg::multiplicities,
     output::{Table, five_digits as number},
-    system::{ContactSpec, Flanks, bonded_modes, contact_mode},
+    system::{ContactSpec, Flanks, bonded_modes},
 };
 
 /// Harmonics of a mesh frequency that are listed.
@@ -149,7 +150,7 @@ impl Simulation {
                 law,
                 modes,
                 guards,
-                starts: start.as_ref().map(|start| contact_mode(&start.jump.mode, j).name().to_owned()),
+                starts: start.as_ref().map(|start| self.structure.contact_mode(j, &start.jump.mode).name().to_owned()),
             }
         });
         let speeds = self.speeds.iter().map(|(name, speed)| Speed {

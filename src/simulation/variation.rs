@@ -222,25 +222,54 @@ impl Simulation {
 /// All frequencies of the forcing, rad/s, and the rates at which schedules repeat.
 fn frequencies(spec: &Spec) -> Vec<f64> {
     let mut all: Vec<f64> = spec.load_harmonics.iter().map(|l| l.omega).collect();
-    for c in &spec.contacts {
-        all.extend(c.error.iter().map(|h| h.omega));
-        match &c.stiffness {
+    all.extend(spec.contacts.iter().flat_map(ContactSpec::errors).flatten().map(|h| h.omega));
+    let schedules = spec.contacts.iter().flat_map(ContactSpec::schedules);
+    for schedule in schedules.chain(spec.load_schedules.iter().map(|l| &l.factor)) {
+        match schedule {
             Stiffness::Harmonic { harmonics, .. } => all.extend(harmonics.iter().map(|h| h.omega)),
             Stiffness::Periodic { period, .. } => all.push(std::f64::consts::TAU / period),
-            Stiffness::Constant(_) | Stiffness::Switched { .. } => {}
+            Stiffness::Constant(_) | Stiffness::Listed { .. } => {}
         }
     }
     all
 }
 
+fn waves(harmonics: &[Harmonic], numbers: &mut Numbers) -> u64 {
+    for h in harmonics {
+        numbers.sized([h.amplitude * libm::cos(h.phase), h.amplitude * libm::sin(h.phase)], h.amplitude);
+    }
+    harmonics.len() as u64
+}
+
+/// Takes the numbers of a stiffness, or of the factor of a load. Returns its kind and their count.
+fn follow(schedule: &Stiffness, numbers: &mut Numbers, bent: &mut Numbers) -> [u64; 2] {
+    match schedule {
+        Stiffness::Constant(k) => {
+            numbers.push([*k]);
+            [0, 0]
+        }
+        Stiffness::Harmonic { mean, harmonics } => {
+            numbers.push([*mean]);
+            [1, waves(harmonics, numbers)]
+        }
+        Stiffness::Periodic { period, origin, pieces } => {
+            bent.sized([origin / period], 1.0);
+            bent.push(pieces.iter().map(|p| p.start));
+            let largest = pieces.iter().fold(0.0, |m: f64, p| m.max(p.value.abs()));
+            numbers.sized(pieces.iter().flat_map(|p| [p.value, p.slope * period]), largest);
+            [2, pieces.len() as u64]
+        }
+        Stiffness::Listed { times, values, slopes } => {
+            bent.push(times.iter().flatten().copied());
+            numbers.extend(values);
+            bent.push(slopes.iter().copied());
+            [3, times.len() as u64]
+        }
+    }
+}
+
 /// The shape of a train and its numbers in a fixed order: those that the motion depends on linearly, and the others.
 fn flatten(spec: &Spec, shape: &mut Vec<u64>, numbers: &mut Numbers, bent: &mut Numbers) {
-    let waves = |harmonics: &[Harmonic], numbers: &mut Numbers| {
-        for h in harmonics {
-            numbers.sized([h.amplitude * libm::cos(h.phase), h.amplitude * libm::sin(h.phase)], h.amplitude);
-        }
-        harmonics.len() as u64
-    };
     bent.extend(spec.mass.iter());
     numbers.extend(&spec.damping);
     numbers.extend(&spec.stiffness);
@@ -250,33 +279,17 @@ fn flatten(spec: &Spec, shape: &mut Vec<u64>, numbers: &mut Numbers, bent: &mut 
         let parts = l.vector.iter().flat_map(|f| [f * libm::cos(l.phase), f * libm::sin(l.phase)]);
         numbers.sized(parts, l.vector.iter().fold(0.0, |m: f64, f| m.max(f.abs())));
     }
+    shape.push(spec.load_schedules.len() as u64);
+    for l in &spec.load_schedules {
+        numbers.extend(&l.vector);
+        shape.extend(follow(&l.factor, numbers, bent));
+    }
     for c in &spec.contacts {
         bent.extend(&c.direction);
         numbers.push([c.error_offset, c.half_backlash]);
-        shape.push(waves(&c.error, numbers));
-        let (kind, count) = match &c.stiffness {
-            Stiffness::Constant(k) => {
-                numbers.push([*k]);
-                (0, 0)
-            }
-            Stiffness::Harmonic { mean, harmonics } => {
-                numbers.push([*mean]);
-                (1, waves(harmonics, numbers))
-            }
-            Stiffness::Periodic { period, origin, pieces } => {
-                bent.sized([origin / period], 1.0);
-                bent.push(pieces.iter().map(|p| p.start));
-                let largest = pieces.iter().fold(0.0, |m: f64, p| m.max(p.value.abs()));
-                numbers.sized(pieces.iter().flat_map(|p| [p.value, p.slope * period]), largest);
-                (2, pieces.len() as u64)
-            }
-            Stiffness::Switched { times, levels } => {
-                bent.push(times.iter().flatten().copied());
-                numbers.extend(levels);
-                (3, times.len() as u64)
-            }
-        };
-        shape.extend([kind, count]);
+        numbers.push(c.back.iter().map(|back| back.error_offset));
+        shape.extend(c.errors().map(|error| waves(error, numbers)));
+        shape.extend(c.schedules().flat_map(|schedule| follow(schedule, numbers, bent)));
         match c.law {
             Law::Bilateral(l) | Law::KelvinVoigt(l, Release::Deflection) => numbers.push([l.damping]),
             Law::KelvinVoigt(l, Release::Force) => {

@@ -1,16 +1,20 @@
 //! From a [`Spec`] to a [`Structure`]: everything a step needs, computed once.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use smallvec::{SmallVec, smallvec};
 
 use super::{
-    ContactSpec, Flanks, Spec, check::AssembleError, schedule::Schedule, symmetry::Symmetry, twofold::conserves,
+    ContactSpec, Flanks, LoadSchedule, Spec, check::AssembleError, columns::VectorColumns, contact_mode::contact_mode,
+    schedule::Schedule, symmetry::Symmetry, twofold::conserves,
 };
 use crate::{
-    gear::{Harmonic, Stiffness, contact::Law},
-    hybrid::{Clock, Instant, Wide},
+    gear::{
+        Harmonic, Stiffness,
+        contact::{Law, Linear},
+    },
+    hybrid::{Clock, ContactMode, Instant, Mode, Wide},
     linalg::Inverse,
     vectors::Instructions,
 };
@@ -91,7 +95,11 @@ pub(crate) enum Spring {
     Scheduled(Schedule),
 }
 
-/// One contact of a [`Structure`].
+/// One element of a [`Structure`]: a contact, the back flank of one, or a load that follows a schedule.
+///
+/// A back flank that differs is the drive flank of an element that is turned round. It stands behind the contacts, which are seen with both
+/// flanks. A load is an element without a direction: nothing moves its deflection, which is 1, so that the force of its spring `k(t) δ` is the
+/// factor of the load. It acts in every mode, has no guard, and stands behind all flanks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contact {
     /// What it was assembled from.
@@ -121,6 +129,8 @@ pub struct Contact {
     pub(crate) couplings: Vec<f64>,
     /// Where the latched approach speed is kept in the state.
     pub(crate) latch: Option<usize>,
+    /// The element that its back flank is, where that differs.
+    pub(crate) back: Option<usize>,
 }
 
 impl Contact {
@@ -136,6 +146,42 @@ impl Contact {
         self.latch
     }
 
+    /// Load number `i`, which accelerates by `accelerations` times minus its factor.
+    fn loading(i: usize, load: &LoadSchedule, (accelerations, weights): (&[Wide], &[f64]), clock: &Clock) -> Self {
+        let push: Vec<f64> = accelerations.iter().map(|p| p.value()).collect();
+        let n = push.len();
+        let spec = ContactSpec {
+            name: format!("load {}", i + 1),
+            direction: vec![0.0; n],
+            error: Vec::new(),
+            error_offset: -1.0,
+            half_backlash: 0.0,
+            flanks: Flanks::Drive,
+            stiffness: load.factor.clone(),
+            law: Law::Bilateral(Linear { damping: 0.0 }),
+            gap_damping: 0.0,
+            back: None,
+        };
+        Self {
+            direction: Sparse::new(),
+            mobility: 0.0,
+            across: 0.0,
+            push_norm: push.iter().zip(weights).fold(0.0, |m: f64, (p, w)| m.max(p.abs() * w)),
+            push: sparse(&push),
+            swing: (0.0, 0.0),
+            error: Vec::new(),
+            error_rate: Vec::new(),
+            stiffest: load.factor.maximum(),
+            error_sizes: [0.0; 3],
+            weight: 1.0,
+            spring: Spring::Scheduled(Schedule::new(&load.factor, clock)),
+            couplings: Vec::new(),
+            latch: None,
+            back: None,
+            spec,
+        }
+    }
+
     pub(crate) fn gap(&self) -> f64 {
         self.spec.half_backlash
     }
@@ -147,108 +193,6 @@ impl Contact {
 
     pub(crate) fn has_back(&self) -> bool {
         self.spec.flanks == Flanks::Both
-    }
-}
-
-/// What the recurrences read, laid out for vector instructions.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct VectorColumns {
-    /// The contacts, four at a time.
-    pub fours: Vec<FourColumns>,
-    /// The degrees of freedom, four at a time.
-    pub blocks: Vec<Block>,
-}
-
-/// What moves four degrees of freedom; zero beyond the last one.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Block {
-    /// Diagonals of `−M⁻¹K` and `−M⁻¹C`.
-    pub by_q: [f64; 4],
-    pub by_v: [f64; 4],
-    /// Columns of their entries off the diagonal: degree of freedom, by q, by v.
-    pub couplings: Vec<(usize, [f64; 4], [f64; 4])>,
-    /// `M⁻¹ f₀`.
-    pub load: [f64; 4],
-    /// Harmonic loads over M: oscillator, cosine and sine parts.
-    pub waves: Vec<(usize, [f64; 4], [f64; 4])>,
-    /// `M⁻¹ g` of the contacts that move them.
-    pub pushes: Vec<(usize, [f64; 4])>,
-    /// `√M_ii`.
-    pub weights: [f64; 4],
-}
-
-/// Four contacts.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct FourColumns {
-    /// `n` rows of direction components.
-    pub directions: Vec<[f64; 4]>,
-    /// [`Contact::weight`] of each.
-    pub weights: [f64; 4],
-    /// Sizes of the gap and of the error of each, m.
-    pub sizes: [[f64; 4]; 2],
-    /// Rates of the errors: oscillator, cosine and sine parts.
-    pub rates: Vec<(usize, [f64; 4], [f64; 4])>,
-}
-
-impl VectorColumns {
-    fn new(k: &DMatrix<f64>, c: &DMatrix<f64>, contacts: &[Contact], loads: Loads<'_>) -> Self {
-        let n = k.nrows();
-        Self {
-            fours: contacts.chunks(4).map(|four| FourColumns::new(four, n)).collect(),
-            blocks: (0..n).step_by(4).map(|first| Block::new(first, (k, c), contacts, loads)).collect(),
-        }
-    }
-}
-
-/// `M⁻¹ f₀`, the harmonic loads and `√M_ii`.
-type Loads<'a> = (&'a [f64], &'a [LoadWave], &'a [f64]);
-
-impl Block {
-    fn new(
-        first: usize,
-        (k, c): (&DMatrix<f64>, &DMatrix<f64>),
-        contacts: &[Contact],
-        (load, waves, weights): Loads<'_>,
-    ) -> Self {
-        let n = k.nrows();
-        // No −0: columns that are equal then have equal bits.
-        let four = |f: &dyn Fn(usize) -> f64| -> [f64; 4] {
-            std::array::from_fn(|l| if first + l < n { f(first + l) + 0.0 } else { 0.0 })
-        };
-        let is_any = |four: &[f64; 4]| four.iter().any(|x| *x != 0.0);
-        let off = |m: &DMatrix<f64>, j: usize| four(&|i| if i == j { 0.0 } else { -m[(i, j)] });
-        let coupling = |j: usize| (j, off(k, j), off(c, j));
-        let push = |j: usize| {
-            let entry = |i: usize| contacts[j].push.iter().find(|(at, _)| *at as usize == i).map_or(0.0, |(_, p)| *p);
-            (j, four(&entry))
-        };
-        Self {
-            by_q: four(&|i| -k[(i, i)]),
-            by_v: four(&|i| -c[(i, i)]),
-            couplings: (0..n).map(coupling).filter(|(_, k, c)| is_any(k) || is_any(c)).collect(),
-            load: four(&|i| load[i]),
-            waves: waves.iter().map(|w| (w.index, four(&|i| w.cosine[i]), four(&|i| w.sine[i]))).collect(),
-            pushes: (0..contacts.len()).map(push).filter(|(_, push)| is_any(push)).collect(),
-            weights: four(&|i| weights[i]),
-        }
-    }
-}
-
-impl FourColumns {
-    fn new(four: &[Contact], n: usize) -> Self {
-        let part = |f: &dyn Fn(&Contact) -> f64| std::array::from_fn(|l| four.get(l).map_or(0.0, f) + 0.0);
-        let mut waves: BTreeMap<usize, [[f64; 4]; 2]> = BTreeMap::new();
-        for (l, w) in four.iter().enumerate().flat_map(|(l, c)| c.error_rate.iter().map(move |w| (l, w))) {
-            let [cosine, sine] = waves.entry(w.index).or_default();
-            cosine[l] += w.cosine;
-            sine[l] += w.sine;
-        }
-        Self {
-            directions: (0..n).map(|i| part(&|c| c.spec.direction[i])).collect(),
-            weights: part(&|c| c.weight),
-            sizes: [part(&|c| c.gap().abs()), part(&|c| c.error_sizes[0])],
-            rates: waves.into_iter().map(|(o, [cosine, sine])| (o, cosine, sine)).collect(),
-        }
     }
 }
 
@@ -270,7 +214,10 @@ pub struct Structure {
     /// Rows of `M⁻¹ K` and `M⁻¹ C` together: column, stiffness, damping.
     pub(crate) rows: Vec<Vec<(u32, f64, f64)>>,
     pub(crate) columns: VectorColumns,
+    /// The contacts, their back flanks that differ, and the loads that follow a schedule.
     pub(crate) contacts: Vec<Contact>,
+    /// The contacts of those back flanks.
+    pub(crate) back_of: Vec<usize>,
     /// `√M_ii`, the weights that make freedoms of different kinds comparable.
     pub(crate) weights: Vec<f64>,
     /// What is equal.
@@ -289,6 +236,9 @@ impl Structure {
     pub fn new(spec: Spec) -> Result<Self, AssembleError> {
         let n = spec.freedoms.len();
         spec.check()?;
+        let spec = spec.with_gap_dampers();
+        let back_of: Vec<usize> = (0..spec.contacts.len()).filter(|j| spec.contacts[*j].back.is_some()).collect();
+        let flanks: Vec<ContactSpec> = spec.flanks().collect();
         let inverse = Inverse::new(&spec.mass).ok_or(AssembleError::Mass)?;
         let (clock, oscillators, places) = find_oscillators(&spec);
         let wave = |h: &Harmonic, scale: f64| Wave {
@@ -312,9 +262,9 @@ impl Structure {
             .collect();
         let weights: Vec<f64> = (0..n).map(|i| spec.mass[(i, i)].sqrt()).collect();
         let mut dim = 2 * n;
-        let mut contacts = Vec::with_capacity(spec.contacts.len());
-        let mut pushes = Vec::with_capacity(spec.contacts.len());
-        for c in &spec.contacts {
+        let mut contacts = Vec::with_capacity(flanks.len());
+        let mut pushes = Vec::with_capacity(flanks.len());
+        for c in &flanks {
             let wide = inverse.wide(&DVector::from_column_slice(&c.direction));
             let push: Vec<f64> = wide.iter().map(|p| p.value()).collect();
             let mobility = along(&sparse(&c.direction), &wide);
@@ -355,8 +305,17 @@ impl Structure {
                 couplings: Vec::new(),
                 latch,
                 stiffest: c.stiffness.maximum(),
+                back: None,
                 spec: c.clone(),
             });
+        }
+        for (k, j) in back_of.iter().enumerate() {
+            contacts[*j].back = Some(spec.contacts.len() + k);
+        }
+        for (i, load) in spec.load_schedules.iter().enumerate() {
+            let wide = inverse.wide(&-DVector::from_column_slice(&load.vector));
+            contacts.push(Contact::loading(i, load, (&wide, &weights), &clock));
+            pushes.push(wide);
         }
         for contact in &mut contacts {
             contact.couplings = pushes.iter().map(|push| along(&contact.direction, push)).collect();
@@ -388,8 +347,9 @@ impl Structure {
             forms: [spec.mass.clone(), (&spec.damping + spec.damping.transpose()) * 0.5, spec.stiffness.clone()]
                 .map(|m| m.column_iter().map(|column| sparse(column.as_slice())).collect()),
             contacts,
+            back_of,
             weights,
-            symmetry: Symmetry::new(&spec),
+            symmetry: Symmetry::new(&spec, &flanks),
             is_conservative: conserves(&spec),
             instructions: Instructions::best(),
             spec,
@@ -430,7 +390,31 @@ impl Structure {
     /// The contacts.
     #[must_use]
     pub fn contacts(&self) -> &[Contact] {
-        &self.contacts
+        &self.contacts[..self.spec.contacts.len()]
+    }
+
+    /// Number of flanks: elements that are no loads.
+    pub(crate) fn flanks(&self) -> usize {
+        self.spec.contacts.len() + self.back_of.len()
+    }
+
+    /// Tells that element `j` is a load.
+    pub(crate) fn is_load(&self, j: usize) -> bool {
+        j >= self.flanks()
+    }
+
+    /// The contact that element `j`, no load, is a flank of, and the sense of its direction.
+    pub(crate) fn contact_of(&self, j: usize) -> (usize, f64) {
+        match j.checked_sub(self.spec.contacts.len()) {
+            Some(back) => (self.back_of[back], -1.0),
+            None => (j, 1.0),
+        }
+    }
+
+    /// The element of contact `j` that carries its force in `mode`, and the sense of its direction.
+    pub(crate) fn flank_in(&self, mode: &Mode, j: usize) -> (usize, f64) {
+        let back = self.contacts[j].back.filter(|back| contact_mode(mode, *back) != ContactMode::Separated);
+        back.map_or((j, 1.0), |back| (back, -1.0))
     }
 
     /// `(cos ωt, sin ωt)` of every oscillator, into `out`.
@@ -460,7 +444,7 @@ fn find_oscillators(spec: &Spec) -> (Clock, Vec<Oscillator>, HashMap<u64, usize>
         });
     };
     spec.load_harmonics.iter().for_each(|l| meet(l.omega));
-    for c in &spec.contacts {
+    for c in spec.flanks() {
         c.error.iter().for_each(|h| meet(h.omega));
         if let Stiffness::Harmonic { harmonics, .. } = &c.stiffness {
             harmonics.iter().for_each(|h| meet(h.omega));

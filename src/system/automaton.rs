@@ -11,8 +11,8 @@ use super::{
 use crate::{
     gear::contact::Law,
     hybrid::{
-        Clock, GuardId, GuardSet, HybridSystem, Instant, JetField, Jump, Lane, Mode, ModelError, Rates, VectorField,
-        normalise,
+        Clock, ContactView, GuardId, GuardSet, HybridSystem, Instant, JetField, Jump, Lane, Mode, ModelError, Rates,
+        VectorField, normalise,
     },
 };
 
@@ -113,12 +113,14 @@ impl Structure {
     /// As [`start`](Self::start); [`StartError::State`] for a state of another length; [`StartError::Latched`] for a latched speed that is
     /// not above zero.
     pub fn resume(&self, at: Instant, x: &[f64], contacts: &[ContactMode]) -> Result<Start, StartError> {
-        if x.len() != self.dim || contacts.len() != self.contacts.len() {
+        if x.len() != self.dim || contacts.len() != self.spec.contacts.len() {
             return Err(StartError::State { expected: self.n });
         }
+        let mut before = Mode::default();
+        contacts.iter().enumerate().for_each(|(j, state)| self.set_contact(&mut before, j, *state));
         let mut start = self.start(at, &x[..self.n], &x[self.n..2 * self.n])?;
-        for (j, &was) in contacts.iter().enumerate() {
-            let is = contact_mode(&start.jump.mode, j);
+        for j in 0..self.flanks() {
+            let [was, is] = [&before, &start.jump.mode].map(|mode| contact_mode(mode, j));
             if let Some(latch) = self.contacts[j].latch {
                 let (opens, speed) = (is == ContactMode::Separated, x[latch]);
                 if opens || was.side() == is.side() {
@@ -379,12 +381,13 @@ impl HybridSystem for Structure {
     }
 
     fn mode_in_words(&self, mode: &Mode) -> String {
-        let words = |(j, c): (usize, &Contact)| format!("{} {}", c.spec.name, contact_mode(mode, j).name());
-        self.contacts.iter().enumerate().map(words).collect::<Vec<_>>().join(", ")
+        let words =
+            |(j, c): (usize, &Contact)| format!("{} {}", c.spec.name, ContactView::contact_mode(self, j, mode).name());
+        self.contacts().iter().enumerate().map(words).collect::<Vec<_>>().join(", ")
     }
 
     fn guard_in_words(&self, id: GuardId) -> String {
-        let (j, watch) = guard_of(id);
+        let (j, watch) = self.watch(id);
         let what = match watch {
             Watch::DriveFlank => "the drive flank",
             Watch::BackFlank => "the back flank",

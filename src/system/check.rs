@@ -29,10 +29,10 @@ pub enum AssembleError {
         /// Which quantity.
         what: String,
     },
-    /// A contact that cannot be: a value out of its range, or parts that do not go together.
+    /// A contact or load that cannot be: a value out of its range, or parts that do not go together.
     #[error("{contact}: {problem}")]
     Contact {
-        /// Which contact.
+        /// Which contact or load.
         contact: String,
         /// What is wrong.
         problem: &'static str,
@@ -45,6 +45,10 @@ fn finite<'a>(what: &str, values: impl IntoIterator<Item = &'a f64>) -> Result<(
     } else {
         Err(AssembleError::NotFinite { what: what.to_owned() })
     }
+}
+
+fn require(ok: bool, name: &str, problem: &'static str) -> Result<(), AssembleError> {
+    if ok { Ok(()) } else { Err(AssembleError::Contact { contact: name.to_owned(), problem }) }
 }
 
 fn of_waves(waves: &[Harmonic]) -> impl Iterator<Item = &f64> {
@@ -77,6 +81,14 @@ impl Spec {
             shape("harmonic load", l.vector.len(), n)?;
             finite("harmonic load", l.vector.iter().chain([&l.omega, &l.phase]))?;
         }
+        for (i, l) in self.load_schedules.iter().enumerate() {
+            let name = format!("load {}", i + 1);
+            shape(&name, l.vector.len(), n)?;
+            finite(&name, &l.vector)?;
+            let require = |ok: bool, problem| require(ok, &name, problem);
+            check_schedule(&name, &l.factor, require)?;
+            require(!matches!(l.factor, Stiffness::Harmonic { .. }), "harmonics are no part of its schedule")?;
+        }
         let m = &self.mass;
         let differ = |i, j| (m[(i, j)] - m[(j, i)]).abs() > 1e-12 * (m[(i, i)] * m[(j, j)]).abs().sqrt();
         if (0..n).any(|i| (0..i).any(|j| differ(i, j))) {
@@ -92,26 +104,18 @@ impl Spec {
     }
 
     fn check_contact(&self, c: &ContactSpec) -> Result<(), AssembleError> {
-        let require = |ok: bool, problem| {
-            if ok { Ok(()) } else { Err(AssembleError::Contact { contact: c.name.clone(), problem }) }
-        };
+        let require = |ok: bool, problem| require(ok, &c.name, problem);
         finite(&format!("direction of {}", c.name), &c.direction)?;
         finite(&format!("gap of {}", c.name), [&c.half_backlash, &c.error_offset])?;
         finite(&format!("error of {}", c.name), of_waves(&c.error))?;
         require(c.direction.iter().any(|g| *g != 0.0), "its direction is zero: no freedom moves it")?;
-        let stiffness = format!("stiffness of {}", c.name);
-        match &c.stiffness {
-            Stiffness::Constant(k) => finite(&stiffness, [k])?,
-            Stiffness::Harmonic { mean, harmonics } => {
-                finite(&stiffness, [mean].into_iter().chain(of_waves(harmonics)))?
-            }
-            Stiffness::Periodic { period, origin, pieces } => {
-                let numbers = pieces.iter().flat_map(|p| [&p.start, &p.value, &p.slope]);
-                finite(&stiffness, [period, origin].into_iter().chain(numbers))?;
-                require(*period > 0.0, "its stiffness needs a period > 0")?;
-                require((1..=MAX_PIECES).contains(&pieces.len()), "its stiffness needs 1 to 8192 pieces")?;
-            }
-            Stiffness::Switched { times, levels } => finite(&stiffness, times.iter().flatten().chain(levels))?,
+        check_schedule(&format!("stiffness of {}", c.name), &c.stiffness, require)?;
+        require((0.0..f64::INFINITY).contains(&c.gap_damping), "its gap damping must be finite and >= 0")?;
+        if let Some(back) = &c.back {
+            finite(&format!("back flank of {}", c.name), of_waves(&back.error).chain([&back.error_offset]))?;
+            check_schedule(&format!("back flank of {}", c.name), &back.stiffness, require)?;
+            require(c.flanks == Flanks::Both && !c.law.is_bilateral(), "a back flank of its own needs two flanks")?;
+            require(c.narrowest_gap() > 0.0, "the errors of its flanks close the gap: it would jam")?;
         }
         // A comparison with NaN is false: a value that is none is out of its range.
         match c.law {
@@ -128,7 +132,9 @@ impl Spec {
                     n.q > 0 && n.q <= Ratio::MAX_DENOMINATOR && n.p >= n.q && n.p <= 5 * n.q,
                     "a power law needs an exponent p/q from 1 to 5 with q from 1 to 16",
                 )?;
-                require(matches!(c.stiffness, Stiffness::Constant(_)), "a power law needs a constant stiffness")?;
+                let back = c.back.as_ref().map(|back| &back.stiffness);
+                let is_constant = [&c.stiffness].into_iter().chain(back).all(|k| matches!(k, Stiffness::Constant(_)));
+                require(is_constant, "a power law needs a constant stiffness")?;
                 require((0.0..f64::INFINITY).contains(&l.hysteresis), "its hysteresis must be finite and >= 0")?;
                 require(l.speed_floor > 0.0 && l.initial_speed > 0.0, "its latched speeds must be > 0")?;
             }
@@ -137,5 +143,41 @@ impl Spec {
             c.flanks == Flanks::Drive || c.half_backlash > 0.0 || c.law.is_bilateral(),
             "a two-flank contact needs a positive half backlash; without backlash use a bilateral law",
         )
+    }
+}
+
+/// Checks a stiffness or the factor of a load, `what`.
+fn check_schedule(
+    what: &str,
+    schedule: &Stiffness,
+    require: impl Fn(bool, &'static str) -> Result<(), AssembleError>,
+) -> Result<(), AssembleError> {
+    match schedule {
+        Stiffness::Constant(k) => finite(what, [k]),
+        Stiffness::Harmonic { mean, harmonics } => finite(what, [mean].into_iter().chain(of_waves(harmonics))),
+        Stiffness::Periodic { period, origin, pieces } => {
+            let numbers = pieces.iter().flat_map(|p| [&p.start, &p.value, &p.slope]);
+            finite(what, [period, origin].into_iter().chain(numbers))?;
+            require(*period > 0.0, "a schedule that repeats needs a period > 0")?;
+            require((1..=MAX_PIECES).contains(&pieces.len()), "a schedule that repeats needs 1 to 8192 pieces")
+        }
+        Stiffness::Listed { times, values, slopes } => {
+            finite(what, times.iter().flatten().chain(values).chain(slopes))?;
+            let fits = values.len() == times.len() + 1 && slopes.len() == values.len();
+            require(fits, "a schedule needs a value and a slope before the first time and at each time")?;
+            let ends = [slopes.first(), slopes.last()].into_iter().flatten().all(|slope| *slope == 0.0);
+            require(ends, "a schedule must be constant before its first and after its last time")?;
+            // Pieces of one value without a slope count once.
+            let ramps = slopes.iter().filter(|slope| **slope != 0.0).count();
+            let mut levels: Vec<u64> = values
+                .iter()
+                .zip(slopes)
+                .filter(|(_, slope)| **slope == 0.0)
+                .map(|(value, _)| value.to_bits())
+                .collect();
+            levels.sort_unstable();
+            levels.dedup();
+            require(ramps + levels.len() <= MAX_PIECES, "a schedule needs at most 8192 pieces that differ")
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! The cycle that all parts of a forcing have in common, where it is several periods of the clock: orders below one, frequencies in other
 //! ratios than whole numbers.
 
-use super::{Spec, Structure};
+use super::{ContactSpec, Spec, Structure};
 use crate::{
     gear::{Harmonic, Stiffness},
     hybrid::Wide,
@@ -79,12 +79,15 @@ impl Structure {
             Some(_) => (Some(1), String::new()),
             None => of_frequency(o.omega),
         });
-        let stiffnesses = spec.contacts.iter().filter_map(|c| match c.stiffness {
+        let of_contacts =
+            spec.contacts.iter().flat_map(|c| c.schedules().map(|k| (k, format!("the stiffness of {}", c.name))));
+        let of_loads = spec.load_schedules.iter().enumerate().map(|(i, l)| (&l.factor, format!("load {}", i + 1)));
+        let stiffnesses = of_contacts.chain(of_loads).filter_map(|(schedule, name)| match schedule {
             Stiffness::Periodic { period: own, .. } => {
                 let count = period / own;
                 let is_whole = (count - count.round()).abs() <= WHOLE * count && count.round() >= 1.0;
                 let periods = Ratio::of(own / period, OF_ORDERS).map(|ratio| ratio.p);
-                let what = format!("the stiffness of {}, of period {own} s,", c.name);
+                let what = format!("{name}, of period {own} s,");
                 Some((if is_whole { Some(1) } else { periods }, what))
             }
             _ => None,
@@ -126,15 +129,16 @@ impl Spec {
             |harmonics: &mut Vec<Harmonic>| harmonics.iter_mut().for_each(|h| clocked(&mut h.omega, &mut h.phase));
         self.load_harmonics.iter_mut().for_each(|load| clocked(&mut load.omega, &mut load.phase));
         let period = Wide::quotient(Wide::TAU, omega);
-        for c in &mut self.contacts {
-            all(&mut c.error);
-            match &mut c.stiffness {
+        self.contacts.iter_mut().flat_map(ContactSpec::errors_mut).for_each(all);
+        let schedules = self.contacts.iter_mut().flat_map(ContactSpec::schedules_mut);
+        for schedule in schedules.chain(self.load_schedules.iter_mut().map(|l| &mut l.factor)) {
+            match schedule {
                 Stiffness::Harmonic { harmonics, .. } => all(harmonics),
                 Stiffness::Periodic { period: own, origin, .. } => {
                     let left = Ratio::of(period.value() / *own, OF_ORDERS).map_or(0.0, |ratio| ratio.left_after(first));
                     *origin -= left * *own;
                 }
-                Stiffness::Switched { times, .. } => {
+                Stiffness::Listed { times, .. } => {
                     for time in times {
                         let moved = Wide { hi: time[0], lo: time[1] } - period * first as f64;
                         *time = [moved.hi, moved.lo];

@@ -12,10 +12,10 @@
 
 use super::{
     assemble::{PerContact, Sparse, Structure, dot, zeros},
-    contact_mode::contact_mode,
+    contact_mode::{contact_mode, guard_of},
     sticking::Sticking,
 };
-use crate::hybrid::{ContactView, EnergyJump, HybridSystem, Instant, Mode, PowerBalance, Powers, Transition};
+use crate::hybrid::{EnergyJump, HybridSystem, Instant, Mode, PowerBalance, Powers, Transition};
 
 /// `aᵀ S b` by the columns of S.
 fn form(columns: &[Sparse], a: &[f64], b: &[f64]) -> f64 {
@@ -79,20 +79,18 @@ impl Structure {
     /// `½ qᵀK q` and the energy of the springs, J.
     fn potential(&self, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
         let q = &x[..self.n];
-        let contacts: f64 = self.carrying(mode).map(|acting| self.stored_in(Some(acting), at, x)).sum();
+        let contacts = self.carrying(mode).filter(|acting| !self.is_load(acting.contact));
+        let contacts: f64 = contacts.map(|acting| self.stored_in(Some(acting), at, x)).sum();
         0.5 * form(&self.forms[2], q, q) + contacts
     }
 
-    /// The impulses of a jump, N s along each direction, into `out` `[contacts]`: what changed the rates of the
+    /// The impulses of a jump, N s along each direction, into `out` `[flanks]`: what changed the rates of the
     /// rigid contacts that fired or rest, `G M⁻¹Gᵀ P = δ̇⁻ − δ̇⁺`.
     pub(crate) fn impulses_of(&self, t: &Transition<'_>, out: &mut [f64]) {
-        out[..self.contacts.len()].fill(0.0);
+        out.fill(0.0);
         let (mut set, mut rhs) = (PerContact::<usize>::new(), PerContact::<f64>::new());
         for (j, c) in self.contacts.iter().enumerate() {
-            let struck = t.fired.iter().any(|id| {
-                let (k, watch) = self.watch(id);
-                k == j && watch.side() != 0.0
-            });
+            let struck = t.fired.iter().map(guard_of).any(|(k, watch)| k == j && watch.side() != 0.0);
             let involved = struck || contact_mode(t.from, j).is_closed() || contact_mode(t.to, j).is_closed();
             if c.spec.law.is_rigid() && involved {
                 set.push(j);
@@ -130,12 +128,13 @@ impl Structure {
     /// The largest load on degree of freedom `i`, N.
     fn largest_load(&self, i: usize) -> f64 {
         let waves: f64 = self.spec.load_harmonics.iter().map(|load| load.vector[i].abs()).sum();
-        self.spec.load[i].abs() + waves
+        let schedules = self.spec.load_schedules.iter().map(|load| (load.factor.maximum() * load.vector[i]).abs());
+        self.spec.load[i].abs() + waves + schedules.sum::<f64>()
     }
 
     /// `√(E Σ k ℓ²)`, J: a stretch is rounded by ε of the flank's distance ℓ.
     fn rounded_stretches(&self, throughput: f64) -> f64 {
-        let of_flanks = self.contacts.iter().map(|c| {
+        let of_flanks = self.contacts[..self.flanks()].iter().map(|c| {
             let distance = c.gap().abs()
                 + c.spec.error_offset.abs()
                 + c.error.iter().map(|w| w.cosine.abs() + w.sine.abs()).sum::<f64>();
@@ -162,7 +161,10 @@ impl PowerBalance for Structure {
         }
         let mut forces = zeros(self.contacts.len());
         self.carried(mode, at, x, &mut forces);
-        for (j, c) in self.contacts.iter().enumerate() {
+        for (load, factor) in self.spec.load_schedules.iter().zip(&forces[self.flanks()..]) {
+            powers.load += factor * along(&load.vector);
+        }
+        for (j, c) in self.contacts[..self.flanks()].iter().enumerate() {
             let (lost, parametric) = self.contact_powers(self.acting(mode, j), at, x);
             powers.contact += lost;
             powers.parametric += parametric;
@@ -176,15 +178,15 @@ impl PowerBalance for Structure {
     fn energy_jump(&self, t: &Transition<'_>) -> EnergyJump {
         let mut jump = EnergyJump::default();
         let switched = self.switched(t.from, t.at);
-        for j in 0..self.contacts.len() {
+        for j in 0..self.flanks() {
             let stored = |mode| self.stored_in(self.acting(mode, j), t.at, t.x_minus);
             let (old, switched, new) = (stored(t.from), stored(&switched), stored(t.to));
             jump.parametric += switched - old;
             jump.release += switched - new;
         }
-        let mut impulses = zeros(self.contacts.len());
+        let mut impulses = zeros(self.flanks());
         self.impulses_of(t, &mut impulses);
-        for (j, p) in impulses.iter().enumerate().take(self.contacts.len()).filter(|(_, p)| **p != 0.0) {
+        for (j, p) in impulses.iter().enumerate().filter(|(_, p)| **p != 0.0) {
             jump.error -= p * self.error(j, t.at).1;
         }
         if t.x_plus[..self.n] != t.x_minus[..self.n] {

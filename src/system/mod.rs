@@ -7,6 +7,7 @@ mod acting;
 mod assemble;
 mod automaton;
 mod check;
+mod columns;
 mod common;
 mod contact_mode;
 mod energy;
@@ -27,15 +28,14 @@ mod variation;
 mod view;
 
 pub(crate) use acting::{Acting, Elasticity, Force};
-pub(crate) use assemble::{
-    Block, FourColumns, LoadWave, Oscillator, PerContact, Spring, VectorColumns, Wave, dot, zeros,
-};
 pub use assemble::{Contact, Structure};
+pub(crate) use assemble::{LoadWave, Oscillator, PerContact, Spring, Wave, dot, zeros};
 pub use automaton::{Start, StartError};
 pub use check::AssembleError;
+pub(crate) use columns::{Block, FourColumns, VectorColumns};
 pub(crate) use contact_mode::{ContactMode, Watch};
 pub use contact_mode::{contact_mode, guard_id, guard_of, piece, set_contact};
-pub use spec::{Bearing, BearingSpring, ContactSpec, Flanks, LoadHarmonic, Spec};
+pub use spec::{BackFlank, Bearing, BearingSpring, ContactSpec, Flanks, LoadHarmonic, LoadSchedule, Spec};
 pub use statics::{
     Equilibrium, EquilibriumError, bonded_modes, bonded_stiffness, equilibrium, pressed, quasi_static,
     tangent_stiffness,

@@ -1,5 +1,7 @@
 //! Known switching times of a stiffness: kept as instants, never root-found.
 
+use std::collections::HashMap;
+
 use crate::{
     gear::{Piece, Stiffness},
     hybrid::{Clock, Instant, Wide},
@@ -13,8 +15,8 @@ pub(crate) enum Schedule {
     Locked { cycles: i64, starts: Vec<Instant>, values: Vec<f64>, slopes: Vec<f64> },
     /// Repeats with a period of its own.
     Own { period: f64, origin: f64, starts: Vec<f64>, values: Vec<f64>, slopes: Vec<f64> },
-    /// Alternates at listed times.
-    Listed { times: Vec<Instant>, levels: [f64; 2] },
+    /// Goes over at listed times to the pieces of these `numbers`, one more than times.
+    Listed { times: Vec<Instant>, numbers: Vec<u32>, values: Vec<f64>, slopes: Vec<f64> },
 }
 
 /// Two known times this close (relative to the phase, in units in the last place) are one instant.
@@ -59,13 +61,30 @@ impl Schedule {
                     }
                 }
             }
-            Stiffness::Switched { times, levels } => {
+            Stiffness::Listed { times, values, slopes } => {
                 let instant = |[time, rest]: &[f64; 2]| clock.advance(clock.instant(*time), *rest);
-                Self::Listed { times: times.iter().map(instant).collect(), levels: *levels }
+                Self::listed(times.iter().map(instant).collect(), values, slopes)
             }
-            Stiffness::Constant(k) => Self::Listed { times: Vec::new(), levels: [*k; 2] },
-            Stiffness::Harmonic { mean, .. } => Self::Listed { times: Vec::new(), levels: [*mean; 2] },
+            Stiffness::Constant(value) | Stiffness::Harmonic { mean: value, .. } => {
+                Self::listed(Vec::new(), &[*value], &[0.0])
+            }
         }
+    }
+
+    /// Pieces between listed times. Those of one value without a slope are one piece, whatever their number.
+    fn listed(times: Vec<Instant>, of: &[f64], rates: &[f64]) -> Self {
+        let (mut numbers, mut values, mut slopes) = (Vec::new(), Vec::new(), Vec::new());
+        let mut known = HashMap::new();
+        for (value, slope) in of.iter().zip(rates) {
+            let next = values.len() as u32;
+            let number = if *slope == 0.0 { *known.entry(value.to_bits()).or_insert(next) } else { next };
+            if number == next {
+                values.push(*value);
+                slopes.push(*slope);
+            }
+            numbers.push(number);
+        }
+        Self::Listed { times, numbers, values, slopes }
     }
 
     /// Piece starts in one repetition.
@@ -126,8 +145,7 @@ impl Schedule {
     fn last_of(&self, clock: &Clock, late: Instant, number: u32) -> (i64, usize) {
         let (mut k, mut i) = self.last(clock, late);
         match self {
-            Self::Listed { .. } if (i & 1) as u32 != number => i = i.saturating_sub(1),
-            Self::Listed { .. } => {}
+            Self::Listed { numbers, .. } => i = numbers[..=i].iter().rposition(|own| *own == number).unwrap_or(0),
             Self::Locked { values, .. } | Self::Own { values, .. } => {
                 let count = values.len();
                 // Pieces of one repetition follow on each other.
@@ -155,10 +173,10 @@ impl Schedule {
     pub fn piece(&self, clock: &Clock, at: Instant) -> (u32, f64) {
         let (k, i) = self.last(clock, tie(clock, at));
         let number = match self {
-            Self::Listed { .. } => i & 1,
-            Self::Locked { values, .. } | Self::Own { values, .. } => i % values.len(),
+            Self::Listed { numbers, .. } => numbers[i],
+            Self::Locked { values, .. } | Self::Own { values, .. } => (i % values.len()) as u32,
         };
-        (number as u32, self.start_of(clock, (k, i)).map_or(0.0, |start| clock.between(start, at)))
+        (number, self.start_of(clock, (k, i)).map_or(0.0, |start| clock.between(start, at)))
     }
 
     /// The time since piece `number` last started, s. Unlike [`piece`](Self::piece) it holds up to and at the piece's
@@ -171,7 +189,10 @@ impl Schedule {
     /// The start of piece `number` that is nearest to `at`.
     pub fn start_near(&self, clock: &Clock, at: Instant, number: u32) -> Option<Instant> {
         let starts: Vec<Instant> = match self {
-            Self::Listed { times, .. } => times.iter().skip((number as usize + 1) & 1).step_by(2).copied().collect(),
+            Self::Listed { times, numbers, .. } => {
+                let starts = times.iter().zip(&numbers[1..]);
+                starts.filter(|(_, own)| **own == number).map(|(time, _)| *time).collect()
+            }
             Self::Locked { values, .. } | Self::Own { values, .. } => {
                 let (k, i) = self.last_of(clock, at, number);
                 let (next, all) = (i + values.len(), self.starts());
@@ -195,10 +216,9 @@ impl Schedule {
     /// Value at the start and slope of a piece.
     pub fn law(&self, piece: u32) -> (f64, f64) {
         match self {
-            Self::Locked { values, slopes, .. } | Self::Own { values, slopes, .. } => {
-                (values[piece as usize], slopes[piece as usize])
-            }
-            Self::Listed { levels, .. } => (levels[piece as usize], 0.0),
+            Self::Locked { values, slopes, .. }
+            | Self::Own { values, slopes, .. }
+            | Self::Listed { values, slopes, .. } => (values[piece as usize], slopes[piece as usize]),
         }
     }
 }

@@ -1,10 +1,10 @@
 //! The common form of every train:
 //!
 //! ```text
-//! M q̈ + C q̇ + K q + Σ_j g_j F_j = f(t),    δ_j = g_jᵀ q − e_j(t),    f(t) = f₀ + Σ_i f_i cos(ω_i t + φ_i)
+//! M q̈ + C q̇ + K q + Σ_j g_j F_j = f(t),    δ_j = g_jᵀ q − e_j(t),    f(t) = f₀ + Σ_i f_i cos(ω_i t + φ_i) + Σ_l p_l(t) d_l
 //! ```
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use crate::gear::{Harmonic, Stiffness, contact::Law};
 
@@ -41,16 +41,90 @@ pub struct ContactSpec {
     pub stiffness: Stiffness,
     /// The law.
     pub law: Law,
+    /// Damper `c δ̇` between the bodies in every state, N s/m, ≥ 0. It is no part of the contact's force, by which the law lets go.
+    pub gap_damping: f64,
+    /// The back flank, where it differs from the drive flank.
+    pub back: Option<BackFlank>,
+}
+
+/// A back flank with a stiffness and an error of its own, touched at `gᵀq − e = −b`. Law and b are those of the contact.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BackFlank {
+    /// Stiffness schedule; ignored by a rigid law.
+    pub stiffness: Stiffness,
+    /// Transmission error, m; positive closes the back flank.
+    pub error: Vec<Harmonic>,
+    /// Constant part of the error, m.
+    pub error_offset: f64,
 }
 
 impl ContactSpec {
+    /// Stiffness schedules of both flanks.
+    pub fn schedules(&self) -> impl Iterator<Item = &Stiffness> {
+        [&self.stiffness].into_iter().chain(self.back.as_ref().map(|back| &back.stiffness))
+    }
+
+    /// The same, to be changed.
+    pub fn schedules_mut(&mut self) -> impl Iterator<Item = &mut Stiffness> {
+        [&mut self.stiffness].into_iter().chain(self.back.as_mut().map(|back| &mut back.stiffness))
+    }
+
+    /// Transmission errors of both flanks.
+    pub fn errors(&self) -> impl Iterator<Item = &Vec<Harmonic>> {
+        [&self.error].into_iter().chain(self.back.as_ref().map(|back| &back.error))
+    }
+
+    /// The same, to be changed.
+    pub fn errors_mut(&mut self) -> impl Iterator<Item = &mut Vec<Harmonic>> {
+        [&mut self.error].into_iter().chain(self.back.as_mut().map(|back| &mut back.error))
+    }
+
+    /// Moves the teeth of both flanks by `offset`, m.
+    pub(crate) fn shift(&mut self, offset: f64) {
+        self.error_offset += offset;
+        self.back.iter_mut().for_each(|back| back.error_offset += offset);
+    }
+
+    /// The contact with the drive flank alone, where the back flank is a contact of its own.
+    pub(super) fn front(&self) -> Self {
+        let flanks = if self.back.is_some() { Flanks::Drive } else { self.flanks };
+        Self { flanks, back: None, ..self.clone() }
+    }
+
+    /// The back flank as the drive flank of a contact that is turned round.
+    pub(super) fn turned(&self) -> Option<Self> {
+        let BackFlank { stiffness, error, error_offset } = self.back.clone()?;
+        Some(Self {
+            direction: self.direction.iter().map(|g| -g).collect(),
+            error: error.into_iter().map(|h| Harmonic { amplitude: -h.amplitude, ..h }).collect(),
+            error_offset: -error_offset,
+            stiffness,
+            ..self.front()
+        })
+    }
+
+    /// A bound from below on the distance of the flanks, `2b + e − e_back`, m.
+    pub(super) fn narrowest_gap(&self) -> f64 {
+        let Some(back) = &self.back else { return 2.0 * self.half_backlash };
+        // Waves of one frequency add as phasors.
+        let mut phasors: Vec<(f64, [f64; 2])> = Vec::new();
+        let waves = self.error.iter().map(|h| (1.0, h)).chain(back.error.iter().map(|h| (-1.0, h)));
+        for (sign, h) in waves {
+            let (sin, cos) = libm::sincos(h.phase);
+            let part = [cos, sin].map(|x| sign * h.amplitude * x);
+            match phasors.iter_mut().find(|(omega, _)| *omega == h.omega) {
+                Some((_, sum)) => *sum = [sum[0] + part[0], sum[1] + part[1]],
+                None => phasors.push((h.omega, part)),
+            }
+        }
+        let swing: f64 = phasors.iter().map(|(_, [x, y])| libm::hypot(*x, *y)).sum();
+        2.0 * self.half_backlash + self.error_offset - back.error_offset - swing
+    }
+
     /// Error and its rate at time `t`, s, without the constant part: m, m/s.
     #[must_use]
     pub fn error_at(&self, t: f64) -> [f64; 2] {
-        self.error.iter().fold([0.0; 2], |[e, rate], h| {
-            let (sin, cos) = libm::sincos(h.omega * t + h.phase);
-            [e + h.amplitude * cos, rate - h.amplitude * h.omega * sin]
-        })
+        sum_at(&self.error, t)
     }
 
     /// Largest `|ë|` of the error, m/s²: the bound `Σ |a| ω²`, which harmonics of unrelated frequencies come as near to as one likes, or the
@@ -84,6 +158,14 @@ impl ContactSpec {
     }
 }
 
+/// Sum of harmonics, and its rate, at time `t`.
+pub(super) fn sum_at(harmonics: &[Harmonic], t: f64) -> [f64; 2] {
+    harmonics.iter().fold([0.0; 2], |[e, rate], h| {
+        let (sin, cos) = libm::sincos(h.omega * t + h.phase);
+        [e + h.amplitude * cos, rate - h.amplitude * h.omega * sin]
+    })
+}
+
 /// A harmonic load `f cos(ω t + φ)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadHarmonic {
@@ -93,6 +175,15 @@ pub struct LoadHarmonic {
     pub omega: f64,
     /// Phase φ, rad.
     pub phase: f64,
+}
+
+/// A load that follows a schedule, `p(t) · vector`, always acting.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoadSchedule {
+    /// Direction and size, `[n]`.
+    pub vector: Vec<f64>,
+    /// The factor p, N where the vector has no unit: steps and ramps, [`Stiffness::Periodic`] or [`Stiffness::Listed`].
+    pub factor: Stiffness,
 }
 
 /// A linear structure with contacts.
@@ -110,6 +201,8 @@ pub struct Spec {
     pub load: Vec<f64>,
     /// Harmonic loads.
     pub load_harmonics: Vec<LoadHarmonic>,
+    /// Loads in steps and ramps.
+    pub load_schedules: Vec<LoadSchedule>,
     /// The contacts.
     pub contacts: Vec<ContactSpec>,
     /// Base frequency of the forcing (mesh frequency), rad/s, if the train names one.
@@ -118,6 +211,48 @@ pub struct Spec {
     pub bearings: Vec<Bearing>,
     /// Contacts that share the load of a central gear: those of all its planets.
     pub shared: Vec<Vec<usize>>,
+}
+
+impl Spec {
+    /// The train with the dampers of its gaps as part of C and of the loads: `c δ̇ = c (gᵀq̇ − ė)`.
+    pub(super) fn with_gap_dampers(mut self) -> Self {
+        for contact in &mut self.contacts {
+            let c = std::mem::take(&mut contact.gap_damping);
+            if c == 0.0 {
+                continue;
+            }
+            let g = DVector::from_column_slice(&contact.direction);
+            self.damping += c * (&g * g.transpose());
+            for h in &contact.error {
+                // The derivative of a cosine is a cosine a quarter turn ahead.
+                let (omega, phase) = (h.omega, h.phase + std::f64::consts::FRAC_PI_2);
+                let push = g.iter().map(|g| c * h.amplitude * omega * g);
+                // One load for all planets: equal bodies have equal loads.
+                match self.load_harmonics.iter_mut().find(|load| load.omega == omega && load.phase == phase) {
+                    Some(load) => load.vector.iter_mut().zip(push).for_each(|(sum, push)| *sum += push),
+                    None => self.load_harmonics.push(LoadHarmonic { vector: push.collect(), omega, phase }),
+                }
+            }
+        }
+        self
+    }
+
+    /// The flanks as contacts: all contacts, then the back flanks that differ.
+    pub(super) fn flanks(&self) -> impl Iterator<Item = ContactSpec> {
+        let fronts = self.contacts.iter().map(ContactSpec::front);
+        fronts.chain(self.contacts.iter().filter_map(ContactSpec::turned))
+    }
+
+    /// The load without its harmonics, N, `[n]`: schedules with their means, listed ones with their value at `t = 0`.
+    #[must_use]
+    pub fn resting_load(&self) -> Vec<f64> {
+        let mut load = self.load.clone();
+        for LoadSchedule { vector, factor } in &self.load_schedules {
+            let factor = if let Stiffness::Listed { .. } = factor { factor.at(0.0) } else { factor.mean() };
+            load.iter_mut().zip(vector).for_each(|(load, part)| *load += factor * part);
+        }
+        load
+    }
 }
 
 /// A bearing: a body held by springs and dampers.

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
-use super::{ContactSpec, Flanks, Spec};
+use super::{ContactSpec, Flanks, Spec, spec::sum_at};
 use crate::{
     gear::contact::{Law, PowerLaw},
     linalg::{EigenError, Modes, natural_modes},
@@ -76,7 +76,7 @@ pub enum EquilibriumError {
 /// [`EquilibriumError::Unbalanced`] if more than 1e-9 of the largest load (and rounding) is left over (a load on a free
 /// motion); [`EquilibriumError::Rigid`] for a rigid contact, whose force has no stiffness.
 pub fn equilibrium(spec: &Spec) -> Result<Equilibrium, EquilibriumError> {
-    let load = DVector::from_column_slice(&spec.load);
+    let load = DVector::from_column_slice(&spec.resting_load());
     let scale = load.amax();
     let mut penetrations = Vec::with_capacity(spec.contacts.len());
     for contact in &spec.contacts {
@@ -153,12 +153,22 @@ pub fn pressed(spec: &Spec) -> Result<(Equilibrium, Vec<bool>), EquilibriumError
         }
         for j in pulling {
             is_back[j] = !is_back[j];
-            turned.contacts[j].half_backlash *= -1.0;
+            exchange(&mut turned.contacts[j]);
         }
         at = equilibrium(&turned)?;
     }
     let len = is_back.len();
     Ok((on_drive, vec![false; len]))
+}
+
+/// Lets the one flank of a contact stand where the other one does.
+fn exchange(contact: &mut ContactSpec) {
+    contact.half_backlash *= -1.0;
+    if let Some(back) = &mut contact.back {
+        std::mem::swap(&mut contact.stiffness, &mut back.stiffness);
+        std::mem::swap(&mut contact.error, &mut back.error);
+        std::mem::swap(&mut contact.error_offset, &mut back.error_offset);
+    }
 }
 
 /// The state that follows the errors at time `t`, s, without inertia: the flanks [`pressed`] with the errors of that time, and the velocities
@@ -168,11 +178,17 @@ pub fn pressed(spec: &Spec) -> Result<(Equilibrium, Vec<bool>), EquilibriumError
 /// [`EquilibriumError`], for the same causes as [`equilibrium`].
 pub fn quasi_static(spec: &Spec, t: f64) -> Result<(Equilibrium, Vec<bool>, Vec<f64>), EquilibriumError> {
     let mut moved = spec.clone();
-    moved.contacts.iter_mut().for_each(|contact| contact.error_offset += contact.error_at(t)[0]);
+    for contact in &mut moved.contacts {
+        contact.error_offset += contact.error_at(t)[0];
+        if let Some(back) = &mut contact.back {
+            back.error_offset += sum_at(&back.error, t)[0];
+        }
+    }
     let (at, is_back) = pressed(&moved)?;
+    moved.contacts.iter_mut().zip(&is_back).filter(|(_, is_back)| **is_back).for_each(|(c, _)| exchange(c));
     let stiffness = tangent_stiffness(&moved, &at);
     let mut push = DVector::zeros(spec.freedoms.len());
-    for (contact, k) in spec.contacts.iter().zip(&stiffness) {
+    for (contact, k) in moved.contacts.iter().zip(&stiffness) {
         push += k * contact.error_at(t)[1] * DVector::from_column_slice(&contact.direction);
     }
     let velocity = least_solution(&bonded_stiffness(&moved, Some(&stiffness)), &push);

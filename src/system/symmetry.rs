@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Spec, assemble::PerContact};
+use super::{ContactSpec, Spec, assemble::PerContact};
 
 /// Differences below this fraction of a value are rounding of a solved system.
 const ROUNDING: f64 = 256.0 * f64::EPSILON;
@@ -41,23 +41,24 @@ fn classes(colours: &[u64]) -> Vec<Vec<usize>> {
 
 impl Symmetry {
     /// The coarsest equitable partition, by refinement of colours.
-    pub fn new(spec: &Spec) -> Self {
+    pub fn new(spec: &Spec, flanks: &[ContactSpec]) -> Self {
         let n = spec.freedoms.len();
         let matrices = [&spec.mass, &spec.damping, &spec.stiffness];
         let mut freedoms = number(
             (0..n)
                 .map(|i| {
                     let own = matrices.iter().map(|m| m[(i, i)].to_bits()).chain([spec.load[i].to_bits()]);
-                    own.chain(spec.load_harmonics.iter().map(|l| l.vector[i].to_bits())).collect()
+                    let harmonics = spec.load_harmonics.iter().map(|l| l.vector[i].to_bits());
+                    own.chain(harmonics).chain(spec.load_schedules.iter().map(|l| l.vector[i].to_bits())).collect()
                 })
                 .collect(),
         );
         // All that a contact is, its name and direction apart.
-        let text = |c: &super::ContactSpec| {
+        let text = |c: &ContactSpec| {
             let own = format!("{:?}", (c.law, &c.error, c.error_offset, c.half_backlash, c.flanks, &c.stiffness));
             own.into_bytes().into_iter().map(u64::from).collect()
         };
-        let mut contacts = number(spec.contacts.iter().map(text).collect());
+        let mut contacts = number(flanks.iter().map(text).collect());
         loop {
             let count = |colours: &[u64]| colours.iter().max().map_or(0, |most| *most);
             let before = (count(&freedoms), count(&contacts));
@@ -72,12 +73,12 @@ impl Symmetry {
                     let entries = matrices.iter().flat_map(|m| [m[(i, j)].to_bits(), m[(j, i)].to_bits()]);
                     entries.chain([freedoms[j]]).collect()
                 });
-                let met = (0..contacts.len()).filter(|c| spec.contacts[*c].direction[i] != 0.0);
-                let met = met.map(|c| vec![spec.contacts[c].direction[i].to_bits(), contacts[c]]);
+                let met = (0..contacts.len()).filter(|c| flanks[*c].direction[i] != 0.0);
+                let met = met.map(|c| vec![flanks[c].direction[i].to_bits(), contacts[c]]);
                 sorted(freedoms[i], coupled.chain(met).collect())
             };
             let contact = |c: usize| {
-                let direction = &spec.contacts[c].direction;
+                let direction = &flanks[c].direction;
                 let met = (0..n).filter(|i| direction[*i] != 0.0).map(|i| vec![direction[i].to_bits(), freedoms[i]]);
                 sorted(contacts[c], met.collect())
             };

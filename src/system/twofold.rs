@@ -24,6 +24,7 @@ pub(crate) fn conserves(spec: &Spec) -> bool {
     let c = &spec.damping;
     c.iter().zip(c.transpose().iter()).all(|(a, b)| *a == -b)
         && spec.load_harmonics.iter().all(|l| l.vector.iter().all(|f| *f == 0.0))
+        && spec.load_schedules.is_empty()
         && spec.contacts.iter().all(|c| {
             let keeps = match c.law {
                 Law::Bilateral(l) | Law::KelvinVoigt(l, _) => l.damping == 0.0,

@@ -1,8 +1,8 @@
 //! A structure seen through its contacts.
 
 use super::{
-    assemble::{Structure, dot},
-    contact_mode::{contact_mode, guard_of},
+    assemble::{Structure, dot, zeros},
+    contact_mode::{contact_mode, guard_id, guard_of, set_contact},
 };
 use crate::{
     gear::contact::{Law, Release, restitution},
@@ -25,9 +25,44 @@ pub fn damped_restitution(zeta: f64, release: Release) -> f64 {
     }
 }
 
+impl Structure {
+    /// Puts contact `j` into `state` in `mode`.
+    pub fn set_contact(&self, mode: &mut Mode, j: usize, state: ContactMode) {
+        let Some(back) = self.contacts[j].back else { return set_contact(mode, j, state) };
+        let [drive, turned] = [(1.0, state), (-1.0, state.turned())]
+            .map(|(side, own)| if state.side() == side { own } else { ContactMode::Separated });
+        set_contact(mode, j, drive);
+        set_contact(mode, back, turned);
+    }
+
+    /// The guard of contact `j` that watches `watch`, on the flank of `side`.
+    #[must_use]
+    pub fn guard_of_contact(&self, j: usize, side: f64, watch: Watch) -> GuardId {
+        match self.contacts[j].back.filter(|_| side < 0.0) {
+            Some(back) => guard_id(back, if watch == Watch::Force { watch } else { Watch::DriveFlank }),
+            None => guard_id(j, watch),
+        }
+    }
+
+    /// Contacts whose approach speeds the state latches, in its order, with the sides of their flanks: 0 where one speed serves both.
+    pub fn latched(&self) -> impl Iterator<Item = (usize, f64)> {
+        let flanks = (0..self.flanks()).filter(|flank| self.contacts[*flank].latch.is_some());
+        flanks.map(|flank| match self.contact_of(flank) {
+            (j, _) if self.contacts[j].back.is_none() => (j, 0.0),
+            of => of,
+        })
+    }
+
+    /// Where the state keeps the approach speed that contact `j` has latched in `mode`.
+    #[must_use]
+    pub fn latch_in(&self, mode: &Mode, j: usize) -> Option<usize> {
+        self.contacts[self.flank_in(mode, j).0].latch
+    }
+}
+
 impl ContactView for Structure {
     fn contact_count(&self) -> usize {
-        self.contacts.len()
+        self.spec.contacts.len()
     }
 
     fn contact_name(&self, j: usize) -> &str {
@@ -35,11 +70,21 @@ impl ContactView for Structure {
     }
 
     fn contact_mode(&self, j: usize, mode: &Mode) -> ContactMode {
-        contact_mode(mode, j)
+        use ContactMode::{Back, BackDetached, DriveDetached};
+        let (flank, sense) = self.flank_in(mode, j);
+        match contact_mode(mode, flank) {
+            own if sense > 0.0 => own,
+            DriveDetached => BackDetached,
+            _ => Back,
+        }
     }
 
     fn watch(&self, id: GuardId) -> (usize, Watch) {
-        guard_of(id)
+        let (flank, watch) = guard_of(id);
+        match self.contact_of(flank) {
+            (j, sense) if sense < 0.0 && watch == Watch::DriveFlank => (j, Watch::BackFlank),
+            (j, _) => (j, watch),
+        }
     }
 
     fn is_rigid(&self, j: usize) -> bool {
@@ -63,8 +108,14 @@ impl ContactView for Structure {
         }
     }
 
-    fn deflection(&self, j: usize, at: Instant, x: &[f64]) -> (f64, f64) {
-        self.deflection(j, at, x)
+    fn deflection(&self, j: usize, side: f64, at: Instant, x: &[f64]) -> (f64, f64) {
+        match self.contacts[j].back {
+            Some(back) if side < 0.0 => {
+                let (d, rate) = self.deflection(back, at, x);
+                (-d, -rate)
+            }
+            _ => self.deflection(j, at, x),
+        }
     }
 
     fn transmission(&self, j: usize, x: &[f64]) -> f64 {
@@ -72,18 +123,25 @@ impl ContactView for Structure {
     }
 
     fn force(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
-        self.carried_by(j, mode, at, x)
+        let (flank, sense) = self.flank_in(mode, j);
+        sense * self.carried_by(flank, mode, at, x)
     }
 
     fn stored(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
-        self.stored_in(self.acting(mode, j), at, x)
+        self.stored_in(self.acting(mode, self.flank_in(mode, j).0), at, x)
     }
 
     fn dissipation(&self, j: usize, mode: &Mode, at: Instant, x: &[f64]) -> f64 {
-        self.contact_powers(self.acting(mode, j), at, x).0
+        self.contact_powers(self.acting(mode, self.flank_in(mode, j).0), at, x).0
     }
 
     fn impulses(&self, transition: &Transition<'_>, out: &mut [f64]) {
-        self.impulses_of(transition, out);
+        let mut of_flanks = zeros(self.flanks());
+        self.impulses_of(transition, &mut of_flanks);
+        out.fill(0.0);
+        for (flank, impulse) in of_flanks.iter().enumerate() {
+            let (j, sense) = self.contact_of(flank);
+            out[j] += sense * impulse;
+        }
     }
 }

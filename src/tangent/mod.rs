@@ -158,7 +158,7 @@ impl<'s> Tangent<'s> {
     /// Forgets the latched speeds of contacts that are open in `mode`: nothing follows from them any more.
     pub(crate) fn forget(&mut self, mode: &Mode) {
         let count = self.columns.count;
-        for (j, c) in self.structure.contacts().iter().enumerate() {
+        for (j, c) in self.structure.contacts.iter().enumerate() {
             if let Some(latch) = c.latch().filter(|_| contact_mode(mode, j) == ContactMode::Separated) {
                 self.columns.values[latch * count..(latch + 1) * count].fill(0.0);
             }
@@ -172,7 +172,7 @@ impl<'s> Tangent<'s> {
 
     /// Whose latched speeds are those of contacts that are open in `mode`.
     fn open(&self, mode: &Mode) -> Vec<bool> {
-        let contacts = self.structure.contacts().iter().enumerate().filter(|(_, c)| c.latch().is_some());
+        let contacts = self.structure.contacts.iter().enumerate().filter(|(_, c)| c.latch().is_some());
         contacts.map(|(j, _)| contact_mode(mode, j) == ContactMode::Separated).collect()
     }
 

@@ -191,6 +191,7 @@ impl Assembly {
                 .filter(|bearing| !bearing.springs.is_empty())
                 .collect(),
             shared: Vec::new(),
+            load_schedules: vec![],
         }
     }
 }

@@ -27,13 +27,14 @@ pub(super) fn impose(mut spec: Spec, motions: &[Vec<Harmonic>]) -> Spec {
             }
             for contact in spec.contacts.iter_mut().filter(|contact| contact.direction[n + i] != 0.0) {
                 let amplitude = -contact.direction[n + i] * h.amplitude;
-                contact.error.push(Harmonic { amplitude, ..*h });
+                contact.errors_mut().for_each(|error| error.push(Harmonic { amplitude, ..*h }));
             }
         }
     }
     let kept = |matrix: nalgebra::DMatrix<f64>| matrix.view((0, 0), (n, n)).into_owned();
     spec.load_harmonics.iter_mut().for_each(|load| load.vector.truncate(n));
     spec.load_harmonics.extend(loads);
+    spec.load_schedules.iter_mut().for_each(|load| load.vector.truncate(n));
     spec.contacts.iter_mut().for_each(|contact| contact.direction.truncate(n));
     // Its force would have a part of the given motion, which no state holds.
     spec.bearings.retain(|bearing| bearing.springs.iter().all(|s| s.direction[n..].iter().all(|d| *d == 0.0)));

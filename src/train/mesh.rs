@@ -3,7 +3,7 @@
 use super::error::{TrainError, check};
 use crate::gear::contact::{Law, Linear};
 use crate::gear::{MeshHarmonic, MeshStiffness, Stiffness};
-use crate::system::{ContactSpec, Flanks};
+use crate::system::{BackFlank, ContactSpec, Flanks};
 
 /// One gear mesh. Its clock is `τ = f_m t + phase`.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +22,23 @@ pub struct Mesh {
     pub error_offset: f64,
     /// Mesh phase γ, periods.
     pub phase: f64,
+    /// Damper between the gears in every state, N s/m, ≥ 0.
+    pub gap_damping: f64,
+    /// The back flank, where it differs from the drive flank.
+    pub back: Option<MeshBack>,
+}
+
+/// A back flank with numbers of its own. Its clock is that of the mesh, `phase` periods ahead.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshBack {
+    /// Stiffness, N/m (N/mⁿ for a power law).
+    pub stiffness: MeshStiffness,
+    /// Transmission error, m; positive closes the back flank.
+    pub error: Vec<MeshHarmonic>,
+    /// Constant part of the error, m.
+    pub error_offset: f64,
+    /// Phase against the drive flank, periods.
+    pub phase: f64,
 }
 
 impl Mesh {
@@ -36,6 +53,8 @@ impl Mesh {
             error: Vec::new(),
             error_offset: 0.0,
             phase: 0.0,
+            gap_damping: 0.0,
+            back: None,
         }
     }
 
@@ -55,33 +74,52 @@ impl Mesh {
             let name = format_args!("{name}: half backlash of a bilateral mesh");
             check(name, self.half_backlash, self.half_backlash == 0.0, "0: it never lets go")?;
         }
-        check(format_args!("{name}: error offset"), self.error_offset, true, "finite")?;
         check(format_args!("{name}: phase"), self.phase, true, "finite")?;
-        for h in &self.error {
+        check(format_args!("{name}: gap damping"), self.gap_damping, self.gap_damping >= 0.0, ">= 0")?;
+        let own = MeshBack {
+            stiffness: self.stiffness.clone(),
+            error: self.error.clone(),
+            error_offset: self.error_offset,
+            phase: 0.0,
+        };
+        let drive = self.flank(&name, &own, frequency)?;
+        let back_name = format!("{name}, back flank");
+        let back = self.back.as_ref().map(|back| self.flank(&back_name, back, frequency)).transpose()?;
+        Ok(ContactSpec {
+            name,
+            direction,
+            error: drive.error,
+            error_offset: drive.error_offset,
+            half_backlash: self.half_backlash,
+            flanks: self.flanks,
+            stiffness: drive.stiffness,
+            law: self.law,
+            gap_damping: self.gap_damping,
+            back,
+        })
+    }
+
+    /// A flank in time.
+    fn flank(&self, name: &str, flank: &MeshBack, frequency: f64) -> Result<BackFlank, TrainError> {
+        check(format_args!("{name}: error offset"), flank.error_offset, true, "finite")?;
+        check(format_args!("{name}: phase"), flank.phase, true, "finite")?;
+        for h in &flank.error {
             check(format_args!("{name}: error order"), h.order, h.order > 0.0, "> 0")?;
             check(format_args!("{name}: error amplitude"), h.amplitude, true, "finite")?;
             check(format_args!("{name}: error phase"), h.phase, true, "finite")?;
         }
-        check_stiffness(&name, &self.stiffness)?;
-        let mean = self.stiffness.mean();
+        check_stiffness(name, &flank.stiffness)?;
+        let mean = flank.stiffness.mean();
         check(format_args!("{name}: mean stiffness"), mean, mean > 0.0 || self.law.is_rigid(), "> 0")?;
         let standing = frequency <= 0.0;
-        if standing && (self.stiffness.varies() || self.error.iter().any(|h| h.amplitude != 0.0)) {
-            return Err(TrainError::Standing { what: name });
+        if standing && (flank.stiffness.varies() || flank.error.iter().any(|h| h.amplitude != 0.0)) {
+            return Err(TrainError::Standing { what: name.to_owned() });
         }
+        let phase = self.phase + flank.phase;
         let stiffness =
-            if standing { Stiffness::Constant(mean) } else { self.stiffness.schedule(frequency.recip(), self.phase) };
-        let error = self.error.iter().filter(|h| h.amplitude != 0.0).map(|h| h.sine(frequency, self.phase)).collect();
-        Ok(ContactSpec {
-            name,
-            direction,
-            error,
-            error_offset: self.error_offset,
-            half_backlash: self.half_backlash,
-            flanks: self.flanks,
-            stiffness,
-            law: self.law,
-        })
+            if standing { Stiffness::Constant(mean) } else { flank.stiffness.schedule(frequency.recip(), phase) };
+        let error = flank.error.iter().filter(|h| h.amplitude != 0.0).map(|h| h.sine(frequency, phase)).collect();
+        Ok(BackFlank { stiffness, error, error_offset: flank.error_offset })
     }
 }
 

@@ -16,7 +16,7 @@ mod wall;
 pub use body::{Body, Damping, Support};
 pub use drawing::{Drawing, GearDrawing};
 pub use error::TrainError;
-pub use mesh::{Mesh, mesh_damping};
+pub use mesh::{Mesh, MeshBack, mesh_damping};
 pub use pair::{GearPair, KahramanSingh};
 pub use planetary::{Freedoms, Load, Phasing, Planet, Planetary, StageGeometry, Teeth, Warning};
 pub use scaled::Quantity;

@@ -88,10 +88,13 @@ impl KahramanSingh {
                 flanks: Flanks::Both,
                 stiffness: self.stiffness.schedule(frequency.recip(), 0.0),
                 law: Law::KelvinVoigt(Linear { damping: in_contact }, Release::Deflection),
+                gap_damping: 0.0,
+                back: None,
             }],
             omega: Some(self.omega),
             bearings: Vec::new(),
             shared: Vec::new(),
+            load_schedules: vec![],
         })
     }
 }

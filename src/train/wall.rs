@@ -109,10 +109,13 @@ impl Walled {
                 flanks,
                 stiffness: self.contact_stiffness.clone(),
                 law: self.law,
+                gap_damping: 0.0,
+                back: None,
             }],
             omega: self.omega,
             bearings: Vec::new(),
             shared: Vec::new(),
+            load_schedules: vec![],
         })
     }
 }

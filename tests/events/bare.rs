@@ -104,6 +104,8 @@ pub fn chain_beside(
         flanks: if kinds[j % kinds.len()] == 1 { Flanks::Drive } else { Flanks::Both },
         stiffness: stiffness(j),
         law: law(j),
+        gap_damping: 0.0,
+        back: None,
     });
     Structure::new(Spec {
         freedoms: (0..all).map(|i| format!("x_{i}")).collect(),
@@ -120,6 +122,7 @@ pub fn chain_beside(
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules: vec![],
     })
     .unwrap()
 }
@@ -172,6 +175,8 @@ fn just_left(n: usize) {
             flanks: Flanks::Drive,
             stiffness: Stiffness::Constant(1.0),
             law,
+            gap_damping: 0.0,
+            back: None,
         };
         Structure::new(Spec {
             freedoms: (0..n).map(|i| format!("x_{i}")).collect(),
@@ -188,6 +193,7 @@ fn just_left(n: usize) {
             omega: Some(1.0),
             bearings: vec![],
             shared: vec![],
+            load_schedules: vec![],
         })
         .unwrap()
     };
@@ -220,6 +226,8 @@ fn l40_grazes_after_leaps_are_kept() {
         flanks: Flanks::Drive,
         stiffness: Stiffness::Constant(1.0),
         law: Law::KelvinVoigt(Linear { damping: 0.1 }, Release::Deflection),
+        gap_damping: 0.0,
+        back: None,
     };
     let mut grazes = 0;
     for i in 0..60 {
@@ -241,6 +249,7 @@ fn l40_grazes_after_leaps_are_kept() {
             omega: None,
             bearings: vec![],
             shared: vec![],
+            load_schedules: vec![],
         })
         .unwrap();
         let (mut q, mut v) = (vec![0.1; n], vec![0.2; n]);

@@ -225,6 +225,8 @@ fn an_open_contact_on_a_weak_direction_costs_nothing() {
         flanks: Flanks::Drive,
         stiffness: Stiffness::Constant(1.0),
         law,
+        gap_damping: 0.0,
+        back: None,
     };
     let law = Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection);
     let spec = Spec {
@@ -238,6 +240,7 @@ fn an_open_contact_on_a_weak_direction_costs_nothing() {
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules: vec![],
     };
     let run = run(&Structure::new(spec).unwrap(), &[0.0, 0.0], &[1.0, 1.0], 20.0);
     assert!(run.counters.events > 1, "{:?}", run.times());

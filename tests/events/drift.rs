@@ -98,10 +98,13 @@ fn train(
             flanks,
             stiffness: Stiffness::Constant(stiffness),
             law,
+            gap_damping: 0.0,
+            back: None,
         }],
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules: vec![],
     })
     .unwrap()
 }

@@ -40,7 +40,7 @@ fn l25_an_undamped_contact_without_stiffness_opens_on_its_flank() {
     for levels in [[1.0, 0.0], [1.0, 1e-9]] {
         for release in [Release::Force, Release::Deflection] {
             let law = Law::KelvinVoigt(Linear { damping: 0.0 }, release);
-            let stiffness = Stiffness::Switched { times: vec![[1.0, 0.0]], levels };
+            let stiffness = Stiffness::switched(vec![[1.0, 0.0]], levels);
             let wall = Walls::Above { position: 0.0 };
             let run =
                 run(&walled(&Walled { load: -1.0, ..Walled::new(1.0, wall, law, stiffness) }), &[0.0], &[1.0], 6.0);

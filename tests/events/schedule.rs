@@ -19,7 +19,7 @@ use crate::support::{Log, Run, ball, engine, masses, modes, run, run_from, state
 /// `x = −1 + t` up to the flank at 0, which it meets as the stiffness steps from 1 to 4.
 fn step_at_contact() -> Structure {
     let law = Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection);
-    let k = Stiffness::Switched { times: vec![[1.0, 0.0]], levels: [1.0, 4.0] };
+    let k = Stiffness::switched(vec![[1.0, 0.0]], [1.0, 4.0]);
     walled(&Walled::new(1.0, Walls::Above { position: 0.0 }, law, k))
 }
 
@@ -64,7 +64,7 @@ fn l15_a_stiffness_step_at_the_end_of_a_piece_of_a_run_is_not_lost() {
 fn l15_a_stiffness_that_steps_while_the_contact_is_open_is_the_new_one_when_it_closes() {
     for levels in [[1.0, 4.0], [4.0, 1.0]] {
         let law = Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection);
-        let k = Stiffness::Switched { times: vec![[0.25, 0.0], [0.5, 0.0], [0.75, 0.0]], levels };
+        let k = Stiffness::switched(vec![[0.25, 0.0], [0.5, 0.0], [0.75, 0.0]], levels);
         let s = walled(&Walled::new(1.0, Walls::Above { position: 0.0 }, law, k));
         let run = run(&s, &[-1.0], &[1.0], 6.0);
         // Three switches leave the second level, and none ends the arc.
@@ -80,7 +80,7 @@ fn l15_a_stiffness_that_steps_while_the_contact_is_open_is_the_new_one_when_it_c
 #[test]
 fn l15_only_switches_of_contacts_that_act_end_an_arc() {
     let law = Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection);
-    let switched = |time: f64| Stiffness::Switched { times: vec![[time, 0.0]], levels: [1.0, 9.0] };
+    let switched = |time: f64| Stiffness::switched(vec![[time, 0.0]], [1.0, 9.0]);
     let mut s = masses(&[1.0, 1.0], &[0.0, 0.0], &[vec![1.0, 0.0], vec![0.0, 1.0]], law).spec().clone();
     (s.contacts[0].stiffness, s.contacts[1].stiffness) = (switched(0.5), switched(0.25));
     let s = Structure::new(s).unwrap();

@@ -95,6 +95,8 @@ fn l38_leaps_of_several_bodies_have_no_bias() {
         flanks: Flanks::Drive,
         stiffness: Stiffness::Constant(4.0),
         law: laws()[1],
+        gap_damping: 0.0,
+        back: None,
     };
     let system = Structure::new(Spec {
         freedoms: (0..n).map(|i| format!("x_{i}")).collect(),
@@ -107,6 +109,7 @@ fn l38_leaps_of_several_bodies_have_no_bias() {
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules: vec![],
     })
     .unwrap();
     let start = || state(&system, &vec![0.0; n], &vec![0.1; n]);

@@ -138,6 +138,8 @@ pub fn masses(masses: &[f64], load: &[f64], directions: &[Vec<f64>], law: Law) -
             flanks: Flanks::Drive,
             stiffness: Stiffness::Constant(1.0),
             law,
+            gap_damping: 0.0,
+            back: None,
         })
         .collect();
     Structure::new(Spec {
@@ -151,6 +153,7 @@ pub fn masses(masses: &[f64], load: &[f64], directions: &[Vec<f64>], law: Law) -
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules: vec![],
     })
     .unwrap()
 }

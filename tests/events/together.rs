@@ -148,7 +148,7 @@ fn l13_a_stiffness_drop_lets_go_at_the_same_instant() {
         1.0,
         Walls::Between { half_gap: 1.0 },
         Law::KelvinVoigt(Linear { damping: 0.5 }, Release::Force),
-        Stiffness::Switched { times: vec![[0.01, 0.0]], levels: [1.0, 0.1] },
+        Stiffness::switched(vec![[0.01, 0.0]], [1.0, 0.1]),
     ));
     let run = run(&s, &[1.1], &[-0.1], 0.02);
     assert_eq!(run.times(), [0.01]);

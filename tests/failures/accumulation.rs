@@ -107,7 +107,7 @@ fn c1_an_accumulation_point_at_the_end_of_a_run_or_of_a_stiffness_piece_is_passe
         let mut watched = spec.contacts[0].clone();
         // A force that is none, whose switch ends an arc all the same.
         (watched.name, watched.law) = ("spring".into(), Law::Bilateral(Linear { damping: 0.0 }));
-        watched.stiffness = Stiffness::Switched { times: vec![[end, 0.0]], levels: [1e-300, 2e-300] };
+        watched.stiffness = Stiffness::switched(vec![[end, 0.0]], [1e-300, 2e-300]);
         spec.contacts.push(watched);
         let s = Structure::new(spec).unwrap();
         let run = run(&s, &[0.0], &[1.0], 30.0);
@@ -247,7 +247,7 @@ fn c4_an_extremely_stiff_damped_contact_neither_dies_nor_repeats_itself() {
 #[test]
 fn c4_a_contact_released_by_a_drop_of_stiffness_does_not_pull() {
     let law = Law::KelvinVoigt(Linear { damping: 46.0 }, Release::Force);
-    let k = Stiffness::Switched { times: vec![[1e-3, 0.0]], levels: [1.0, 0.1] };
+    let k = Stiffness::switched(vec![[1e-3, 0.0]], [1.0, 0.1]);
     let s = walled(&Walled { load: 0.5, ..Walled::new(1.0, Walls::Above { position: 0.0 }, law, k) });
     let (mut log, mut contacts) = (Log::default(), Contacts::new(&s, None));
     let mut engine = engine(&s, state(&s, &[50.0], &[-1.0]), Options::default());

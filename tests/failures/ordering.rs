@@ -114,7 +114,7 @@ fn b3_an_inelastic_collapse_at_one_instant_ends_in_rest() {
 /// `1 + π/2`, not at `1 + π`.
 #[test]
 fn b4_a_stiffness_step_next_to_the_contact_changes_nothing() {
-    let k = Stiffness::Switched { times: vec![[1.0, 0.0]], levels: [1.0, 4.0] };
+    let k = Stiffness::switched(vec![[1.0, 0.0]], [1.0, 4.0]);
     let s = walled(&Walled::new(1.0, Walls::Above { position: 0.0 }, spring(0.0), k));
     for ulps in -8..=8 {
         let run = run(&s, &[-1.0 - f64::from(ulps) * f64::EPSILON], &[1.0], 4.0);
@@ -135,7 +135,7 @@ fn b4_a_stiffness_step_next_to_the_contact_changes_nothing() {
 #[test]
 fn b5_a_stiffness_step_under_load_is_work_in_the_ledger() {
     for k in [4.0, 0.25] {
-        let stiffness = Stiffness::Switched { times: vec![[1.0, 0.0]], levels: [1.0, k] };
+        let stiffness = Stiffness::switched(vec![[1.0, 0.0]], [1.0, k]);
         let s =
             walled(&Walled { load: 0.3, ..Walled::new(1.0, Walls::Above { position: 0.5 }, spring(0.1), stiffness) });
         let mut ledger = Ledger::new(&s);

@@ -89,7 +89,7 @@ fn closes_on_a_stage_with_errors_in_six_meshes() {
 #[test]
 fn a_switch_under_a_held_deflection_does_half_the_stiffness_step_times_its_square() {
     // x = x₀ cos t from rest at x₀; k switches from 1 to 4 at t = 0.25.
-    let stiffness = Stiffness::Switched { times: vec![[0.25, 0.0]], levels: [1.0, 4.0] };
+    let stiffness = Stiffness::switched(vec![[0.25, 0.0]], [1.0, 4.0]);
     let law = Law::Bilateral(Linear { damping: 0.0 });
     let contact = ContactSpec { stiffness, law, ..trains::mesh(&[1.0]) };
     let spec = trains::single(0.0, 0.0, None, vec![contact]);
@@ -101,7 +101,7 @@ fn a_switch_under_a_held_deflection_does_half_the_stiffness_step_times_its_squar
 #[test]
 fn a_contact_that_a_switch_opens_loses_what_its_spring_holds_after_the_switch() {
     // Struck at t = 1, the mass leaves at t = 3 with p ≈ 0.54, ṗ ≈ −0.34. There k drops from 1 to 0.04, and k p + 0.6 ṗ is a pull.
-    let stiffness = Stiffness::Switched { times: vec![[3.0, 0.0]], levels: [1.0, 0.04] };
+    let stiffness = Stiffness::switched(vec![[3.0, 0.0]], [1.0, 0.04]);
     let law = Law::KelvinVoigt(Linear { damping: 0.6 }, Release::Force);
     let contact = ContactSpec { stiffness, law, flanks: Flanks::Drive, ..trains::mesh(&[1.0]) };
     let case = Case { spec: trains::single(0.0, 0.0, None, vec![contact]), q: vec![0.0], v: vec![1.0], end: 4.0 };

@@ -21,6 +21,8 @@ fn spec(contacts: Vec<(Stiffness, Law)>) -> Spec {
         flanks: Flanks::Both,
         stiffness,
         law,
+        gap_damping: 0.0,
+        back: None,
     };
     Spec {
         freedoms: vec!["x".into()],
@@ -33,6 +35,7 @@ fn spec(contacts: Vec<(Stiffness, Law)>) -> Spec {
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules: vec![],
     }
 }
 
@@ -45,10 +48,7 @@ fn all() -> Spec {
         (Stiffness::Constant(10.0), Law::KelvinVoigt(linear, Release::Force)),
         (Stiffness::Harmonic { mean: 6.0, harmonics }, Law::Bilateral(linear)),
         (Stiffness::Periodic { period: 1.0, origin: 0.0, pieces }, Law::Power(power)),
-        (
-            Stiffness::Switched { times: vec![[1.0, 0.0]], levels: [3.0, 2.0] },
-            Law::KelvinVoigt(linear, Release::Deflection),
-        ),
+        (Stiffness::switched(vec![[1.0, 0.0]], [3.0, 2.0]), Law::KelvinVoigt(linear, Release::Deflection)),
         (Stiffness::Constant(0.0), Law::Rigid(Rigid::constant(0.5))),
     ])
 }

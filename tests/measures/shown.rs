@@ -54,7 +54,11 @@ impl Observer for Compare<'_> {
                 self.worst[kind] = self.worst[kind].max((found - value).abs());
             };
             for j in 0..s.contact_count() {
-                compare(0, Asked::Row(Shown::Deflection(j)), ContactView::deflection(s, j, at, &x).0);
+                compare(
+                    0,
+                    Asked::Row(Shown::Deflection(j)),
+                    ContactView::deflection(s, j, s.contact_mode(j, mode).side(), at, &x).0,
+                );
                 compare(1, Asked::Row(Shown::Transmission(j)), s.transmission(j, &x));
                 compare(2, Asked::Row(Shown::Force(j)), s.force(j, mode, at, &x));
                 compare(3, Asked::Sample(Power::Loss(j)), s.dissipation(j, mode, at, &x));
@@ -92,6 +96,7 @@ fn stacked(law: Law, harmonic: bool) -> Case {
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules: vec![],
     };
     Case { spec, q: vec![0.5, 1.0], v: vec![0.0; 2], end: 0.0 }
 }

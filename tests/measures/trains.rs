@@ -22,6 +22,8 @@ pub fn mesh(direction: &[f64]) -> ContactSpec {
         flanks: Flanks::Both,
         stiffness: Stiffness::Constant(1.0),
         law: Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection),
+        gap_damping: 0.0,
+        back: None,
     }
 }
 
@@ -42,6 +44,7 @@ pub fn single(damping: f64, load: f64, harmonic: Option<(f64, f64)>, contacts: V
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules: vec![],
     }
 }
 
@@ -101,6 +104,7 @@ pub fn two_mass() -> Case {
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules: vec![],
     };
     Case { spec, q: vec![0.53, 0.0], v: vec![0.1, 0.0], end: 100.0 }
 }
@@ -156,6 +160,7 @@ pub fn three_at_once() -> Case {
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules: vec![],
     };
     Case { spec, q: vec![0.0; 4], v: vec![1.0, 0.0, 0.0, 0.0], end: 20.0 }
 }
@@ -199,6 +204,7 @@ pub fn planetary() -> Case {
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules: vec![],
     };
     Case { spec, q: vec![6.0, 0.0, 0.0, 0.5, 0.4, 0.6], v: vec![0.0; 6], end: 12.0 }
 }

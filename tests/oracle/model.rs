@@ -5,7 +5,7 @@ use flank::{
         Harmonic, Stiffness,
         contact::{Law as SpecLaw, Release, Restitution},
     },
-    system::{Flanks, Spec},
+    system::{BackFlank, ContactSpec, Flanks, Spec},
 };
 
 use super::{
@@ -29,7 +29,8 @@ pub enum Spring {
         origin: Wide,
         pieces: Vec<[Wide; 3]>,
     },
-    Listed(Vec<Wide>, [Wide; 2]),
+    /// Times, then value and slope before the first and from each one on.
+    Listed(Vec<Wide>, Vec<[Wide; 2]>),
 }
 
 pub enum Law {
@@ -114,7 +115,12 @@ pub struct Model {
     pub omegas: Vec<Wide>,
     /// `M⁻¹ f` of each harmonic load: oscillator, cosine part, sine part.
     pub loads: Vec<(usize, Vec<Wide>, Vec<Wide>)>,
+    /// Schedules of loads, and their accelerations for a value of one.
+    pub load_schedules: Vec<(Spring, Vec<Wide>)>,
+    /// The contacts; behind them back flanks that differ, as drive flanks that are turned round.
     pub contacts: Vec<Contact>,
+    /// The contacts of those.
+    pub back_of: Vec<usize>,
     /// `G M⁻¹ Gᵀ`.
     pub mobility: Vec<Vec<Wide>>,
     /// `√M_ii`.
@@ -177,7 +183,14 @@ impl Model {
             let a = scale * t(h.amplitude);
             Wave { oscillator: index(h.omega), c: a * cos, s: -(a * sin) }
         };
-        let loads = spec
+        let mut damping = matrix(&|i, j| spec.damping[(i, j)]);
+        for c in spec.contacts.iter().filter(|c| c.gap_damping > 0.0) {
+            let g: Vec<Wide> = c.direction.iter().map(|x| t(*x)).collect();
+            for (row, gi) in damping.iter_mut().zip(&g) {
+                row.iter_mut().zip(&g).for_each(|(entry, gj)| *entry = *entry + t(c.gap_damping) * *gi * *gj);
+            }
+        }
+        let mut loads: Vec<_> = spec
             .load_harmonics
             .iter()
             .map(|l| {
@@ -187,59 +200,80 @@ impl Model {
                 (index(l.omega), part(cos), part(-sin))
             })
             .collect();
-        let contacts: Vec<Contact> = spec
-            .contacts
+        let pieces = |schedule: &Stiffness| match schedule {
+            Stiffness::Periodic { period, origin, pieces } => Spring::Pieces {
+                period: t(*period) / faster,
+                origin: t(*origin),
+                pieces: pieces.iter().map(|p| [t(p.start), t(p.value), t(p.slope) * faster]).collect(),
+            },
+            Stiffness::Listed { times, values, slopes } => Spring::Listed(
+                times.iter().map(|[high, low]| t(*high) + wide(*low)).collect(),
+                values.iter().zip(slopes).map(|(value, slope)| [t(*value), t(*slope)]).collect(),
+            ),
+            Stiffness::Constant(k) | Stiffness::Harmonic { mean: k, .. } => Spring::Constant(t(*k)),
+        };
+        let load_schedules = spec
+            .load_schedules
             .iter()
-            .map(|c| {
-                let g: Vec<Wide> = c.direction.iter().map(|x| t(*x)).collect();
-                Contact {
-                    push: over_mass(&g),
-                    g,
-                    offset: t(c.error_offset),
-                    error: c.error.iter().map(|h| wave(h, wide(1.0), &mut index)).collect(),
-                    b: if matches!(c.law, SpecLaw::Bilateral(_)) { wide(0.0) } else { t(c.half_backlash) },
-                    both: c.flanks == Flanks::Both,
-                    spring: match &c.stiffness {
-                        Stiffness::Constant(k) => Spring::Constant(t(*k)),
-                        Stiffness::Harmonic { mean, harmonics } => {
-                            Spring::Waves(t(*mean), harmonics.iter().map(|h| wave(h, t(*mean), &mut index)).collect())
-                        }
-                        Stiffness::Periodic { period, origin, pieces } => Spring::Pieces {
-                            period: t(*period) / faster,
-                            origin: t(*origin),
-                            pieces: pieces.iter().map(|p| [t(p.start), t(p.value), t(p.slope) * faster]).collect(),
-                        },
-                        Stiffness::Switched { times, levels } => Spring::Listed(
-                            times.iter().map(|[high, low]| t(*high) + wide(*low)).collect(),
-                            levels.map(t),
-                        ),
+            .map(|l| (pieces(&l.factor), over_mass(&l.vector.iter().map(|x| t(*x)).collect::<Vec<_>>())));
+        let load_schedules = load_schedules.collect();
+        let mut contact = |c: &ContactSpec, back: Option<&BackFlank>| {
+            let turned = wide(if back.is_some() { -1.0 } else { 1.0 });
+            let g: Vec<Wide> = c.direction.iter().map(|x| turned * t(*x)).collect();
+            let (stiffness, error, offset) = match back {
+                Some(back) => (&back.stiffness, &back.error, back.error_offset),
+                None => (&c.stiffness, &c.error, c.error_offset),
+            };
+            Contact {
+                push: over_mass(&g),
+                g,
+                offset: turned * t(offset),
+                error: error.iter().map(|h| wave(h, turned, &mut index)).collect(),
+                b: if matches!(c.law, SpecLaw::Bilateral(_)) { wide(0.0) } else { t(c.half_backlash) },
+                both: c.flanks == Flanks::Both && c.back.is_none(),
+                spring: match stiffness {
+                    Stiffness::Harmonic { mean, harmonics } => {
+                        Spring::Waves(t(*mean), harmonics.iter().map(|h| wave(h, t(*mean), &mut index)).collect())
+                    }
+                    other => pieces(other),
+                },
+                law: match c.law {
+                    SpecLaw::Bilateral(l) => Law::Bilateral(t(l.damping)),
+                    SpecLaw::KelvinVoigt(l, r) => Law::KelvinVoigt(t(l.damping), r == Release::Force),
+                    SpecLaw::Rigid(l) => Law::Rigid(Return::new(l.restitution, &t)),
+                    SpecLaw::Power(l) => Law::Power {
+                        p: l.exponent.p as usize,
+                        q: l.exponent.q as usize,
+                        d: t(l.hysteresis),
+                        floor: t(l.speed_floor),
+                        initial: t(l.initial_speed),
                     },
-                    law: match c.law {
-                        SpecLaw::Bilateral(l) => Law::Bilateral(t(l.damping)),
-                        SpecLaw::KelvinVoigt(l, r) => Law::KelvinVoigt(t(l.damping), r == Release::Force),
-                        SpecLaw::Rigid(l) => Law::Rigid(Return::new(l.restitution, &t)),
-                        SpecLaw::Power(l) => Law::Power {
-                            p: l.exponent.p as usize,
-                            q: l.exponent.q as usize,
-                            d: t(l.hysteresis),
-                            floor: t(l.speed_floor),
-                            initial: t(l.initial_speed),
-                        },
-                    },
-                }
-            })
-            .collect();
+                },
+            }
+        };
+        let mut contacts: Vec<Contact> = spec.contacts.iter().map(|c| contact(c, None)).collect();
+        let back_of: Vec<usize> = (0..spec.contacts.len()).filter(|j| spec.contacts[*j].back.is_some()).collect();
+        contacts.extend(back_of.iter().map(|j| contact(&spec.contacts[*j], spec.contacts[*j].back.as_ref())));
+        for (c, own) in spec.contacts.iter().zip(&contacts).filter(|(c, _)| c.gap_damping > 0.0) {
+            for w in &own.error {
+                let omega = wide(omegas[w.oscillator]) * faster;
+                let part = |f: Wide| own.push.iter().map(|p| *p * f * omega * t(c.gap_damping)).collect();
+                loads.push((w.oscillator, part(w.s), part(-w.c)));
+            }
+        }
         let mobility = contacts.iter().map(|a| contacts.iter().map(|b| linear::dot(&a.g, &b.push)).collect()).collect();
         // No amount moves frequencies: Flank's clock has their exact doubles too, and a change of them would grow with time.
         let omegas = omegas.into_iter().map(|omega| wide(omega) * faster).collect();
         Self {
             n,
             k: columns(matrix(&|i, j| spec.stiffness[(i, j)])),
-            c: columns(matrix(&|i, j| spec.damping[(i, j)])),
+            c: columns(damping),
             load: over_mass(&spec.load.iter().map(|x| t(*x)).collect::<Vec<_>>()),
             omegas,
             loads,
+            load_schedules,
             contacts,
+            back_of,
             mobility,
             weights: (0..n).map(|i| near(mass[i][i]).sqrt()).collect(),
         }
@@ -265,9 +299,10 @@ impl Spring {
     pub fn at(&self, t: Wide) -> (Wide, Wide) {
         match self {
             Self::Constant(k) | Self::Waves(k, _) => (*k, wide(0.0)),
-            Self::Listed(times, levels) => {
+            Self::Listed(times, pieces) => {
                 let passed = times.iter().filter(|s| **s <= t).count();
-                (levels[passed % 2], wide(0.0))
+                let [value, slope] = pieces[passed];
+                if passed == 0 { (value, slope) } else { (value + slope * (t - times[passed - 1]), slope) }
             }
             Self::Pieces { period, origin, pieces } => {
                 let start = |k: f64, piece: &[Wide; 3]| *origin + *period * (wide(k) + piece[0]);
@@ -306,8 +341,8 @@ impl Spring {
         match self {
             Self::Constant(k) => near(*k),
             Self::Waves(k, waves) => near(*k) + waves.iter().map(|w| near(w.c).abs() + near(w.s).abs()).sum::<f64>(),
-            Self::Listed(_, levels) => near(levels[0]).max(near(levels[1])),
             // Every value that a ramp reaches is the value at which another piece starts.
+            Self::Listed(_, pieces) => pieces.iter().map(|p| near(p[0]).abs()).fold(0.0, f64::max),
             Self::Pieces { pieces, .. } => pieces.iter().map(|p| near(p[1])).fold(0.0, f64::max),
         }
     }

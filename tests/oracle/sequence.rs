@@ -92,7 +92,13 @@ pub fn sequence(m: &Model, start: State, end: Wide, budget: usize) -> Sequence {
             run.to(end, budget)
         }
     };
+    for (j, mode) in m.back_of.iter().zip(first.split_off(first.len().saturating_sub(m.back_of.len()))) {
+        if mode != ContactMode::Separated {
+            first[*j] = mode.turned();
+        }
+    }
     let until = if ending == Ending::Reached { end } else { run.state.t };
+    run.merge_flanks();
     Sequence { events: run.events, tails: run.tails, first, ending, until }
 }
 
@@ -101,10 +107,25 @@ pub fn follow(m: &Model, start: State, end: Wide) -> Result<(State, Vec<Event>),
     let mut run = Runner::new(m, start);
     run.instant(Vec::new(), true)?;
     while !run.advance(end)? {}
+    run.merge_flanks();
     Ok((run.state, run.events))
 }
 
 impl<'a> Runner<'a> {
+    /// Lets the events of back flanks that differ be those of their contacts.
+    fn merge_flanks(&mut self) {
+        let own = self.m.contacts.len() - self.m.back_of.len();
+        for event in &mut self.events {
+            if let Some(back) = event.contact.checked_sub(own) {
+                event.contact = self.m.back_of[back];
+                event.kind = if event.kind == Kind::DriveContact { Kind::BackContact } else { event.kind };
+            }
+        }
+        for (contact, ..) in &mut self.tails {
+            *contact = contact.checked_sub(own).map_or(*contact, |back| self.m.back_of[back]);
+        }
+    }
+
     pub fn new(m: &'a Model, state: State) -> Self {
         let chatter = vec![Chatter::default(); m.contacts.len()];
         Self { m, state, chatter, events: Vec::new(), tails: Vec::new(), steps: 0 }
@@ -141,8 +162,9 @@ impl<'a> Runner<'a> {
         if self.state.t >= end {
             return Ok(true);
         }
-        let switch =
-            m.contacts.iter().filter_map(|c| c.spring.next(self.state.t)).fold(end, |a, b| if b < a { b } else { a });
+        let schedules = m.contacts.iter().map(|c| &c.spring).chain(m.load_schedules.iter().map(|(s, _)| s));
+        let switches = schedules.filter_map(|schedule| schedule.next(self.state.t));
+        let switch = switches.fold(end, |a, b| if b < a { b } else { a });
         let span = switch - self.state.t;
         let step = step(m, &self.state, near(span)).ok_or("power laws without a common clock")?;
         let bound = step.theta(span);

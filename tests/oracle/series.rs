@@ -182,6 +182,14 @@ impl<'a> Builder<'a> {
                 sizes[i] += size(m.load[i]);
             });
         }
+        for (schedule, vector) in &m.load_schedules {
+            let (value, slope) = schedule.at(self.s.t);
+            let factor = if k == 0 { value } else { slope * self.out.time[k] };
+            (0..m.n).for_each(|i| {
+                a[i] = a[i] + vector[i] * factor;
+                sizes[i] += size(vector[i] * factor);
+            });
+        }
         for (o, cos, sin) in &m.loads {
             let (c, s) = (self.out.cos[*o][k], self.out.sin[*o][k]);
             let swing = size(c) + size(s);

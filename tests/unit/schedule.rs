@@ -68,7 +68,7 @@ fn pieces_are_those_of_a_list_of_all_starts() {
             agrees(&periodic(period, origin, &[0.1, 0.2, 0.7]), &clock, 3);
         }
     }
-    let listed = Stiffness::Switched { times: vec![[0.5, 0.0], [1.25, 0.0], [7.0, 1e-17]], levels: [1.0, 2.0] };
+    let listed = Stiffness::switched(vec![[0.5, 0.0], [1.25, 0.0], [7.0, 1e-17]], [1.0, 2.0]);
     agrees(&listed, &clock, 2);
     agrees_from(&Schedule::new(&listed, &Clock::new(None)), &Clock::new(None), 2, Instant::default());
     let own = Schedule::new(&periodic(0.7, 0.3, &[0.1, 0.2, 0.7]), &Clock::new(None));

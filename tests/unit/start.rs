@@ -35,6 +35,8 @@ fn train(contacts: usize) -> Structure {
         flanks: Flanks::Both,
         stiffness: Stiffness::Constant(10.0),
         law: Law::KelvinVoigt(Linear { damping: 0.0 }, Release::Deflection),
+        gap_damping: 0.0,
+        back: None,
     };
     let spec = Spec {
         freedoms: (0..n).map(|i| format!("u_{i}")).collect(),
@@ -47,6 +49,7 @@ fn train(contacts: usize) -> Structure {
         omega: None,
         bearings: vec![],
         shared: vec![],
+        load_schedules: vec![],
     };
     Structure::new(spec).unwrap()
 }

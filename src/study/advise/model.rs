@@ -98,19 +98,20 @@ impl Model {
         let n = theirs.freedoms();
         let part = |x: &[f64]| (&self.restriction * DVector::from_column_slice(x)).as_slice().to_vec();
         let mut x = [part(&seed.x[..n]), part(&seed.x[n..2 * n])].concat();
-        let mut contacts = Vec::new();
-        for (j, contact) in ours.contacts().iter().enumerate() {
+        let source = |j: usize| {
             let name = ours.contact_name(j);
             let same = (0..theirs.contact_count()).find(|&i| theirs.contact_name(i) == name);
             let alike = || (0..theirs.contact_count()).find(|&i| family(theirs.contact_name(i)) == family(name));
             // OK to index: every contact of a model is one of the scene.
-            let source = same.or_else(alike).unwrap_or(j);
-            contacts.push(seed.contacts[source]);
-            if contact.latch().is_some() {
-                let first = if let Law::Power(law) = contact.spec.law { law.initial_speed } else { 0.0 };
-                x.push(theirs.contacts()[source].latch().map_or(first, |i| seed.x[i]));
-            }
+            same.or_else(alike).unwrap_or(j)
+        };
+        let latched: Vec<(usize, f64)> = theirs.latched().collect();
+        for (j, side) in ours.latched() {
+            let first = if let Law::Power(law) = ours.contacts()[j].spec.law { law.initial_speed } else { 0.0 };
+            let known = latched.iter().position(|of| *of == (source(j), side));
+            x.push(known.map_or(first, |i| seed.x[2 * n + i]));
         }
+        let contacts = (0..ours.contact_count()).map(|j| seed.contacts[source(j)]).collect();
         Seed { x, contacts }
     }
 }

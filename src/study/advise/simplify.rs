@@ -65,7 +65,7 @@ pub fn linear(spec: &mut Spec, laws: &[LinearLaw]) {
         let law = same.or_else(|| laws.iter().find(|law| family(&law.contact) == family(&contact.name)));
         if let (Law::Power(_), Some(law)) = (contact.law, law) {
             contact.law = Law::KelvinVoigt(Linear { damping: law.damping }, Release::Force);
-            contact.stiffness = Stiffness::Constant(law.stiffness);
+            contact.schedules_mut().for_each(|schedule| *schedule = Stiffness::Constant(law.stiffness));
         }
     }
 }
@@ -73,23 +73,24 @@ pub fn linear(spec: &mut Spec, laws: &[LinearLaw]) {
 /// Drops errors and harmonic loads of frequency `omega` and above, rad/s.
 pub fn excitation_below(spec: &mut Spec, omega: f64) {
     spec.load_harmonics.retain(|load| load.omega < omega);
-    spec.contacts.iter_mut().for_each(|contact| contact.error.retain(|h| h.omega < omega));
+    spec.contacts.iter_mut().flat_map(ContactSpec::errors_mut).for_each(|error| error.retain(|h| h.omega < omega));
 }
 
 /// Frequencies of errors and harmonic loads, rad/s, highest first.
 pub fn excitations(spec: &Spec) -> Vec<f64> {
     let loads = spec.load_harmonics.iter().filter(|load| load.vector.iter().any(|f| *f != 0.0)).map(|load| load.omega);
-    let errors = spec.contacts.iter().flat_map(|c| &c.error).filter(|h| h.amplitude != 0.0).map(|h| h.omega);
+    let errors =
+        spec.contacts.iter().flat_map(ContactSpec::errors).flatten().filter(|h| h.amplitude != 0.0).map(|h| h.omega);
     falling(loads.chain(errors))
 }
 
 /// Drops stiffness harmonics of frequency `omega` and above, rad/s.
 pub fn stiffness_below(spec: &mut Spec, omega: f64) {
-    for contact in &mut spec.contacts {
-        if let Stiffness::Harmonic { mean, harmonics } = &mut contact.stiffness {
+    for schedule in spec.contacts.iter_mut().flat_map(ContactSpec::schedules_mut) {
+        if let Stiffness::Harmonic { mean, harmonics } = schedule {
             harmonics.retain(|h| h.omega < omega);
             if harmonics.is_empty() {
-                contact.stiffness = Stiffness::Constant(*mean);
+                *schedule = Stiffness::Constant(*mean);
             }
         }
     }
@@ -97,7 +98,7 @@ pub fn stiffness_below(spec: &mut Spec, omega: f64) {
 
 /// Frequencies of stiffness harmonics, rad/s, highest first.
 pub fn stiffness_harmonics(spec: &Spec) -> Vec<f64> {
-    falling(spec.contacts.iter().flat_map(|contact| match &contact.stiffness {
+    falling(spec.contacts.iter().flat_map(ContactSpec::schedules).flat_map(|schedule| match schedule {
         Stiffness::Harmonic { harmonics, .. } => harmonics.iter().map(|h| h.omega).collect(),
         _ => Vec::new(),
     }))
@@ -112,19 +113,19 @@ fn falling(values: impl Iterator<Item = f64>) -> Vec<f64> {
 
 /// Every stiffness at its mean.
 pub fn mean_stiffness(spec: &mut Spec) {
-    for contact in &mut spec.contacts {
-        contact.stiffness = Stiffness::Constant(contact.stiffness.mean());
+    for schedule in spec.contacts.iter_mut().flat_map(ContactSpec::schedules_mut) {
+        *schedule = Stiffness::Constant(schedule.mean());
     }
 }
 
 /// Whether any stiffness varies.
 pub fn varies(spec: &Spec) -> bool {
-    spec.contacts.iter().any(|contact| !matches!(contact.stiffness, Stiffness::Constant(_)))
+    spec.contacts.iter().flat_map(ContactSpec::schedules).any(|k| !matches!(k, Stiffness::Constant(_)))
 }
 
 /// Whether any stiffness has ramps.
 pub fn has_ramps(spec: &Spec) -> bool {
-    spec.contacts.iter().any(|contact| match &contact.stiffness {
+    spec.contacts.iter().flat_map(ContactSpec::schedules).any(|schedule| match schedule {
         Stiffness::Periodic { pieces, .. } => pieces.iter().any(|piece| piece.slope != 0.0),
         _ => false,
     })
@@ -132,8 +133,8 @@ pub fn has_ramps(spec: &Spec) -> bool {
 
 /// Every ramp becomes a step in its middle.
 pub fn stepped(spec: &mut Spec) {
-    for contact in &mut spec.contacts {
-        if let Stiffness::Periodic { period, origin, pieces } = &mut contact.stiffness {
+    for schedule in spec.contacts.iter_mut().flat_map(ContactSpec::schedules_mut) {
+        if let Stiffness::Periodic { period, origin, pieces } = schedule {
             let levels = levels(*period, pieces);
             // Pieces are counted from the first one on: the origin goes there, and stays in the first period.
             let first = levels.first().map_or(0.0, |level| level.start);
@@ -235,17 +236,27 @@ pub fn alone(spec: &mut Spec) -> DMatrix<f64> {
         };
         pushes.push(phi);
     }
-    for harmonic in &mut spec.load_harmonics {
-        let f = DVector::from_column_slice(&harmonic.vector);
-        harmonic.vector = pushes.iter().map(|phi| phi.dot(&f)).collect();
+    let of_harmonics = spec.load_harmonics.iter_mut().map(|load| &mut load.vector);
+    for vector in of_harmonics.chain(spec.load_schedules.iter_mut().map(|load| &mut load.vector)) {
+        let f = DVector::from_column_slice(vector);
+        *vector = pushes.iter().map(|phi| phi.dot(&f)).collect();
     }
     let freedoms = spec.contacts.iter().map(|contact| contact.name.clone()).collect();
     let contacts =
         spec.contacts.iter().enumerate().map(|(j, c)| ContactSpec { direction: unit(j), ..c.clone() }).collect();
-    let (load_harmonics, omega) = (std::mem::take(&mut spec.load_harmonics), spec.omega);
-    let shared = std::mem::take(&mut spec.shared);
-    *spec =
-        Spec { freedoms, mass, damping, stiffness, load, load_harmonics, contacts, omega, bearings: vec![], shared };
+    *spec = Spec {
+        freedoms,
+        mass,
+        damping,
+        stiffness,
+        load,
+        contacts,
+        bearings: vec![],
+        load_harmonics: std::mem::take(&mut spec.load_harmonics),
+        load_schedules: std::mem::take(&mut spec.load_schedules),
+        shared: std::mem::take(&mut spec.shared),
+        omega: spec.omega,
+    };
     restriction
 }
 

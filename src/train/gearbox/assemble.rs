@@ -297,7 +297,7 @@ impl Gearbox {
             let gear = line.gears[k];
             let shaft = &self.shafts[self.gears[gear].shaft];
             let [ox, oy] = action.normal(shaft.carried.map_or(0.0, |(_, psi)| psi));
-            contact.error_offset -= side * normal * (ox * shaft.offset[0] + oy * shaft.offset[1]);
+            contact.shift(-side * normal * (ox * shaft.offset[0] + oy * shaft.offset[1]));
             let (size, angle) = self.gears[gear].eccentricity;
             if size == 0.0 {
                 continue;
@@ -306,7 +306,8 @@ impl Gearbox {
             let turning = layout.rate(layout.gears[gear] - carrier);
             let towards = libm::atan2(ny, nx);
             let phase = sign(turning) * (angle - towards);
-            contact.error.push(Harmonic { omega: turning.abs(), amplitude: -side * normal * size, phase });
+            let wave = Harmonic { omega: turning.abs(), amplitude: -side * normal * size, phase };
+            contact.errors_mut().for_each(|error| error.push(wave));
         }
         Ok(())
     }

@@ -181,12 +181,45 @@ impl Gearbox {
     /// Mean torque from outside on shaft `i`, N m, counter-clockwise positive.
     #[must_use]
     pub fn torque(&self, layout: &Layout, i: usize) -> f64 {
-        let speed = ratio(layout.shafts[i]);
-        let along = match self.shafts[i].torque {
+        self.along(layout, i) * sign(ratio(layout.shafts[i]))
+    }
+
+    /// Mean torque from outside on shaft `i`, N m, positive if it drives.
+    fn along(&self, layout: &Layout, i: usize) -> f64 {
+        match self.shafts[i].torque {
             Torque::Given(torque) => torque,
-            Torque::Balance => -self.power(layout).0 / speed.abs(),
+            Torque::Balance => -self.power(layout).0 / ratio(layout.shafts[i]).abs(),
+        }
+    }
+
+    /// The gearbox without the torques of some shafts, which follow schedules: number of the shaft, and whether the schedule repeats. What
+    /// takes off the rest takes off the mean of a torque that repeats.
+    pub(crate) fn without(&self, layout: &Layout, torques: &[(usize, bool)]) -> Self {
+        let mut gearbox = self.clone();
+        let drop = |gearbox: &mut Self, repeating: bool| {
+            for (i, _) in torques.iter().filter(|(_, repeats)| *repeats == repeating) {
+                gearbox.shafts[*i].torque = Torque::Given(0.0);
+            }
         };
-        along * sign(speed)
+        drop(&mut gearbox, false);
+        if let Some(rest) = gearbox.shafts.iter().position(|shaft| shaft.torque == Torque::Balance) {
+            gearbox.shafts[rest].torque = Torque::Given(gearbox.along(layout, rest));
+        }
+        drop(&mut gearbox, true);
+        gearbox
+    }
+
+    /// The gearbox under a torque of 1 N m on one of those shafts alone; what takes off the rest follows one that does not repeat.
+    pub(crate) fn with_unit(&self, (i, repeats): (usize, bool)) -> Self {
+        let mut gearbox = self.clone();
+        gearbox.gears.iter_mut().for_each(|gear| gear.drag = Drag::default());
+        for (k, shaft) in gearbox.shafts.iter_mut().enumerate() {
+            shaft.drag = Drag::default();
+            if k == i || repeats || shaft.torque != Torque::Balance {
+                shaft.torque = Torque::Given(if k == i { 1.0 } else { 0.0 });
+            }
+        }
+        gearbox
     }
 
     /// Rotary mass of a gear with all that turns with it, on its base circle, kg; one whose motion is given is as heavy as the frame.

@@ -16,15 +16,18 @@ pub struct Drive {
     pub q: [f64; 2],
     pub v: [f64; 2],
     pub cycles: u64,
+    /// A load in steps and ramps acts too.
+    pub has_schedule: bool,
 }
 
-/// Slow and fast forcings, flanks that rest and that move. The fifth one starts inside the flank.
-pub const DRIVES: [Drive; 5] = [
-    Drive { omega: 0.6, error: 0.0, order: 1.0, q: [0.1, 0.2], v: [0.0, 0.0], cycles: 1 },
-    Drive { omega: 0.9, error: 0.0, order: 1.0, q: [-0.2, 0.1], v: [0.07, -0.12], cycles: 2 },
-    Drive { omega: 0.35, error: 0.021, order: 8.0, q: [0.0, 0.0], v: [0.0, 0.0], cycles: 1 },
-    Drive { omega: 1.4, error: 0.053, order: 1.0, q: [0.2, 0.0], v: [0.0, 0.0], cycles: 2 },
-    Drive { omega: 0.4, error: 0.037, order: 8.0, q: [0.64, 0.03], v: [0.06, 0.0], cycles: 1 },
+/// Slow and fast forcings, flanks that rest and that move. The fifth one starts inside the flank, the last one has a load in steps and ramps.
+pub const DRIVES: [Drive; 6] = [
+    Drive { omega: 0.6, error: 0.0, order: 1.0, q: [0.1, 0.2], v: [0.0, 0.0], cycles: 1, has_schedule: false },
+    Drive { omega: 0.9, error: 0.0, order: 1.0, q: [-0.2, 0.1], v: [0.07, -0.12], cycles: 2, has_schedule: false },
+    Drive { omega: 0.35, error: 0.021, order: 8.0, q: [0.0, 0.0], v: [0.0, 0.0], cycles: 1, has_schedule: false },
+    Drive { omega: 1.4, error: 0.053, order: 1.0, q: [0.2, 0.0], v: [0.0, 0.0], cycles: 2, has_schedule: false },
+    Drive { omega: 0.4, error: 0.037, order: 8.0, q: [0.64, 0.03], v: [0.06, 0.0], cycles: 1, has_schedule: false },
+    Drive { omega: 0.8, error: 0.0, order: 1.0, q: [0.14, -0.09], v: [0.05, 0.02], cycles: 2, has_schedule: true },
 ];
 
 /// Two masses with a coupling, the first one driven.
@@ -51,9 +54,15 @@ pub fn scene(contacts: &[Value], drive: &Drive) -> Value {
     }
     // No start lies inside a rigid flank.
     let q = if contacts[0]["law"]["kind"] == "rigid" { drive.q.map(|q| 0.5 * q) } else { drive.q };
+    let period = TAU / omega;
+    let loads = json!([{
+        "vector_n": [0.43, 0.19], "period_s": period, "origin_s": -0.31 * period,
+        "points": [[0.0, 0.87], [0.22, 1.71], [0.22, -1.13], [0.61, -0.77], [0.61, 0.56], [1.0, 0.87]], "place": "period",
+    }]);
     json!({
         "flank": 1,
         "train": {
+            "load_schedules": if drive.has_schedule { loads } else { json!([]) },
             "kind": "matrices", "mass_kg": [[1.03, 0.11], [0.11, 1.47]],
             "damping_n_s_per_m": [[0.083, -0.031], [-0.031, 0.052]],
             "stiffness_n_per_m": [[0.61, -0.42], [-0.42, 0.54]],
@@ -87,6 +96,16 @@ fn first(law: Value, stiffness: Value, flanks: &str) -> Value {
     json!({ "direction": [1.02, -0.33], "half_backlash_m": 0.51, "stiffness": stiffness, "flanks": flanks, "law": law })
 }
 
+/// The same with a back flank of its own, and a damper in the gap.
+fn differ(mut contact: Value, stiffness: Value, damping: f64) -> Value {
+    contact["back_flank"] = json!({ "error_offset_m": 0.029 });
+    if !stiffness.is_null() {
+        contact["back_flank"]["stiffness"] = stiffness;
+    }
+    contact["gap_damping_n_s_per_m"] = json!(damping);
+    contact
+}
+
 /// At the second mass.
 fn second(law: Value, stiffness: Value) -> Value {
     let gap = if law["kind"] == "bilateral" { 0.0 } else { 0.28 };
@@ -117,6 +136,9 @@ pub fn laws() -> Vec<(&'static str, Vec<Value>)> {
         ("power 2, hysteresis", vec![first(power("2", 1.23), json!(9.4), "both")]),
         ("power 3/2, latched at the floor", vec![first(power_above(2.1, "3/2", 1.9), json!(9.5), "both")]),
         ("rigid", vec![first(rigid(0.62), Value::Null, "both")]),
+        ("soft, flanks that differ", vec![differ(first(kelvin(0.64, "force"), json!(6.3), "both"), json!(4.9), 0.0)]),
+        ("power 3/2, flanks that differ", vec![differ(first(power("3/2", 0.57), json!(9.6), "both"), json!(7.7), 0.0)]),
+        ("rigid, flanks that differ", vec![differ(first(rigid(0.67), Value::Null, "both"), Value::Null, 0.047)]),
         ("returns by speed", vec![first(returns, Value::Null, "both")]),
         ("lands and is released", vec![first(rigid(0.0), Value::Null, "drive")]),
         ("bounces to rest", vec![first(rigid(0.27), Value::Null, "drive")]),

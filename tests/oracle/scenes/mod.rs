@@ -4,6 +4,7 @@ pub mod derivatives;
 mod gearboxes;
 mod laws;
 mod masses;
+mod measured;
 mod pairs;
 mod random;
 mod schedules;
@@ -41,7 +42,7 @@ const fn class(letter: &'static str, about: &'static str, make: fn(&mut Random) 
 }
 
 /// All classes.
-pub static CLASSES: [Class; 18] = [
+pub static CLASSES: [Class; 21] = [
     class("A", "rest and release", masses::rest_and_release),
     class("B", "pair from rest, errors at phase 0", pairs::from_rest),
     class("C", "pair started on a flank", pairs::on_flank),
@@ -56,8 +57,11 @@ pub static CLASSES: [Class; 18] = [
     class("N", "starts: inside, pulling, on a switch", special::starts),
     class("P", "scan of phases", special::phases),
     class("Q", "detached modes", special::detached),
+    class("R", "loads in steps and ramps", measured::loads),
+    class("T", "curves of measured points", measured::curves),
     class("U", "restitution by speed", masses::restitution_by_speed),
     class("V", "ill-conditioned mass matrices", masses::ill_conditioned),
+    class("Z", "flanks that differ, dampers in the gap", measured::flanks),
     class("Y", "gearboxes", gearboxes::gearboxes),
     class("S", "symmetric soft stages, simultaneous events", stages::symmetric),
 ];
