@@ -334,3 +334,40 @@ fn thickness_narrows_the_gap() {
     let refused = build(&scene(1.1e-4)).unwrap_err().to_string();
     assert!(refused.contains("close the gap"), "{refused}");
 }
+
+/// Degrees, sines, cosines and absolute amplitudes are the same harmonics as radians of the usual function and relative amplitudes.
+#[test]
+fn conventions_of_harmonics_agree() {
+    let scene = |error: Value, stiffness: Value, order: Value| {
+        let mut scene = gearbox(json!(5.0), json!("balance"));
+        scene["train"]["meshes"][0]["error"] = json!([error]);
+        scene["train"]["meshes"][0]["stiffness"] = json!({ "kind": "harmonic", "mean": 3e8, "harmonics": [stiffness] });
+        scene["train"]["shafts"][0]["orders"] = json!([order]);
+        scene
+    };
+    let [phase, ahead] = [0.3, 0.3 + 0.25 * TAU];
+    let usual = scene(
+        json!({ "order": 1, "amplitude_m": 5e-6, "phase_rad": phase }),
+        json!({ "order": 1, "amplitude": 0.2, "phase_rad": phase }),
+        json!({ "order": 2, "torque_nm": 3, "phase_rad": phase }),
+    );
+    let other = scene(
+        json!({ "order": 1, "amplitude_m": 5e-6, "phase_rad": phase - 0.25 * TAU, "function": "cosine" }),
+        json!({ "order": 1, "amplitude_n_per_m": 6e7, "phase_deg": ahead.to_degrees(), "function": "sine" }),
+        json!({ "order": 2, "torque_nm": 3, "phase_deg": phase.to_degrees() }),
+    );
+    let spec = |scene: &Value| build(scene).unwrap().build().unwrap().spec;
+    let (usual, other) = (spec(&usual), spec(&other));
+    let near = |a: f64, b: f64| assert_relative_eq!(a, b, max_relative = 1e-14, epsilon = 1e-14);
+    near(usual.contacts[0].error[0].phase, other.contacts[0].error[0].phase);
+    near(usual.load_harmonics[0].phase, other.load_harmonics[0].phase);
+    let harmonic = |spec: &flank::system::Spec| match &spec.contacts[0].stiffness {
+        Stiffness::Harmonic { harmonics, .. } => harmonics[0],
+        other => panic!("{other:?}"),
+    };
+    near(harmonic(&usual).amplitude, harmonic(&other).amplitude);
+    near(harmonic(&usual).phase, harmonic(&other).phase);
+    let both = json!({ "order": 1, "amplitude_m": 5e-6, "phase_rad": 1, "phase_deg": 20 });
+    let refused = build(&scene(both, json!({ "order": 1, "amplitude": 0.1 }), json!({ "order": 1, "torque_nm": 1 })));
+    assert!(refused.unwrap_err().to_string().contains("phase_deg"));
+}

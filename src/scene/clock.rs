@@ -42,15 +42,9 @@ fn frequencies(stiffness: &Stiffness) -> Vec<f64> {
     }
 }
 
-/// The shortest piece of a schedule, s.
+/// The shortest piece of a schedule that repeats, s.
 fn shortest_piece(stiffness: &Stiffness) -> Option<f64> {
-    let (period, pieces) = match stiffness {
-        Stiffness::Periodic { period, pieces, .. } => (period, pieces),
-        Stiffness::Listed { times, .. } => {
-            return times.windows(2).map(|pair| pair[1][0] - pair[0][0]).reduce(f64::min);
-        }
-        _ => return None,
-    };
+    let Stiffness::Periodic { period, pieces, .. } = stiffness else { return None };
     let starts = pieces.iter().map(|piece| piece.start);
     let ends = starts.clone().skip(1).chain(starts.clone().take(1).map(|first| first + 1.0));
     starts.zip(ends).map(|(start, end)| (end - start) * period).reduce(f64::min)

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::{
     body::read_support,
-    build, curve, fault, load,
+    build, curve, fault, harmonics, load,
     mesh::{self, Engaged},
     node::Node,
     plausible,
@@ -159,8 +159,7 @@ impl<'a> Reading<'a> {
         let name = node.at("name");
         unique(&name, "shaft", self.gearbox.shafts.iter().map(|shaft| shaft.name.as_str()));
         let torque = node.at("torque_nm");
-        // The time of a turn follows with the layout; a mean does not depend on it.
-        let given = if torque.is_text() { 0.0 } else { load::or_schedule(&torque, &curve::TORQUES, Some(1.0)).0 };
+        let given = if torque.is_text() { 0.0 } else { load::at_rest(&torque, &curve::TORQUES) };
         let (mean, orders) = read_orders(&node.at("orders"), true);
         // About the mean speed, which the gearbox has already.
         let (turning, motion) = read_orders(&node.at("motion"), false);
@@ -405,7 +404,8 @@ fn read_orders(node: &Node, is_torque: bool) -> (f64, Vec<Order>) {
     if node.is_list() {
         let order = |item: &Node| {
             let (value, of) = written(item).unwrap_or((0.0, Amplitude::Torque));
-            Order { order: item.at("order").number(), amplitude: of(value), phase: item.at("phase_rad").number() }
+            let phase = harmonics::read_phase(item, "cosine");
+            Order { order: item.at("order").number(), amplitude: of(value), phase }
         };
         return (0.0, node.items().iter().map(order).collect());
     }

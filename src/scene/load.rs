@@ -25,9 +25,18 @@ pub(super) fn or_schedule(node: &Node, units: &[(&str, f64)], turn: Option<f64>)
     if node.is_number() {
         return (node.number(), None);
     }
-    let Some(schedule) = read(node, units, turn) else { return (0.0, None) };
-    let rest = if let Stiffness::Listed { values, .. } = &schedule { values[0] } else { schedule.mean() };
-    (rest, Some(schedule))
+    let schedule = read(node, units, turn);
+    (schedule.as_ref().map_or(0.0, rest), schedule)
+}
+
+/// The load that is written here, a number or a schedule, at rest. The time of a turn does not matter.
+pub(super) fn at_rest(node: &Node, units: &[(&str, f64)]) -> f64 {
+    if node.is_number() { node.number() } else { schedule(node, units, Some(1.0)).as_ref().map_or(0.0, rest) }
+}
+
+/// The first value of what counts once, the mean of what repeats.
+fn rest(schedule: &Stiffness) -> f64 {
+    if let Stiffness::Listed { values, .. } = schedule { values[0] } else { schedule.mean() }
 }
 
 /// Lets the load of a train follow `factor`: `[0, 1]` are its loads without it, and with one of 1 alone.
@@ -63,8 +72,19 @@ pub(super) fn of_shafts(
     Some(())
 }
 
-/// The schedule that is written here.
+/// The schedule that is written here, of which the user is told.
 pub(super) fn read(node: &Node, units: &[(&str, f64)], turn: Option<f64>) -> Option<Stiffness> {
+    let schedule = schedule(node, units, turn)?;
+    let (count, when) = match &schedule {
+        Stiffness::Periodic { period, pieces, .. } => (pieces.len(), format!("in each period of {period:.6e}")),
+        Stiffness::Listed { times, .. } => (times.len(), "once".to_owned()),
+        _ => (0, String::new()),
+    };
+    node.remark(format!("a load of at most {:.4e}, {count} corners and steps {when}", schedule.maximum()));
+    Some(schedule)
+}
+
+fn schedule(node: &Node, units: &[(&str, f64)], turn: Option<f64>) -> Option<Stiffness> {
     let list = node.at("points");
     if !list.is_list() {
         node.at("table").refuse("a scene from a file or a text", "write the points themselves");

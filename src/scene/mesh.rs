@@ -3,7 +3,7 @@
 use super::{
     build, contact,
     curve::{self, OverMesh},
-    law,
+    harmonics, law,
     node::Node,
 };
 use crate::{
@@ -16,16 +16,27 @@ use crate::{
     train::{Mesh, MeshBack, TrainError, mesh_damping},
 };
 
-fn read_harmonics(node: &Node, amplitude: &str) -> Vec<MeshHarmonic> {
-    let number = |item: &Node, key: &str| item.at(key).number();
-    node.items()
-        .iter()
-        .map(|item| MeshHarmonic {
-            order: number(item, "order"),
-            amplitude: number(item, amplitude),
-            phase: number(item, "phase_rad"),
-        })
-        .collect()
+/// Harmonics of an error, as sines.
+fn read_sines(node: &Node) -> Vec<MeshHarmonic> {
+    let harmonic = |item: &Node| MeshHarmonic {
+        order: item.at("order").number(),
+        amplitude: item.at("amplitude_m").number(),
+        phase: harmonics::read_phase(item, "sine"),
+    };
+    node.items().iter().map(harmonic).collect()
+}
+
+/// Harmonics of a stiffness, as cosines relative to its `mean`.
+fn read_cosines(node: &Node, mean: f64) -> Vec<MeshHarmonic> {
+    let harmonic = |item: &Node| MeshHarmonic {
+        order: item.at("order").number(),
+        amplitude: item
+            .at("amplitude")
+            .written()
+            .map_or_else(|| item.at("amplitude_n_per_m").number() / mean, |a| a.number()),
+        phase: harmonics::read_phase(item, "cosine"),
+    };
+    node.items().iter().map(harmonic).collect()
 }
 
 /// Two gears in mesh, as a train has them.
@@ -99,7 +110,7 @@ fn read_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStif
     }
     match node.at("kind").text() {
         "harmonic" => {
-            let harmonics = read_harmonics(&node.at("harmonics"), "amplitude");
+            let harmonics = read_cosines(&node.at("harmonics"), number("mean"));
             MeshStiffness::Harmonics { mean: number("mean"), harmonics }
         }
         "curve" => curve_stiffness(node, engaged).unwrap_or(MeshStiffness::Constant(1.0)),
@@ -198,6 +209,16 @@ pub(super) fn read(node: &Node, rotary_masses: [f64; 2], engaged: Option<&Engage
     if thicker != 0.0 || !thickness.is_empty() {
         thicken(&mut mesh, thicker, &thickness);
     }
+    if let Some(back) = &mesh.back {
+        let size = |list: &[MeshHarmonic]| list.iter().map(|h| h.amplitude.abs()).sum::<f64>();
+        node.remark(format!(
+            "flanks that differ: mean stiffness {:.4e} and {:.4e} N/m, errors up to {:.3e} and {:.3e} m",
+            mesh.stiffness.mean(),
+            back.stiffness.mean(),
+            size(&mesh.error),
+            size(&back.error)
+        ));
+    }
     if mesh.back.is_some() && (flanks == Flanks::Drive || mesh.law.is_bilateral()) {
         let key = if node.at("back_flank").written().is_some() { "back_flank" } else { "thickness_error" };
         node.at(key).fault(
@@ -228,7 +249,7 @@ fn own_stiffness(node: &Node, law: &Law, engaged: Option<&Engaged>) -> MeshStiff
 /// Mean and harmonics of an error.
 fn read_error(node: &Node, engaged: Option<&Engaged>) -> (f64, Vec<MeshHarmonic>) {
     let measured = curve::is_curve(node).then(|| curve::mesh_error(node, teeth(engaged))).flatten();
-    measured.unwrap_or_else(|| (0.0, read_harmonics(node, "amplitude_m")))
+    measured.unwrap_or_else(|| (0.0, read_sines(node)))
 }
 
 /// The back flank: what is not written is that of the drive flank.

@@ -93,7 +93,7 @@ fn read_stage(node: &Node) -> Option<(Planetary, Vec<ToothMesh>)> {
             .collect(),
         rpm: number("speed_rpm"),
         load: Load {
-            output_torque: load::or_schedule(&node.at("load").at("output_torque_nm"), &curve::TORQUES, None).0,
+            output_torque: load::at_rest(&node.at("load").at("output_torque_nm"), &curve::TORQUES),
             drag: load("drag_torque_nm"),
             drag_per_rpm: load("drag_torque_nm_per_rpm"),
             planet_drag: load("planet_drag_n"),
