@@ -219,7 +219,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("output", 590),
     ("plot", 2440),
     ("poly", 1400),
-    ("scene", 4750),
+    ("scene", 4800),
     ("simulation", 2150),
     ("study", 8780),
     ("sweep", 1740),
