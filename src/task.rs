@@ -29,6 +29,12 @@ impl<'a> Task<'a> {
         Self { cancelled, progress }
     }
 
+    /// The same work without reports of its progress.
+    #[must_use]
+    pub fn silent(self) -> Self {
+        Self { progress: &|_| (), ..self }
+    }
+
     /// Whether the work was cancelled.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {

@@ -8,6 +8,7 @@ mod compare;
 mod continuation;
 mod diagram;
 mod error;
+mod fit;
 mod identify;
 mod import;
 mod lyapunov;
@@ -85,6 +86,8 @@ enum Command {
     Stability(stability::Arguments),
     /// Find numbers of a scene from natural frequencies and static contact forces
     Identify(identify::Arguments),
+    /// Find numbers of a study for which most of its claims about motions are met, and which claims exclude each other
+    Fit(fit::Arguments),
     /// Render the impacts of a scene as sound, through a transfer path
     Sound(sound::Arguments),
     /// Make a scene of a gearbox file that another program wrote, with the origin of each number
@@ -193,6 +196,7 @@ pub fn execute(arguments: Arguments) -> Result<Done, CliError> {
         Command::Compare(arguments) => return compare::execute(&arguments),
         Command::Stability(arguments) => return stability::execute(&arguments),
         Command::Identify(arguments) => return identify::execute(&arguments),
+        Command::Fit(arguments) => return fit::execute(&arguments),
         Command::Sound(arguments) => return sound::execute(&arguments),
         Command::Check(arguments) => check::execute(&arguments)?,
         Command::Import(arguments) => import::execute(&arguments)?,

@@ -10,8 +10,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use super::{
-    StudyError,
+    Kind, StudyError,
     expression::{evaluate, fill},
+    fit::ClaimKey,
 };
 pub use crate::plot::Verdict;
 
@@ -32,6 +33,12 @@ pub struct Comparison {
     pub fitted: bool,
     /// What to know before quoting it; may be empty.
     pub note: String,
+    /// Its number among the claims about its figure.
+    #[serde(skip)]
+    pub number: usize,
+    /// Of a number the share of the published one by which the other is off.
+    #[serde(skip)]
+    pub off: Option<f64>,
 }
 
 /// Share of the published number up to which a number agrees, and up to which it does in part.
@@ -58,6 +65,8 @@ pub(super) fn numbers(place: &str, quantity: &str, (published, found): (f64, f64
         verdict,
         fitted: false,
         note: String::new(),
+        number: 0,
+        off: Some(off),
     }
 }
 
@@ -104,6 +113,8 @@ struct Claim {
     ambiguous: Option<String>,
     ambiguous_found: String,
     fitted: bool,
+    /// It is no part of a fit, and tests it.
+    held_out: bool,
     note: String,
 }
 
@@ -126,6 +137,19 @@ impl Claims {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.figures.is_empty()
+    }
+
+    /// The claims about a figure that can be met or not, as a fit knows them.
+    pub(super) fn keys(&self, kind: Kind) -> impl Iterator<Item = ClaimKey> {
+        let claims = self.figures.get(kind.id()).map(|group| group.claims.as_slice()).unwrap_or_default();
+        let judged = claims.iter().enumerate().filter(|(_, claim)| claim.verdict.is_none());
+        judged.map(move |(number, claim)| ClaimKey {
+            kind,
+            number,
+            place: claim.place.clone(),
+            quantity: claim.quantity.clone(),
+            is_held_out: claim.held_out,
+        })
     }
 
     /// Published points for a figure, if there are any.
@@ -157,8 +181,11 @@ impl Group {
             let value = evaluate(expression, &names)?;
             names.insert(name.to_owned(), value);
         }
-        let rows = self.claims.iter().filter_map(|claim| claim.compare(&names).transpose());
-        rows.collect()
+        let row = |(number, claim): (usize, &Claim)| {
+            let row = claim.compare(&names).transpose()?;
+            Some(row.map(|row| Comparison { number, ..row }))
+        };
+        self.claims.iter().enumerate().filter_map(row).collect()
     }
 }
 
@@ -175,7 +202,11 @@ impl Claim {
                     evaluate(&self.value, names)?.as_f64().ok_or_else(|| format!("{} is no number", self.value))?;
                 numbers(&self.place, &quantity, (expected, value), &self.unit)
             }
-            None => Comparison { published: self.published.clone(), ..numbers(&self.place, &quantity, (0.0, 0.0), "") },
+            None => Comparison {
+                published: self.published.clone(),
+                off: None,
+                ..numbers(&self.place, &quantity, (0.0, 0.0), "")
+            },
         };
         if let Some(found) = &self.found {
             row.found = fill(found, names)?;

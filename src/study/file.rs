@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, de::DeserializeOwned};
 use serde_json::Value;
 
-use super::{Kind, StudyError, claims::Claims, plan::Plan};
+use super::{Kind, StudyError, claims::Claims, fit::Question, plan::Plan};
 use crate::{scene::Scene, sweep::Axis};
 
 /// A study as its file gives it.
@@ -26,6 +26,8 @@ pub(super) struct StudyFile {
     claims: Value,
     pub load: Option<String>,
     pub speed: Option<String>,
+    /// Numbers to find.
+    pub fit: Option<Question>,
 }
 
 /// A section of a page.

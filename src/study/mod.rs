@@ -14,6 +14,7 @@ mod error;
 mod expression;
 mod figures;
 mod file;
+pub mod fit;
 pub mod identify;
 mod kind;
 mod measures;

@@ -8,6 +8,7 @@ use super::{
     claims::{Claims, Comparison, Points},
     figures::{self, Context, ModeRow, Quantity, fraction_title},
     file::{Plot, Section, StudyFile},
+    fit::Question,
     questions::Questions,
     steady::ContactSteady,
     threshold::{By, Search, Threshold, locate},
@@ -47,6 +48,8 @@ pub struct Plan {
     pub load: Option<String>,
     /// Pointer of the speed that is varied, if it is not the train's usual one.
     pub speed: Option<String>,
+    /// Numbers that `flank fit` finds.
+    pub(super) question: Option<Question>,
 }
 
 /// Speeds at which thresholds are sought, at most: each takes some twenty runs.
@@ -87,8 +90,13 @@ impl Plan {
     }
 
     pub(super) fn new(file: StudyFile, scenes: Vec<(String, Scene)>, claims: Claims) -> Self {
-        let StudyFile { title, sections, load, speed, .. } = file;
-        Self { title, scenes, sections, claims, load, speed }
+        let StudyFile { title, sections, load, speed, fit, .. } = file;
+        Self { title, scenes, sections, claims, load, speed, question: fit.map(Question::bounded) }
+    }
+
+    /// Its scenes with their names.
+    pub fn scenes(&self) -> impl Iterator<Item = (&str, &Scene)> {
+        self.scenes.iter().map(|(name, scene)| (name.as_str(), scene))
     }
 
     /// The same study at other loads and speeds, where any are given; in rising order.

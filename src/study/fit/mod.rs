@@ -1,0 +1,252 @@
+//! Numbers of a study for which most of its claims are met.
+//!
+//! The numbers x, each a share of its range, are sought by the covariance matrix adaptation evolution strategy (CMA-ES; Hansen, 2016),
+//! which takes the least of
+//!
+//! ```text
+//! f(x) = Σ losses of the claims that are fitted + Σ penalties of implausible numbers
+//! ```
+//!
+//! A number that is off by the share o loses `o²/(o² + o₁²)`, `o₁` = 0.1. A statement loses 0 where it agrees, 0.5 where it does in part,
+//! else 1. Claims that are held out, and those that contradict the source's own data, lose nothing. Outside of its plausible range a number
+//! pays `w²/4`, w the octaves it is outside. Where a plot cannot be made all of its claims lose 1. A trial is the mean over the numbers and
+//! copies of them that differ by a random share.
+
+mod question;
+mod result;
+
+pub use question::{Number, Question};
+pub use result::{Excluded, FitResult, FoundNumber, Met};
+
+use std::{cell::RefCell, collections::HashMap};
+
+use basin::{
+    BoundedCmaEs, BoxBounds, ConstraintDescription, ConstraintSet, ConstraintSolveError, Constraints, CostFunction,
+    DenseMatrix, Executor,
+};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::{Context, Kind, StudyError, claims::Verdict, plan::Plan, steady::Rule};
+use crate::task::Task;
+
+/// Share by which a number may be off at half of its loss.
+const OFF: f64 = 0.1;
+/// Spread of the first trials, as a share of the ranges.
+const SPREAD: f64 = 0.25;
+/// Spread at which a search is over, and another one begins elsewhere.
+const OVER: f64 = 1e-3;
+/// Loss of numbers that make no train, for each claim.
+const NO_TRAIN: f64 = 2.0;
+
+/// A claim of a study: its plot, and its number among the claims about that plot.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct ClaimKey {
+    pub kind: Kind,
+    pub number: usize,
+    pub place: String,
+    pub quantity: String,
+    pub is_held_out: bool,
+}
+
+/// One set of numbers, and how well the claims are met with it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Trial {
+    /// The numbers, in the order of the question.
+    pub values: Vec<f64>,
+    /// `f`.
+    pub loss: f64,
+    /// Each claim: `a` agrees, `p` in part, `d` deviates, `-` cannot be judged.
+    pub verdicts: String,
+}
+
+/// The claims of a study and the numbers that are sought.
+pub struct Fit<'p> {
+    plan: &'p Plan,
+    question: &'p Question,
+    pub(super) claims: Vec<ClaimKey>,
+    /// Random copies of each trial, and the share by which their numbers differ.
+    jitter: (usize, f64),
+    seed: u64,
+}
+
+impl<'p> Fit<'p> {
+    /// The claims and numbers of a study; each trial is judged with so many random copies of it too, whose numbers differ by up to a share.
+    ///
+    /// # Errors
+    /// [`StudyError::File`] if the study seeks no number or claims nothing, or if a number is in none of its scenes.
+    pub fn new(plan: &'p Plan, jitter: (usize, f64), seed: u64) -> Result<Self, StudyError> {
+        let refused = |why: &str| StudyError::File(why.to_owned());
+        let question = plan.question.as_ref().ok_or_else(|| refused("it has no \"fit\" with the numbers to find"))?;
+        question.check(plan)?;
+        let claims: Vec<ClaimKey> = plan.kinds().into_iter().flat_map(|kind| plan.claims.keys(kind)).collect();
+        if claims.iter().all(|claim| claim.is_held_out) {
+            return Err(refused("it has no claim that is not held out: nothing to fit to"));
+        }
+        Ok(Self { plan, question, claims, jitter, seed })
+    }
+
+    /// What the trials depend on, in words that two runs have in common if they may share trials.
+    #[must_use]
+    pub fn identity(&self) -> String {
+        format!(
+            "{:?}",
+            (
+                self.question,
+                self.jitter,
+                self.seed,
+                &self.claims,
+                &self.plan.sections,
+                self.plan.scenes().map(|(_, scene)| scene.hash()).collect::<Vec<_>>()
+            )
+        )
+    }
+
+    /// Tries `count` sets of numbers; those in `known` are not tried again. `take` has every trial in order.
+    ///
+    /// # Errors
+    /// [`StudyError::Interrupted`] once the task is cancelled, and what `take` returns.
+    pub fn search(
+        &self,
+        count: usize,
+        known: Vec<Trial>,
+        task: Task<'_>,
+        take: &mut (dyn FnMut(&Trial) -> Result<(), StudyError> + Send),
+    ) -> Result<Vec<Trial>, StudyError> {
+        let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        let known: HashMap<Vec<u64>, Trial> = known.into_iter().map(|trial| (bits(&trial.values), trial)).collect();
+        let search = Search { fit: self, count, known, task, trials: RefCell::default(), take: RefCell::new(take) };
+        for start in 0.. {
+            let solver = BoundedCmaEs::<Vec<f64>, DenseMatrix>::new(self.seed.wrapping_add(start), SPREAD)
+                .with_absolute_distribution_size_tolerance(OVER);
+            let from = self.question.start(self.plan, start);
+            match Executor::from_start(&search, solver, from).max_cost_evals(count as u64).run() {
+                Err(ConstraintSolveError::Evaluation(Stop::Enough)) => break,
+                Err(ConstraintSolveError::Evaluation(Stop::Failed(error))) => return Err(error),
+                // The bounds are 0 and 1, and every loss is a number.
+                Err(_) => return Err(StudyError::File("the search cannot go on within these ranges".to_owned())),
+                Ok(_) => {}
+            }
+        }
+        Ok(search.trials.into_inner())
+    }
+
+    /// One set of numbers.
+    ///
+    /// # Errors
+    /// [`StudyError::Interrupted`].
+    pub fn trial(&self, values: &[f64], task: Task<'_>) -> Result<Trial, StudyError> {
+        let (mut loss, mut verdicts) = self.judged(values, task)?;
+        for copy in 0..self.jitter.0 {
+            let moved = self.question.moved(values, self.jitter.1, self.seed, copy as u64);
+            let (other, found) = self.judged(&moved, task)?;
+            loss += other;
+            // A claim is met where it is so with all of them.
+            verdicts = verdicts.into_iter().zip(found).map(|(one, other)| worse(one, other)).collect();
+        }
+        loss /= (self.jitter.0 + 1) as f64;
+        Ok(Trial {
+            values: values.to_vec(),
+            loss: loss + self.question.penalty(values),
+            verdicts: verdicts.into_iter().collect(),
+        })
+    }
+
+    /// Loss and verdicts of the claims.
+    fn judged(&self, values: &[f64], task: Task<'_>) -> Result<(f64, Vec<char>), StudyError> {
+        let mut verdicts = vec!['-'; self.claims.len()];
+        let Some(plan) = self.question.put(self.plan, values) else {
+            return Ok((NO_TRAIN * self.claims.len() as f64, verdicts));
+        };
+        let mut kinds: Vec<Kind> = self.claims.iter().map(|claim| claim.kind).collect();
+        kinds.dedup();
+        let context = Context { rule: Rule::default(), task };
+        let made: Vec<_> = kinds.par_iter().with_max_len(1).map(|kind| (*kind, plan.make(*kind, &context))).collect();
+        let mut losses: Vec<f64> = self.claims.iter().map(|claim| f64::from(u8::from(!claim.is_held_out))).collect();
+        for (kind, made) in made {
+            let entry = match made {
+                Err(StudyError::Interrupted) => return Err(StudyError::Interrupted),
+                // A motion that cannot be found meets no claim.
+                Err(_) => continue,
+                Ok(entry) => entry,
+            };
+            for row in &entry.comparisons {
+                let Some(i) = self.claims.iter().position(|claim| (claim.kind, claim.number) == (kind, row.number))
+                else {
+                    continue;
+                };
+                let (letter, loss) = match (row.verdict, row.off) {
+                    (Verdict::Agrees, None) => ('a', 0.0),
+                    (Verdict::Partly, None) => ('p', 0.5),
+                    (Verdict::Agrees, Some(off)) => ('a', lost(off)),
+                    (Verdict::Partly, Some(off)) => ('p', lost(off)),
+                    (Verdict::Deviates, Some(off)) => ('d', lost(off)),
+                    (Verdict::Deviates, None) => ('d', 1.0),
+                    (Verdict::Contradiction, _) => ('-', 0.0),
+                };
+                verdicts[i] = letter;
+                losses[i] = if self.claims[i].is_held_out { 0.0 } else { loss };
+            }
+        }
+        Ok((losses.iter().sum(), verdicts))
+    }
+}
+
+/// Loss of a number that is off by a share.
+fn lost(off: f64) -> f64 {
+    if off.is_finite() { off * off / (off * off + OFF * OFF) } else { 1.0 }
+}
+
+/// The worse one of two verdicts.
+fn worse(one: char, other: char) -> char {
+    let rank = |letter: char| "apd-".find(letter);
+    if rank(one) >= rank(other) { one } else { other }
+}
+
+/// A search that is going on.
+struct Search<'s, 'p> {
+    fit: &'s Fit<'p>,
+    count: usize,
+    known: HashMap<Vec<u64>, Trial>,
+    task: Task<'s>,
+    trials: RefCell<Vec<Trial>>,
+    take: RefCell<&'s mut (dyn FnMut(&Trial) -> Result<(), StudyError> + Send)>,
+}
+
+/// Why a search ends.
+enum Stop {
+    Enough,
+    Failed(StudyError),
+}
+
+impl CostFunction for &Search<'_, '_> {
+    type Param = Vec<f64>;
+    type Output = f64;
+    type Error = Stop;
+
+    fn cost(&self, x: &Vec<f64>) -> Result<f64, Stop> {
+        if self.trials.borrow().len() >= self.count {
+            return Err(Stop::Enough);
+        }
+        let values = self.fit.question.values(x);
+        let key: Vec<u64> = values.iter().map(|value| value.to_bits()).collect();
+        let trial = match self.known.get(&key) {
+            Some(trial) => trial.clone(),
+            None => self.fit.trial(&values, self.task.silent()).map_err(Stop::Failed)?,
+        };
+        (self.take.borrow_mut())(&trial).map_err(Stop::Failed)?;
+        self.task.advance();
+        let loss = trial.loss;
+        self.trials.borrow_mut().push(trial);
+        Ok(loss)
+    }
+}
+
+impl Constraints for &Search<'_, '_> {
+    type Set = ConstraintSet<BoxBounds<Vec<f64>>>;
+
+    fn constraints(&self) -> <Self::Set as ConstraintDescription>::Borrowed<'_> {
+        ConstraintSet::new().with_bounds(BoxBounds::new(Some(&self.fit.question.low), Some(&self.fit.question.high)))
+    }
+}
