@@ -65,7 +65,8 @@ fn hidden_numbers_are_found_and_exclusions_told() {
     // What the pair with 4 µm and 0.08 does.
     let truth = study(&pair(4e-6, 0.08), claims(1.0, 1.0));
     let fit = Fit::new(&truth, (0, 0.0), 1).unwrap();
-    let entry = truth.make(flank::study::Kind::Forces, &flank::study::Context { rule: Default::default(), task: Task::default() });
+    let entry = truth
+        .make(flank::study::Kind::Forces, &flank::study::Context { rule: Default::default(), task: Task::default() });
     let found: Vec<f64> = entry.unwrap().comparisons[..2]
         .iter()
         .map(|row| row.found.split(' ').next().unwrap().parse().unwrap())
@@ -117,7 +118,10 @@ fn questions_without_an_answer_are_refused() {
         (&|study| drop(study.as_object_mut().unwrap().remove("fit")), "no \"fit\""),
         (&|study| study["fit"]["numbers"] = json!([]), "no numbers"),
         (&|study| study["fit"]["numbers"][0]["between"] = json!([2, 1]), "no range"),
-        (&|study| study["fit"]["numbers"][0]["pointers"] = json!(["/train/x"]), "no scene of the study has a number at /train/x"),
+        (
+            &|study| study["fit"]["numbers"][0]["pointers"] = json!(["/train/x"]),
+            "no scene of the study has a number at /train/x",
+        ),
         (&|study| study["claims"] = Value::Null, "nothing to fit to"),
     ];
     for (change, words) in cases {

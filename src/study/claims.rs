@@ -36,7 +36,7 @@ pub struct Comparison {
     /// Its number among the claims about its figure.
     #[serde(skip)]
     pub number: usize,
-    /// Of a number the share of the published one by which the other is off.
+    /// Distance of a number from the published one, as a share of that.
     #[serde(skip)]
     pub off: Option<f64>,
 }

@@ -32,7 +32,7 @@ pub enum AssembleError {
     /// A contact or load that cannot be: a value out of its range, or parts that do not go together.
     #[error("{contact}: {problem}")]
     Contact {
-        /// Which contact or load.
+        /// Name of the contact or load.
         contact: String,
         /// What is wrong.
         problem: &'static str,

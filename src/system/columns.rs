@@ -1,4 +1,4 @@
-//! What the recurrences read of a structure, in columns of four.
+//! A structure in columns of four, as the recurrences read it.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 
 use super::assemble::{Contact, LoadWave};
 
-/// What the recurrences read, laid out for vector instructions.
+/// A structure laid out for vector instructions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct VectorColumns {
     /// The contacts, four at a time.
@@ -15,7 +15,7 @@ pub(crate) struct VectorColumns {
     pub blocks: Vec<Block>,
 }
 
-/// What moves four degrees of freedom; zero beyond the last one.
+/// Couplings, loads and contacts of four degrees of freedom; zero beyond the last one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Block {
     /// Diagonals of `−M⁻¹K` and `−M⁻¹C`.

@@ -53,7 +53,7 @@ impl Structure {
         })
     }
 
-    /// Where the state keeps the approach speed that contact `j` has latched in `mode`.
+    /// Place in the state of the approach speed that contact `j` has latched in `mode`.
     #[must_use]
     pub fn latch_in(&self, mode: &Mode, j: usize) -> Option<usize> {
         self.contacts[self.flank_in(mode, j).0].latch

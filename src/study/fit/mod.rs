@@ -87,7 +87,7 @@ impl<'p> Fit<'p> {
         Ok(Self { plan, question, claims, jitter, seed })
     }
 
-    /// What the trials depend on, in words that two runs have in common if they may share trials.
+    /// Returns a text that two runs have in common if they may share trials.
     #[must_use]
     pub fn identity(&self) -> String {
         format!(

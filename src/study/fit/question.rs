@@ -20,7 +20,7 @@ pub struct Number {
     pub between: [f64; 2],
     /// Plausible values; all of them if left out.
     pub plausible: Option<[f64; 2]>,
-    /// Where the plausible values are from.
+    /// Source of the plausible values.
     #[serde(default)]
     pub source: String,
 }
@@ -104,7 +104,7 @@ impl Question {
         self.numbers.iter().zip(x).map(|(number, share)| number.value(*share)).collect()
     }
 
-    /// Where search number `search` starts: at the values of the scenes, then at points that fill the ranges evenly (Roberts, 2018).
+    /// Start of search number `search`: the values of the scenes, then points that fill the ranges evenly (Roberts, 2018).
     pub(super) fn start(&self, plan: &Plan, search: u64) -> Vec<f64> {
         if search == 0 {
             let own = |number: &Number| {
@@ -135,7 +135,7 @@ impl Question {
         Some(plan)
     }
 
-    /// What implausible values pay.
+    /// Penalty of implausible values.
     pub(super) fn penalty(&self, values: &[f64]) -> f64 {
         let octaves = |(number, value): (&Number, &f64)| {
             let Some([low, high]) = number.plausible else { return 0.0 };

@@ -1,4 +1,4 @@
-//! What a search found: the best numbers, how far the claims determine them, and which claims were never met together.
+//! Result of a search: the best numbers, how far the claims determine them, and the claims that were never met together.
 
 use serde::Serialize;
 
@@ -14,16 +14,16 @@ const ALONE: usize = 10;
 /// Loss above the best one up to which numbers count as equally good: half a statement.
 const EQUAL: f64 = 0.5;
 
-/// What a search found.
+/// Result of a search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FitResult {
     /// Sets that were tried.
     pub trials: usize,
     /// The least loss.
     pub loss: f64,
-    /// Of the claims that were fitted, and of those held out: agree, in part, deviate, cannot be judged.
+    /// Numbers of fitted claims that agree, agree in part, deviate, and cannot be judged.
     pub fitted: [usize; 4],
-    /// Of those held out.
+    /// The same of claims that are held out.
     pub held_out: [usize; 4],
     /// The numbers.
     pub numbers: Vec<FoundNumber>,
@@ -52,7 +52,7 @@ pub struct FoundNumber {
     pub plausible: Option<[f64; 2]>,
     /// Tells that the value found is plausible.
     pub is_plausible: bool,
-    /// Where the plausible values are from.
+    /// Source of the plausible values.
     pub source: String,
 }
 
@@ -61,7 +61,7 @@ pub struct FoundNumber {
 pub struct Met {
     /// Its place in the source.
     pub place: String,
-    /// What is claimed.
+    /// Its quantity.
     pub quantity: String,
     /// Tells that it was not fitted.
     pub held_out: bool,
@@ -81,7 +81,7 @@ pub struct Excluded {
 }
 
 impl FitResult {
-    /// Of all trials, in order; `None` without any.
+    /// Returns the result of all trials; `None` without any.
     #[must_use]
     pub fn new(fit: &Fit<'_>, trials: &[Trial]) -> Option<Self> {
         let best = trials.iter().min_by(|a, b| a.loss.total_cmp(&b.loss))?;
@@ -147,7 +147,7 @@ impl FitResult {
         self.numbers.iter().map(|number| number.found).collect()
     }
 
-    /// How far the claims determine each number: the loss of all trials over its value.
+    /// Draws how far the claims determine each number: the loss of all trials over its value.
     #[must_use]
     pub fn figure(&self, fit: &Fit<'_>, trials: &[Trial]) -> Figure {
         let most = trials.iter().map(|trial| trial.loss).fold(0.0, f64::max);
