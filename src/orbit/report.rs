@@ -69,8 +69,9 @@ impl Orbit {
         let mut initial = json!({ "q": x[..n], "v": x[n..2 * n] });
         let mut latched = Map::new();
         let mut detached = Vec::new();
-        for (c, state) in structure.contacts().iter().zip(&self.section.contacts) {
-            if let Some(latch) = c.latch().filter(|_| *state != ContactMode::Separated) {
+        for (j, (c, state)) in structure.contacts().iter().zip(&self.section.contacts).enumerate() {
+            let latch = structure.latch_on(j, state.side());
+            if let Some(latch) = latch.filter(|_| *state != ContactMode::Separated) {
                 latched.insert(c.spec.name.clone(), json!(x[latch]));
             }
             if matches!(state, ContactMode::DriveDetached | ContactMode::BackDetached) {

@@ -329,7 +329,8 @@ impl Simulation {
         for (j, speed) in &self.memory.latched {
             // A simpler model of a train may have no such contact, or another law there.
             let known = *j < structure.contact_count();
-            let latch = known.then(|| structure.latch_in(&start.jump.mode, *j)).flatten();
+            let latch =
+                known.then(|| structure.latch_on(*j, structure.contact_mode(*j, &start.jump.mode).side())).flatten();
             latch.iter().for_each(|latch| x[*latch] = *speed);
         }
         let state = |j: usize| match structure.contact_mode(j, &start.jump.mode) {

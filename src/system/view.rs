@@ -53,10 +53,10 @@ impl Structure {
         })
     }
 
-    /// Place in the state of the approach speed that contact `j` has latched in `mode`.
+    /// Place in the state of the approach speed that contact `j` latches on the flank of `side`.
     #[must_use]
-    pub fn latch_in(&self, mode: &Mode, j: usize) -> Option<usize> {
-        self.contacts[self.flank_in(mode, j).0].latch
+    pub fn latch_on(&self, j: usize, side: f64) -> Option<usize> {
+        self.contacts[self.contacts[j].back.filter(|_| side < 0.0).unwrap_or(j)].latch
     }
 }
 

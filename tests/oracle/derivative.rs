@@ -120,7 +120,13 @@ impl Case {
     fn end(&self, tweak: Tweak, x: &[Wide]) -> Result<(Vec<Wide>, Vec<Vec<Kind>>), String> {
         let structure = &self.simulation.structure;
         let m = Model::new(structure.spec(), tweak);
-        let latches = || structure.contacts().iter().enumerate().filter_map(|(j, c)| Some((j, c.latch()?)));
+        // The oracle has one for each contact, and behind them one for each back flank that differs.
+        let own = m.contacts.len() - m.back_of.len();
+        let place = |(j, side): (usize, f64)| match m.back_of.iter().position(|of| *of == j) {
+            Some(back) if side < 0.0 => own + back,
+            _ => j,
+        };
+        let latches = || structure.latched().map(place).zip(2 * m.n..);
         let mut start = State::start(&m, wide(0.0), x[..m.n].to_vec(), x[m.n..2 * m.n].to_vec());
         latches().for_each(|(j, i)| start.latches[j] = x[i]);
         let omega = wide(self.simulation.clock().omega()) * (wide(1.0) + wide(tweak.faster));
@@ -224,6 +230,15 @@ fn pointers(value: &Value, at: &str, all: &mut Vec<String>) {
     match value {
         Value::Object(object) if object.get("kind").is_some_and(|kind| kind == "trapezoidal") => {
             all.extend(["period_s", "origin_s"].map(|key| format!("{at}/{key}")));
+        }
+        // Slopes and phases of loads the oracle takes from the train as well.
+        Value::Object(object) if object.contains_key("through") => {
+            pointers(&object["vector_n"], &format!("{at}/vector_n"), all);
+            all.push(format!("{at}/period_s"));
+            if object["through"] == "steps" {
+                let count = object["points"].as_array().map_or(0, Vec::len);
+                all.extend((0..count).map(|i| format!("{at}/points/{i}/1")));
+            }
         }
         Value::Object(object) => object.iter().for_each(|(key, value)| pointers(value, &format!("{at}/{key}"), all)),
         Value::Array(items) => {

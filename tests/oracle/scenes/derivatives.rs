@@ -55,10 +55,12 @@ pub fn scene(contacts: &[Value], drive: &Drive) -> Value {
     // No start lies inside a rigid flank.
     let q = if contacts[0]["law"]["kind"] == "rigid" { drive.q.map(|q| 0.5 * q) } else { drive.q };
     let period = TAU / omega;
-    let loads = json!([{
-        "vector_n": [0.43, 0.19], "period_s": period, "origin_s": -0.31 * period,
-        "points": [[0.0, 0.87], [0.22, 1.71], [0.22, -1.13], [0.61, -0.77], [0.61, 0.56], [1.0, 0.87]], "place": "period",
-    }]);
+    let ramps = json!([[0.0, 0.0], [0.22, 1.71], [0.61, -0.77], [1.0, 0.0]]);
+    let steps = json!([[0.05, 0.87], [0.37, -1.13], [0.72, 0.56]]);
+    let loads = json!([
+        { "vector_n": [0.43, 0.19], "period_s": period, "points": ramps, "place": "period" },
+        { "vector_n": [0.37, 0.21], "period_s": period, "points": steps, "place": "period", "through": "steps" },
+    ]);
     json!({
         "flank": 1,
         "train": {
