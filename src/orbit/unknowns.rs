@@ -6,7 +6,7 @@ use super::{
     SectionMap,
     section::{Image, Section},
 };
-use crate::simulation::Simulation;
+use crate::{gear::Stiffness, simulation::Simulation, system::ContactSpec};
 
 /// Why a search ends at once.
 pub(super) const ACCELERATES: &str =
@@ -77,8 +77,13 @@ impl SectionMap<'_> {
         let spec = self.simulation().structure.spec();
         let n = spec.freedoms.len();
         let weight: Vec<f64> = (0..n).map(|i| spec.mass[(i, i)].sqrt()).collect();
-        let stiffest =
-            spec.contacts.iter().map(|c| c.stiffness.maximum()).fold(spec.stiffness.amax(), f64::max).max(1e-300);
+        let stiffest = spec
+            .contacts
+            .iter()
+            .flat_map(ContactSpec::schedules)
+            .map(Stiffness::maximum)
+            .fold(spec.stiffness.amax(), f64::max)
+            .max(1e-300);
         let contacts = spec.contacts.len();
         let stacked = DMatrix::from_fn(n + contacts, n, |i, j| {
             let entry =

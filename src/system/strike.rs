@@ -81,7 +81,11 @@ impl Structure {
             let rate = |j: usize| self.deflection(j, at, &x_before).1;
             let slopes = |j: usize| of(self, (j, rate(j)), Restitution::rebound_slope);
             self.strike_group(&impact, slopes, &earlier, columns);
-            let returns = |train: &Self, j: usize, rate: f64| of(train, (j, rate), Restitution::at);
+            // By the own speed and its slope there: the speed of a neighbour may lie beyond a corner of the law.
+            let returns = |train: &Self, j: usize, other: f64| {
+                let (own, e) = (rate(j), of(train, (j, rate(j)), Restitution::at));
+                if other == 0.0 { e } else { (e * own + slopes(j) * (other - own)) / other }
+            };
             by.iter().for_each(|by| self.strike_by(group, returns, *by, columns));
         }
         // Where contacts have come to rest both gap and rate stay zero.

@@ -31,7 +31,8 @@ pub(crate) fn conserves(spec: &Spec) -> bool {
                 Law::Power(l) => l.hysteresis == 0.0,
                 Law::Rigid(l) => l.restitution == Restitution::Constant(1.0),
             };
-            keeps && still(&c.error) && matches!(c.stiffness, Stiffness::Constant(_))
+            let is_still = c.errors().all(|error| still(error));
+            keeps && c.gap_damping == 0.0 && is_still && c.schedules().all(|k| matches!(k, Stiffness::Constant(_)))
         })
 }
 

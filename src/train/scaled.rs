@@ -42,7 +42,7 @@ impl Spec {
         for contact in &mut spec.contacts {
             match quantity {
                 Quantity::Stiffness => {
-                    contact.stiffness = contact.stiffness.scaled(factor);
+                    contact.schedules_mut().for_each(|schedule| *schedule = schedule.scaled(factor));
                     if let Law::Bilateral(linear) | Law::KelvinVoigt(linear, _) = &mut contact.law {
                         linear.damping *= factor.sqrt();
                     }

@@ -8,6 +8,7 @@ use flank::{
     orbit::{Image, SectionMap},
     scene::Scene,
     simulation::Parameter,
+    system::Spec,
 };
 use serde_json::Value;
 
@@ -33,13 +34,15 @@ const BY_START: f64 = 1e-11;
 const BY_NUMBER: f64 = 2e-11;
 /// Kinds of events that are crossed, columns, pairs of a scene and a number, and kinds of numbers.
 const EVENTS: &str = "acilrsxz";
-const COLUMNS: usize = 405;
+const COLUMNS: usize = 570;
 const PAIRS: usize = 1363;
 const NUMBERS: usize = 24;
 
 /// A motion of both, and its derivative by Flank.
 struct Case {
     simulation: Simulation,
+    /// The train as it is written, before the dampers of gaps become part of its matrices.
+    spec: Spec,
     x: Vec<f64>,
     cycles: u64,
     image: Image,
@@ -96,12 +99,13 @@ fn scales(simulation: &Simulation, image: &Image) -> Vec<f64> {
 impl Case {
     fn new(value: &Value, cycles: u64) -> Result<Self, String> {
         let scene = Scene::from_value(value.clone(), "derivative").map_err(|e| e.to_string())?;
+        let spec = scene.built().spec.clone();
         let simulation = Simulation::from_scene(&scene).map_err(|e| e.to_string())?;
         let map = SectionMap::new(&simulation).unwrap();
         let start = map.start().unwrap();
         let image = map.image(&start, cycles).unwrap();
         let scales = scales(&simulation, &image);
-        let mut case = Self { x: start.x.clone(), cycles, image, scales, events: Vec::new(), simulation };
+        let mut case = Self { x: start.x.clone(), cycles, image, scales, events: Vec::new(), simulation, spec };
         case.events = case.end(Tweak::NONE, &case.start(None))?.1;
         assert_eq!(case.events, by_contact(case.events.len(), tokens(&case.image.word).map(read)));
         Ok(case)
@@ -119,7 +123,7 @@ impl Case {
     /// Runs the oracle from `x` over the cycles: the state in Flank's order, and the events.
     fn end(&self, tweak: Tweak, x: &[Wide]) -> Result<(Vec<Wide>, Vec<Vec<Kind>>), String> {
         let structure = &self.simulation.structure;
-        let m = Model::new(structure.spec(), tweak);
+        let m = Model::new(&self.spec, tweak);
         // The oracle has one for each contact, and behind them one for each back flank that differs.
         let own = m.contacts.len() - m.back_of.len();
         let place = |(j, side): (usize, f64)| match m.back_of.iter().position(|of| *of == j) {

@@ -7,7 +7,7 @@
 //! f(x) = Σ losses of the claims that are fitted + Σ penalties of implausible numbers
 //! ```
 //!
-//! A number that is off by the share o loses `o²/(o² + o₁²)`, `o₁` = 0.1. A statement loses 0 where it agrees, 0.5 where it does in part,
+//! A number that is off by the share o loses `o/(o + o₁)`, `o₁` = 0.1. A statement loses 0 where it agrees, 0.5 where it does in part,
 //! else 1. Claims that are held out, and those that contradict the source's own data, lose nothing. Outside of its plausible range a number
 //! pays `w²/4`, w the octaves it is outside. Where a plot cannot be made all of its claims lose 1. A trial is the mean over the numbers and
 //! copies of them that differ by a random share.
@@ -195,7 +195,7 @@ impl<'p> Fit<'p> {
 
 /// Loss of a number that is off by a share.
 fn lost(off: f64) -> f64 {
-    if off.is_finite() { off * off / (off * off + OFF * OFF) } else { 1.0 }
+    if off.is_finite() { off / (off + OFF) } else { 1.0 }
 }
 
 /// The worse one of two verdicts.
