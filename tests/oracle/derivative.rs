@@ -35,8 +35,8 @@ const BY_NUMBER: f64 = 2e-11;
 /// Kinds of events that are crossed, columns, pairs of a scene and a number, and kinds of numbers.
 const EVENTS: &str = "acilrsxz";
 const COLUMNS: usize = 570;
-const PAIRS: usize = 1363;
-const NUMBERS: usize = 24;
+const PAIRS: usize = 1986;
+const NUMBERS: usize = 29;
 
 /// A motion of both, and its derivative by Flank.
 struct Case {

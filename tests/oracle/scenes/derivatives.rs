@@ -27,7 +27,7 @@ pub const DRIVES: [Drive; 6] = [
     Drive { omega: 0.35, error: 0.021, order: 8.0, q: [0.0, 0.0], v: [0.0, 0.0], cycles: 1, has_schedule: false },
     Drive { omega: 1.4, error: 0.053, order: 1.0, q: [0.2, 0.0], v: [0.0, 0.0], cycles: 2, has_schedule: false },
     Drive { omega: 0.4, error: 0.037, order: 8.0, q: [0.64, 0.03], v: [0.06, 0.0], cycles: 1, has_schedule: false },
-    Drive { omega: 0.8, error: 0.0, order: 1.0, q: [0.14, -0.09], v: [0.05, 0.02], cycles: 2, has_schedule: true },
+    Drive { omega: 0.8, error: 0.0, order: 1.0, q: [0.14, -0.09], v: [0.06, 0.03], cycles: 2, has_schedule: true },
 ];
 
 /// Two masses with a coupling, the first one driven.
@@ -122,7 +122,7 @@ pub fn laws() -> Vec<(&'static str, Vec<Value>)> {
     let trapezoid = json!({
         "kind": "trapezoidal", "high": 8.2, "low": 4.3, "duty": 0.57, "ramp": 0.14, "period_s": 1.0, "origin_s": 0.12,
     });
-    let points = json!([[0.0213, 0.937], [0.917, 0.613], [5.31, 0.347]]);
+    let points = json!([[0.0213, 0.937], [0.823, 0.613], [5.31, 0.347]]);
     let returns = json!({ "kind": "rigid", "restitution": { "kind": "table", "points": points } });
     vec![
         ("soft, by deflection", vec![first(kelvin(0.71, "deflection"), json!(6.2), "both")]),
