@@ -96,8 +96,9 @@ fn a_search_is_repeated_and_gone_on_with_to_the_bit() {
 
 #[test]
 fn questions_without_an_answer_are_refused() {
+    type Change<'c> = &'c dyn Fn(&mut Value);
     let scene = pair(3e-6, 1e-7);
-    let refused = |change: &dyn Fn(&mut Value)| {
+    let refused = |change: Change<'_>| {
         let mut study = json!({
             "flank_study": 1, "title": "fit", "scenes": { "scene": scene },
             "sections": [{ "title": "Forces", "plots": [{ "plot": "forces" }] }],
@@ -111,7 +112,7 @@ fn questions_without_an_answer_are_refused() {
             other => panic!("{other:?}"),
         }
     };
-    let cases: [(&dyn Fn(&mut Value), &str); 5] = [
+    let cases: [(Change<'_>, &str); 5] = [
         (&|study| drop(study.as_object_mut().unwrap().remove("fit")), "no \"fit\""),
         (&|study| study["fit"]["numbers"] = json!([]), "no numbers"),
         (&|study| study["fit"]["numbers"][0]["between"] = json!([2, 1]), "no range"),

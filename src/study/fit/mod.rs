@@ -39,6 +39,9 @@ const OVER: f64 = 1e-3;
 /// Loss of numbers that make no train, for each claim.
 const NO_TRAIN: f64 = 2.0;
 
+/// Takes each trial when it is made.
+pub type Take<'t> = dyn FnMut(&Trial) -> Result<(), StudyError> + Send + 't;
+
 /// A claim of a study: its plot, and its number among the claims about that plot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct ClaimKey {
@@ -112,7 +115,7 @@ impl<'p> Fit<'p> {
         count: usize,
         known: Vec<Trial>,
         task: Task<'_>,
-        take: &mut (dyn FnMut(&Trial) -> Result<(), StudyError> + Send),
+        take: &mut Take<'_>,
     ) -> Result<Vec<Trial>, StudyError> {
         let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
         let known: HashMap<Vec<u64>, Trial> = known.into_iter().map(|trial| (bits(&trial.values), trial)).collect();
@@ -211,7 +214,7 @@ struct Search<'s, 'p> {
     known: HashMap<Vec<u64>, Trial>,
     task: Task<'s>,
     trials: RefCell<Vec<Trial>>,
-    take: RefCell<&'s mut (dyn FnMut(&Trial) -> Result<(), StudyError> + Send)>,
+    take: RefCell<&'s mut Take<'s>>,
 }
 
 /// Why a search ends.
