@@ -486,7 +486,9 @@ fn identifications_in_the_documents_give_what_is_printed_there() {
     let mut found = 0;
     for part in page.split("```sh\n").skip(1) {
         let (command, rest) = part.split_once("```").unwrap();
-        let printed = rest.split_once("```text\n").unwrap().1.split_once("```").unwrap().0;
+        // A command without an output beside it, as of a fit of hours, is not run.
+        let Some((_, rest)) = rest.split_once("```text\n") else { continue };
+        let printed = rest.split_once("```").unwrap().0;
         let done = Command::cargo_bin("flank").unwrap().current_dir(root).args(&words(command)[1..]).assert().code(0);
         let out = text(&done.get_output().stdout);
         assert!(out.contains(printed), "{printed}\nis not in\n{out}");
