@@ -54,7 +54,7 @@ fn claims(first: f64, second: f64) -> Value {
 }
 
 fn search(plan: &Plan, count: usize, known: Vec<Trial>) -> (Vec<Trial>, FitResult) {
-    let fit = Fit::new(plan, (0, 0.0), 7).unwrap();
+    let fit = Fit::new(plan, (0, 0.0), 7, 0.25).unwrap();
     let trials = fit.search(count, known, Task::default(), &mut |_| Ok(())).unwrap();
     let found = FitResult::new(&fit, &trials).unwrap();
     (trials, found)
@@ -80,7 +80,7 @@ fn hidden_numbers_are_found_and_exclusions_told() {
     let pairs: Vec<&[String; 2]> = result.never_together.iter().map(|pair| &pair.claims).collect();
     assert!(pairs.iter().all(|pair| pair.iter().any(|claim| claim == "4: contact")), "{pairs:?}");
     assert!(result.numbers[0].as_good[0] <= values[0] && values[0] <= result.numbers[0].as_good[1]);
-    assert_eq!(result.figure(&Fit::new(&plan, (0, 0.0), 7).unwrap(), &trials).panels.len(), 2);
+    assert_eq!(result.figure(&Fit::new(&plan, (0, 0.0), 7, 0.25).unwrap(), &trials).panels.len(), 2);
 }
 
 #[test]
@@ -92,6 +92,40 @@ fn a_search_is_repeated_and_gone_on_with_to_the_bit() {
     assert_eq!(search(&plan, 30, all[..17].to_vec()), (all.clone(), result));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     assert_eq!(pool.install(|| search(&plan, 30, Vec::new()).0), all);
+}
+
+/// A factor keeps the ratio of two harmonics; a trial makes its own plots alone; a statement that is missed says by how much.
+#[test]
+fn factors_plots_and_misses_count() {
+    let both = ["/train/mesh/error/0/amplitude_m", "/train/mesh/error/1/amplitude_m"];
+    let study = json!({
+        "flank_study": 1, "title": "fit", "scenes": { "scene": pair(3e-6, 1e-7) },
+        "sections": [{ "title": "Forces", "plots": [{ "plot": "forces" }, { "plot": "apart-vs-load", "values": "20:60:41" }] }],
+        "claims": { "figures": {
+            "forces": { "claims": [{
+                "place": "1", "quantity": "ratio", "published": "2", "found": "{mesh.harmonics[0]:.1}", "agrees": "mesh.harmonics[0] < 1",
+                "off": "mesh.harmonics[0] / 1000"
+            }] },
+            "apart-vs-load": { "when": "coarse", "claims": [{
+                "place": "2", "quantity": "loads", "expected": 2, "value": "len(values) + len(up.mesh.no_force)", "unit": ""
+            }] }
+        } },
+        "fit": {
+            "numbers": [{ "name": "errors", "pointers": both, "between": [0.1, 10.0], "factor": true }],
+            "plots": [{ "plot": "forces" }, { "plot": "apart-vs-load", "values": "40,60" }]
+        }
+    });
+    let plan = Plan::read(&study.to_string(), &|name| Err(name.to_owned())).unwrap();
+    let fit = Fit::new(&plan, (0, 0.0), 1, 0.25).unwrap();
+    let trial = |factor: f64| fit.trial(&[factor], Task::default()).unwrap();
+    // The contact is never lost, so that forces are linear in the errors: a force F loses F/(F + 100).
+    let lost = |factor: f64| trial(factor).loss;
+    let force = |factor: f64| 100.0 * lost(factor) / (1.0 - lost(factor));
+    assert_eq!(trial(0.2).verdicts, "da");
+    assert!((force(0.4) / force(0.2) - 2.0).abs() < 1e-6, "{} {}", force(0.2), force(0.4));
+    let scaled = fit.study(&[0.5]).unwrap();
+    let amplitudes = scaled.scenes().next().map(|(_, scene)| both.map(|at| scene.resolved().pointer(at).unwrap().as_f64().unwrap()));
+    assert_eq!(amplitudes, Some([1.5e-6, 5e-8]));
 }
 
 #[test]
@@ -107,12 +141,12 @@ fn questions_without_an_answer_are_refused() {
         });
         change(&mut study);
         let plan = Plan::read(&study.to_string(), &|name| Err(name.to_owned()));
-        match plan.and_then(|plan| Fit::new(&plan, (0, 0.0), 1).map(|_| ())) {
+        match plan.and_then(|plan| Fit::new(&plan, (0, 0.0), 1, 0.25).map(|_| ())) {
             Err(StudyError::File(words)) => words,
             other => panic!("{other:?}"),
         }
     };
-    let cases: [(Change<'_>, &str); 5] = [
+    let cases: [(Change<'_>, &str); 6] = [
         (&|study| drop(study.as_object_mut().unwrap().remove("fit")), "no \"fit\""),
         (&|study| study["fit"]["numbers"] = json!([]), "no numbers"),
         (&|study| study["fit"]["numbers"][0]["between"] = json!([2, 1]), "no range"),
@@ -121,6 +155,7 @@ fn questions_without_an_answer_are_refused() {
             "no scene of the study has a number at /train/x",
         ),
         (&|study| study["claims"] = Value::Null, "nothing to fit to"),
+        (&|study| study["fit"]["plots"] = json!([{ "plot": "modes" }]), "has no modes; it has forces"),
     ];
     for (change, words) in cases {
         let found = refused(change);

@@ -17,13 +17,13 @@ use flank::{
 };
 use serde_json::json;
 
-use super::{CliError, Done, pictures::Pictures, print, progress::counted, tell, threads};
+use super::{CliError, Done, pictures::Pictures, print, progress::counted, study::read_study, tell, threads};
 
 /// Arguments of `flank fit`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Study file with scenes, plots, claims, and the numbers to find ("fit")
-    study: PathBuf,
+    /// Study file with scenes, plots, claims, and the numbers to find ("fit"); the reference set with one set of numbers, if left out
+    study: Option<PathBuf>,
     /// Folder of fit.json, the study with the best numbers, the trials and the figure
     #[arg(long, value_name = "DIR", default_value = "fit")]
     out: PathBuf,
@@ -33,6 +33,9 @@ pub struct Arguments {
     /// Seed of the search
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Spread of the first sets around the scenes' own numbers, as a share of the ranges; small values search nearby
+    #[arg(long, value_name = "SHARE", default_value_t = 0.25, value_parser = spread)]
+    spread: f64,
     /// Random copies by which each set is judged too
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=100))]
     copies: u16,
@@ -59,26 +62,32 @@ fn share(word: &str) -> Result<f64, String> {
     word.parse().ok().filter(|share| (0.0..=0.5).contains(share)).ok_or_else(|| "a share from 0 to 0.5".to_owned())
 }
 
+/// A spread of zero tries the same numbers for ever.
+fn spread(word: &str) -> Result<f64, String> {
+    share(word).ok().filter(|share| *share >= 1e-3).ok_or_else(|| "a share from 0.001 to 0.5".to_owned())
+}
+
 const TRIALS: &str = "trials.jsonl";
 const ANSWER: &str = "fit.json";
 
 /// Finds numbers of a study.
 pub fn execute(arguments: &Arguments) -> Result<Done, CliError> {
     let form = arguments.pictures.print()?;
-    let text = read_text(&arguments.study)
-        .map_err(|error| StudyError::File(format!("{}: {error}", arguments.study.display())))?;
-    let plan = Plan::read(&text, &|name| {
-        let file = arguments.study.with_file_name(name);
-        read_text(&file).map_err(|error| format!("{}: {error}", file.display()))
-    })?;
-    let fit = Fit::new(&plan, (usize::from(arguments.copies), arguments.jitter), arguments.seed)?;
+    let plan = match arguments.study.as_deref() {
+        Some(path) => {
+            let text = read_text(path).map_err(|error| StudyError::File(format!("{}: {error}", path.display())))?;
+            read_study(path, &text)?
+        }
+        None => Plan::one_set()?,
+    };
+    let fit = Fit::new(&plan, (usize::from(arguments.copies), arguments.jitter), arguments.seed, arguments.spread)?;
     let head = json!({ "flank": env!("CARGO_PKG_VERSION"), "question": fit.identity() }).to_string();
     let known = if arguments.resume { known(&arguments.out.join(TRIALS), &head)? } else { Vec::new() };
 
     let scenes = plan.scenes().map(|(name, _)| scene_file(name));
     let figures = ["svg", "pdf", "png", "csv", "json"].map(|ending| format!("figures/fit.{ending}"));
     let files = [TRIALS, ANSWER].map(String::from).into_iter().chain(scenes).chain(figures).collect();
-    let (input, force) = (Some(arguments.study.as_path()), arguments.force || arguments.resume);
+    let (input, force) = (arguments.study.as_deref(), arguments.force || arguments.resume);
     let mut folder = Request { folder: &arguments.out, command: "fit", input, force, files }.open()?;
     let mut rows = folder.create(TRIALS)?;
     line(&mut rows, &head)?;

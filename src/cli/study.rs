@@ -29,6 +29,9 @@ use super::{CliError, Done, axis, pictures::Pictures, print, progress::counted, 
 pub struct Arguments {
     /// Scene, or study file with scenes, plots and claims; the reference planetary set, beside its published numbers, if left out
     scene: Option<PathBuf>,
+    /// The reference set with one set of numbers for all figures, preset reference, in place of three
+    #[arg(long, conflicts_with = "scene")]
+    one_set: bool,
     /// Folder of report.html, the figures and their data
     #[arg(long, value_name = "DIR", default_value = "study")]
     out: PathBuf,
@@ -172,12 +175,10 @@ fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
     }
     let mut plan = match arguments.scene.as_deref() {
         Some(path) => match study_file(path) {
-            Some(text) => Plan::read(&text, &|name| {
-                let file = path.with_file_name(name);
-                read_text(&file).map_err(|error| format!("{}: {error}", file.display()))
-            })?,
+            Some(text) => read_study(path, &text)?,
             None => Plan::of(&read_scene(Some(path))?)?,
         },
+        None if arguments.one_set => Plan::one_set()?,
         None => Plan::reference()?,
     };
     let split = |varied: Option<(Option<String>, Vec<f64>)>, own: &mut Option<String>| {
@@ -192,6 +193,14 @@ fn plan(arguments: &Arguments) -> Result<Plan, CliError> {
         Some(error) => Err(error.into()),
         None => Ok(plan),
     }
+}
+
+/// The study in the file at `path`, whose text is `text`.
+pub(super) fn read_study(path: &Path, text: &str) -> Result<Plan, StudyError> {
+    Plan::read(text, &|name| {
+        let file = path.with_file_name(name);
+        read_text(&file).map_err(|error| format!("{}: {error}", file.display()))
+    })
 }
 
 /// The text of a study file; none if the file is a scene.

@@ -12,8 +12,8 @@ macro_rules! presets {
 }
 
 /// Names of the presets, and their files.
-pub(super) const PRESETS: [(&str, &str); 5] =
-    presets!["reference-light", "reference-heavy", "reference-float", "exact-frequencies", "lin-parker"];
+pub(super) const PRESETS: [(&str, &str); 6] =
+    presets!["reference-light", "reference", "reference-heavy", "reference-float", "exact-frequencies", "lin-parker"];
 
 /// Keys that say the same thing in two ways: one that is written replaces the preset's other one.
 const ALTERNATIVES: [&[&str]; 10] = [

@@ -36,7 +36,7 @@ pub struct Comparison {
     /// Its number among the claims about its figure.
     #[serde(skip)]
     pub number: usize,
-    /// Distance of a number from the published one, as a share of that.
+    /// Share by which a number differs from the published one, or a statement is missed.
     #[serde(skip)]
     pub off: Option<f64>,
 }
@@ -108,6 +108,8 @@ struct Claim {
     found: Option<String>,
     agrees: Option<String>,
     partly: Option<String>,
+    /// Share by which a statement that does not hold is missed, for a fit.
+    off: Option<String>,
     verdict: Option<Verdict>,
     /// Where this holds, `ambiguous_found` is what is found, and agreement is in part.
     ambiguous: Option<String>,
@@ -218,6 +220,10 @@ impl Claim {
                 (_, Some(true)) => Verdict::Partly,
                 _ => Verdict::Deviates,
             };
+            if let Some(off) = &self.off {
+                let missed = evaluate(off, names)?.as_f64().map_or(f64::INFINITY, |off| off.max(0.0));
+                row.off = Some(if row.verdict == Verdict::Agrees { 0.0 } else { missed });
+            }
         }
         if holds(&self.ambiguous)? == Some(true) {
             row.found = fill(&self.ambiguous_found, names)?;

@@ -70,7 +70,7 @@ fn only() -> String {
     "scene".to_owned()
 }
 
-fn values<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<f64>>, D::Error> {
+pub(super) fn values<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<Vec<f64>>, D::Error> {
     let text = String::deserialize(deserializer)?;
     let faults = |faults: Vec<crate::output::Fault>| serde::de::Error::custom(joined(&faults));
     Axis::parse(&format!("/values={text}")).map(|axis| Some(axis.all())).map_err(faults)
@@ -83,8 +83,9 @@ impl Plot {
     }
 }
 
-/// The published study, and what its files hold.
+/// The published study with several sets of numbers and with one, and what their files hold.
 const PUBLISHED: &str = include_str!("published/study.json");
+const ONE_SET: &str = include_str!("published/one-set.json");
 const FILES: [(&str, &str); 4] = [
     ("claims.json", include_str!("published/claims.json")),
     ("changes.json", include_str!("published/changes.json")),
@@ -97,8 +98,17 @@ const ANY: &str = include_str!("any_train.json");
 impl StudyFile {
     /// The published study of the reference set.
     pub fn reference() -> Result<Self, StudyError> {
+        Self::published(PUBLISHED)
+    }
+
+    /// The same with one set of numbers, and the ranges that it was found in.
+    pub fn one_set() -> Result<Self, StudyError> {
+        Self::published(ONE_SET)
+    }
+
+    fn published(text: &str) -> Result<Self, StudyError> {
         let of = |name: &str| FILES.iter().find(|(known, _)| *known == name).map(|(_, text)| (*text).to_owned());
-        Self::read(PUBLISHED, &|name| of(name).ok_or_else(|| format!("{name} is no part of the library")))
+        Self::read(text, &|name| of(name).ok_or_else(|| format!("{name} is no part of the library")))
     }
 
     /// Plots of any train, without a scene.

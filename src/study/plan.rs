@@ -50,10 +50,15 @@ pub struct Plan {
     pub speed: Option<String>,
     /// Numbers that `flank fit` finds.
     pub(super) question: Option<Question>,
+    /// Tells that it is a trial of a fit: few values, cold starts alone, thresholds to 1 % of the loads.
+    pub(super) is_coarse: bool,
 }
 
 /// Speeds at which thresholds are sought, at most: each takes some twenty runs.
 const THRESHOLDS: usize = 20;
+/// Width of a threshold's bracket, as a share of the loads: of a study, and of a trial of a fit.
+const FINE: f64 = 2.5e-4;
+const COARSE: f64 = 1e-2;
 /// Speeds of a waterfall, at most.
 const LINES: usize = 60;
 /// Cycles after which a floating motion counts as irregular: such motions are not waited for any longer.
@@ -68,6 +73,14 @@ impl Plan {
     /// [`StudyError`] never in fact: scenes and claims are part of the library.
     pub fn reference() -> Result<Self, StudyError> {
         StudyFile::reference()?.plan()
+    }
+
+    /// The same with one set of numbers for all figures, preset `reference`, and the ranges in which `flank fit` found them.
+    ///
+    /// # Errors
+    /// As [`Self::reference`].
+    pub fn one_set() -> Result<Self, StudyError> {
+        StudyFile::one_set()?.plan()
     }
 
     /// The plan in a file, whose text is `text`; `read` gives the files that it names.
@@ -91,7 +104,7 @@ impl Plan {
 
     pub(super) fn new(file: StudyFile, scenes: Vec<(String, Scene)>, claims: Claims) -> Self {
         let StudyFile { title, sections, load, speed, fit, .. } = file;
-        Self { title, scenes, sections, claims, load, speed, question: fit.map(Question::bounded) }
+        Self { title, scenes, sections, claims, load, speed, question: fit.map(Question::bounded), is_coarse: false }
     }
 
     /// Its scenes with their names.
@@ -224,7 +237,7 @@ impl Plan {
                 figure,
                 scene: [format!("{}{}{words}", scene.name(), if words.is_empty() { "" } else { ", " }), scene.hash()],
                 listing: None,
-                comparisons: self.claims.compare(kind.id(), facts)?,
+                comparisons: self.claims.compare(kind.id(), self.with_coarse(facts))?,
             })
         };
         let listed = |listing: Table, words: &str| {
@@ -270,7 +283,7 @@ impl Plan {
                 entry(Some(figure), "load varied", facts)?
             }
             Kind::ApartVsSpeed => {
-                let (mut figure, curves) = figures::apart(context, scene, kind.id(), (&self.speed(scene)?, &values))?;
+                let (mut figure, curves) = figures::apart(context, scene, (kind.id(), self.is_coarse), (&self.speed(scene)?, &values))?;
                 self.publish(&mut figure, &last_family(scene)?);
                 entry(Some(figure), "speed varied", figures::facts(&curves, &values))?
             }
@@ -308,9 +321,20 @@ impl Plan {
         })
     }
 
+    /// Facts that a claim may ask about, with `coarse` where a fit tries numbers.
+    fn with_coarse(&self, facts: Value) -> Value {
+        match facts {
+            Value::Object(mut facts) => {
+                facts.insert("coarse".to_owned(), self.is_coarse.into());
+                facts.into()
+            }
+            facts => facts,
+        }
+    }
+
     fn by_load(&self, context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Figure, Value), StudyError> {
         let load = self.load(scene)?;
-        let (mut figure, curves) = figures::apart(context, scene, Kind::ApartVsLoad.id(), (&load, loads))?;
+        let (mut figure, curves) = figures::apart(context, scene, (Kind::ApartVsLoad.id(), self.is_coarse), (&load, loads))?;
         let stem = last_family(scene)?;
         // The grid has found where to look: between its last load at which contact is lost and the next one.
         let find = |by: By, time: fn(&ContactSteady) -> f64| {
@@ -345,7 +369,7 @@ impl Plan {
         let (low, high) = (ends(f64::min, f64::INFINITY), ends(f64::max, f64::NEG_INFINITY));
         // Thresholds reach beyond the loads of interest at resonances.
         let high = low + 1.5 * (high - low);
-        Search { range: [low, high], scan: 13, resolution: 2.5e-4 * (high - low) }
+        Search { range: [low, high], scan: 13, resolution: if self.is_coarse { COARSE } else { FINE } * (high - low) }
     }
 
     /// Puts published times without force into the panel of a family.

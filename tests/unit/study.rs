@@ -147,7 +147,7 @@ fn a_motion_followed_down_keeps_its_branch() {
     let loads: Vec<f64> = (0..8).map(|i| 16.0 + f64::from(i)).collect();
     let light = plan.scene("light").unwrap();
     let load = plan.load(light).unwrap();
-    let (_, curves) = figures::apart(&context(), light, "by-load", (&load, &loads)).unwrap();
+    let (_, curves) = figures::apart(&context(), light, ("by-load", false), (&load, &loads)).unwrap();
     let apart = |branch: usize| along(&curves[branch], "ring", |c| c.report.apart_fraction);
     // From above, contact is kept well below the load at which it is first reached from below.
     let (up, down) = (apart(1), apart(2));

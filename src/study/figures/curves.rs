@@ -40,8 +40,10 @@ pub(in crate::study) fn along(rows: &[Steady], stem: &str, pick: impl Fn(&Contac
 /// What was measured along the curves, by start and family.
 pub(in crate::study) fn facts(curves: &[Vec<Steady>], values: &[f64]) -> Value {
     let mut facts = Map::from_iter([("values".to_owned(), json!(values))]);
-    for (way, rows) in ["cold", "up", "down"].into_iter().zip(curves) {
-        let measured = rows.first().map(families).unwrap_or_default().into_iter().map(|(_, family)| {
+    for (i, way) in ["cold", "up", "down"].into_iter().enumerate() {
+        // A way that was not made has no rows.
+        let rows = curves.get(i).map(Vec::as_slice).unwrap_or_default();
+        let measured = curves[0].first().map(families).unwrap_or_default().into_iter().map(|(_, family)| {
             let measures = json!({
                 "no_force": along(rows, &family, |c| c.report.no_force_fraction),
                 "separated": along(rows, &family, |c| c.report.apart_fraction),
@@ -60,15 +62,15 @@ pub fn fraction_title(family: &str) -> String {
 }
 
 /// Time without force and force amplitude against a number, started in three ways so that branches which exist side by
-/// side show. The steady motions are those of cold starts, followed up and followed down.
+/// side show; `cold` makes the first way alone. The steady motions are those of cold starts, followed up and followed down.
 pub fn apart(
     context: &Context<'_>,
     scene: &Scene,
-    id: &str,
+    (id, cold): (&str, bool),
     (Quantity { pointer, axis: x }, values): (&Quantity, &[f64]),
 ) -> Result<(Figure, Vec<Vec<Steady>>), StudyError> {
     let force = if scene.built().dimensionless { "" } else { "N" };
-    let curves = context.each(&WAYS, |&(way, ..)| match way {
+    let curves = context.each(&WAYS[..if cold { 1 } else { WAYS.len() }], |&(way, ..)| match way {
         Way::Cold => context.cold(scene, pointer, values),
         Way::Up => context.followed(scene, pointer, values.iter().copied()),
         Way::Down => {
@@ -115,7 +117,7 @@ pub fn apart(
     figure.caption = format!(
         "Points: each motion from the scene's own start; lines: each takes up the motion before it, along rising and falling \
          values. Where they differ, several motions exist side by side, and a jump is a change from one to another. {irregular} of {} motions are not periodic.{never}",
-        3 * values.len()
+        curves.len() * values.len()
     );
     Ok((figure, curves))
 }

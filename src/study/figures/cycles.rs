@@ -46,7 +46,8 @@ pub fn cycles(
         let slowest = simulation.structure.oscillators.iter().map(|o| TAU / o.omega.abs() / own).fold(0.0, f64::max);
         // OK to convert: a few cycles.
         let count = (slowest.min(SHOWN[1] as f64) - 1e-9).ceil().max(SHOWN[0] as f64) as u64;
-        let cycles = |period: Option<u64>| period.map_or(IRREGULAR, |period| count.next_multiple_of(period));
+        let irregular = context.rule.irregular_cycles.min(IRREGULAR);
+        let cycles = |period: Option<u64>| period.map_or(irregular, |period| count.next_multiple_of(period));
         let (recording, settled) = context.recorded(&simulation, (PER_CYCLE, false), cycles)?;
         let contacts = representatives(&simulation);
         let shaded = contacts.last().cloned().unwrap_or_default();

@@ -7,8 +7,8 @@
 //! f(x) = Σ losses of the claims that are fitted + Σ penalties of implausible numbers
 //! ```
 //!
-//! A number that is off by the share o loses `o/(o + o₁)`, `o₁` = 0.1. A statement loses 0 where it agrees, 0.5 where it does in part,
-//! else 1. Claims that are held out, and those that contradict the source's own data, lose nothing. Outside of its plausible range a number
+//! A number that is off by the share o loses `o/(o + o₁)`, `o₁` = 0.1, and so does a statement that says how far it is missed (`off`). Other
+//! statements lose 0 where they agree, 0.5 where they do in part, else 1. Claims that are held out, and those that contradict the source's own data, lose nothing. Outside of its plausible range a number
 //! pays `w²/4`, w the octaves it is outside. Where a plot cannot be made all of its claims lose 1. A trial is the mean over the numbers and
 //! copies of them that differ by a random share.
 
@@ -28,14 +28,15 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Context, Kind, StudyError, claims::Verdict, plan::Plan, steady::Rule};
-use crate::task::Task;
+use crate::{orbit::Approach, task::Task};
 
 /// Share by which a number may be off at half of its loss.
 const OFF: f64 = 0.1;
-/// Spread of the first trials, as a share of the ranges.
-const SPREAD: f64 = 0.25;
 /// Spread at which a search is over, and another one begins elsewhere.
 const OVER: f64 = 1e-3;
+/// Cycles of a trial until its motion counts as irregular, and cycles of it that are measured then, if a trial has plots of its own.
+const MOST_CYCLES: u64 = 48;
+const IRREGULAR_CYCLES: u64 = 24;
 /// Loss of numbers that make no train, for each claim.
 const NO_TRAIN: f64 = 2.0;
 
@@ -66,28 +67,35 @@ pub struct Trial {
 
 /// The claims of a study and the numbers that are sought.
 pub struct Fit<'p> {
-    plan: &'p Plan,
+    /// The study with the plots of a trial.
+    plan: Plan,
+    /// The whole study.
+    whole: &'p Plan,
     question: &'p Question,
     pub(super) claims: Vec<ClaimKey>,
     /// Random copies of each trial, and the share by which their numbers differ.
     jitter: (usize, f64),
     seed: u64,
+    /// Spread of the first trials, as a share of the ranges.
+    spread: f64,
 }
 
 impl<'p> Fit<'p> {
-    /// The claims and numbers of a study; each trial is judged with so many random copies of it too, whose numbers differ by up to a share.
+    /// The claims and numbers of a study; each trial is judged with so many random copies of it too, whose numbers differ by up to a share. The first
+    /// trials lie within `spread` of the scenes' own numbers, a share of the ranges > 0.
     ///
     /// # Errors
     /// [`StudyError::File`] if the study seeks no number or claims nothing, or if a number is in none of its scenes.
-    pub fn new(plan: &'p Plan, jitter: (usize, f64), seed: u64) -> Result<Self, StudyError> {
+    pub fn new(plan: &'p Plan, jitter: (usize, f64), seed: u64, spread: f64) -> Result<Self, StudyError> {
         let refused = |why: &str| StudyError::File(why.to_owned());
         let question = plan.question.as_ref().ok_or_else(|| refused("it has no \"fit\" with the numbers to find"))?;
         question.check(plan)?;
+        let (plan, whole) = (question.coarse(plan), plan);
         let claims: Vec<ClaimKey> = plan.kinds().into_iter().flat_map(|kind| plan.claims.keys(kind)).collect();
         if claims.iter().all(|claim| claim.is_held_out) {
             return Err(refused("it has no claim that is not held out: nothing to fit to"));
         }
-        Ok(Self { plan, question, claims, jitter, seed })
+        Ok(Self { plan, whole, question, claims, jitter, seed, spread })
     }
 
     /// Returns a text that two runs have in common if they may share trials.
@@ -99,6 +107,7 @@ impl<'p> Fit<'p> {
                 self.question,
                 self.jitter,
                 self.seed,
+                self.spread,
                 &self.claims,
                 &self.plan.sections,
                 self.plan.scenes().map(|(_, scene)| scene.hash()).collect::<Vec<_>>()
@@ -121,9 +130,9 @@ impl<'p> Fit<'p> {
         let known: HashMap<Vec<u64>, Trial> = known.into_iter().map(|trial| (bits(&trial.values), trial)).collect();
         let search = Search { fit: self, count, known, task, trials: RefCell::default(), take: RefCell::new(take) };
         for start in 0.. {
-            let solver = BoundedCmaEs::<Vec<f64>, DenseMatrix>::new(self.seed.wrapping_add(start), SPREAD)
+            let solver = BoundedCmaEs::<Vec<f64>, DenseMatrix>::new(self.seed.wrapping_add(start), self.spread)
                 .with_absolute_distribution_size_tolerance(OVER);
-            let from = self.question.start(self.plan, start);
+            let from = self.question.start(&self.plan, start);
             match Executor::from_start(&search, solver, from).max_cost_evals(count as u64).run() {
                 Err(ConstraintSolveError::Evaluation(Stop::Enough)) => break,
                 Err(ConstraintSolveError::Evaluation(Stop::Failed(error))) => return Err(error),
@@ -159,12 +168,19 @@ impl<'p> Fit<'p> {
     /// Loss and verdicts of the claims.
     fn judged(&self, values: &[f64], task: Task<'_>) -> Result<(f64, Vec<char>), StudyError> {
         let mut verdicts = vec!['-'; self.claims.len()];
-        let Some(plan) = self.question.put(self.plan, values) else {
+        let Some(plan) = self.question.put(&self.plan, values) else {
             return Ok((NO_TRAIN * self.claims.len() as f64, verdicts));
         };
         let mut kinds: Vec<Kind> = self.claims.iter().map(|claim| claim.kind).collect();
         kinds.dedup();
-        let context = Context { rule: Rule::default(), task };
+        let usual = Rule::default();
+        let rule = if plan.is_coarse {
+            let approach = Approach { most_cycles: MOST_CYCLES, ..usual.approach };
+            Rule { approach, irregular_cycles: IRREGULAR_CYCLES, ..usual }
+        } else {
+            usual
+        };
+        let context = Context { rule, task };
         let made: Vec<_> = kinds.par_iter().with_max_len(1).map(|kind| (*kind, plan.make(*kind, &context))).collect();
         let mut losses: Vec<f64> = self.claims.iter().map(|claim| f64::from(u8::from(!claim.is_held_out))).collect();
         for (kind, made) in made {

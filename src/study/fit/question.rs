@@ -3,7 +3,10 @@
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::super::{StudyError, plan::Plan};
+use super::super::{Kind, StudyError, file, plan::Plan};
+
+/// Octaves by which an implausible number pays at most: zero is infinitely many below a plausible range.
+const MOST_OCTAVES: f64 = 8.0;
 
 /// A number that is sought.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -16,6 +19,10 @@ pub struct Number {
     /// Scenes that have it; those with a number at the first place if none is named.
     #[serde(default)]
     pub scenes: Vec<String>,
+    /// Tells that it multiplies the scenes' own values.
+    #[serde(default)]
+    #[serde(rename = "factor")]
+    pub is_factor: bool,
     /// Smallest and largest value. If the smallest one is positive the number is sought in its logarithm.
     pub between: [f64; 2],
     /// Plausible values; all of them if left out.
@@ -25,12 +32,27 @@ pub struct Number {
     pub source: String,
 }
 
+/// A plot of a trial: at few values, from cold starts alone.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrialPlot {
+    /// Its kind.
+    #[serde(rename = "plot")]
+    pub kind: Kind,
+    /// Loads or speeds; those of the study if left out.
+    #[serde(default, deserialize_with = "file::values")]
+    pub values: Option<Vec<f64>>,
+}
+
 /// The numbers that a study seeks.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Question {
     /// The numbers.
     pub numbers: Vec<Number>,
+    /// Plots of a trial; those of the study, at all of their values, if none is named.
+    #[serde(default)]
+    pub plots: Vec<TrialPlot>,
     #[serde(skip)]
     pub(super) low: Vec<f64>,
     #[serde(skip)]
@@ -97,6 +119,8 @@ impl Question {
                 faults.push(format!("{}: no scene of the study has a number at {places}", number.name));
             }
         }
+        let strange = self.plots.iter().filter_map(|plot| plan.plot(plot.kind).err());
+        faults.extend(strange.map(|error| format!("fit: {error}")));
         if faults.is_empty() { Ok(()) } else { Err(StudyError::File(faults.join("; "))) }
     }
 
@@ -109,7 +133,8 @@ impl Question {
         if search == 0 {
             let own = |number: &Number| {
                 let scene = number.places(plan).next().and_then(|name| plan.scene(name).ok());
-                let value = scene.and_then(|scene| scene.resolved().pointer(&number.pointers[0])?.as_f64());
+                let own = |scene: &crate::scene::Scene| scene.resolved().pointer(&number.pointers[0])?.as_f64();
+                let value = if number.is_factor { Some(1.0) } else { scene.and_then(own) };
                 value.map_or(0.5, |value| number.share(value))
             };
             return self.numbers.iter().map(own).collect();
@@ -119,14 +144,35 @@ impl Question {
         (0..self.numbers.len()).map(|j| (0.5 + search as f64 * phi.powi(-(j as i32 + 1))).fract()).collect()
     }
 
+    /// The study with the plots of a trial alone.
+    pub(super) fn coarse(&self, plan: &Plan) -> Plan {
+        let mut plan = plan.clone();
+        if self.plots.is_empty() {
+            return plan;
+        }
+        for section in &mut plan.sections {
+            section.plots.retain(|plot| self.plots.iter().any(|own| own.kind == plot.kind));
+            for plot in &mut section.plots {
+                let own = self.plots.iter().find(|own| own.kind == plot.kind);
+                plot.values = own.and_then(|own| own.values.clone()).or_else(|| plot.values.take());
+            }
+        }
+        plan.is_coarse = true;
+        plan
+    }
+
     /// The study with the numbers in its scenes; `None` where they make no train.
     pub(in super::super) fn put(&self, plan: &Plan, values: &[f64]) -> Option<Plan> {
         let mut plan = plan.clone();
         for i in 0..plan.scenes.len() {
             let (name, scene) = &plan.scenes[i];
             let own = self.numbers.iter().zip(values).filter(|(number, _)| number.places(&plan).any(|own| own == name));
+            let value = |number: &Number, at: &str, value: f64| {
+                let own = scene.resolved().pointer(at).and_then(Value::as_f64);
+                json!(if number.is_factor { own.unwrap_or_default() * value } else { value })
+            };
             let places: Vec<(&str, Value)> = own
-                .flat_map(|(number, value)| number.pointers.iter().map(move |at| (at.as_str(), json!(value))))
+                .flat_map(|(n, v)| n.pointers.iter().map(move |at| (at.as_str(), value(n, at, *v))))
                 .collect();
             if !places.is_empty() {
                 plan.scenes[i].1 = scene.with_all(places).ok()?;
@@ -141,7 +187,7 @@ impl Question {
             let Some([low, high]) = number.plausible else { return 0.0 };
             let off = if *value < low { low / value } else { value / high };
             if off > 1.0 && low > 0.0 {
-                libm::log2(off)
+                libm::log2(off).min(MOST_OCTAVES)
             } else if off > 1.0 || *value < low {
                 // Of a range that reaches to zero or below: how many of its widths.
                 (value - high).max(low - value) / (high - low)
