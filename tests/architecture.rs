@@ -221,7 +221,7 @@ const ROOMS: &[(&str, usize)] = &[
     ("poly", 1400),
     ("scene", 4800),
     ("simulation", 2150),
-    ("study", 9440),
+    ("study", 9570),
     ("sweep", 1740),
     ("system", 5070),
     ("tangent", 1150),

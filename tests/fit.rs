@@ -94,6 +94,33 @@ fn a_search_is_repeated_and_gone_on_with_to_the_bit() {
     assert_eq!(pool.install(|| search(&plan, 30, Vec::new()).0), all);
 }
 
+/// All scenes of the published study with one set have the same bodies, errors and drag, and its numbers are plausible.
+#[test]
+fn one_set_is_one_set() {
+    let plan = Plan::one_set().unwrap();
+    let trains: Vec<Value> = plan.scenes().map(|(_, scene)| scene.resolved()["train"].clone()).collect();
+    assert_eq!(trains.len(), 4);
+    for at in
+        ["/sun", "/planet", "/ring", "/carrier", "/sun_mesh/error", "/ring_mesh/error", "/load/drag_torque_nm_per_rpm"]
+    {
+        assert!(trains[0].pointer(at).is_some());
+        assert!(trains.iter().all(|train| train.pointer(at) == trains[0].pointer(at)), "{at}");
+    }
+    let fit = Fit::new(&plan, (0, 0.0), 1, 0.25).unwrap();
+    let mut own = Vec::new();
+    let file: Value = serde_json::from_str(include_str!("../src/study/published/one-set.json")).unwrap();
+    for number in file["fit"]["numbers"].as_array().unwrap() {
+        let pointer = number["pointers"][0].as_str().unwrap();
+        let mut values = plan.scenes().filter_map(|(_, scene)| scene.resolved().pointer(pointer)?.as_f64());
+        let value = if number["factor"] == true { 1.0 } else { values.next().unwrap() };
+        let [low, high] = [0, 1].map(|end| number["plausible"][end].as_f64().unwrap());
+        assert!((low..=high).contains(&value), "{number}");
+        own.push(value);
+    }
+    assert_eq!(own.len(), 29);
+    assert!(fit.study(&own).is_some());
+}
+
 /// A factor keeps the ratio of two harmonics; a trial makes its own plots alone; a statement that is missed says by how much.
 #[test]
 fn factors_plots_and_misses_count() {
@@ -124,7 +151,8 @@ fn factors_plots_and_misses_count() {
     assert_eq!(trial(0.2).verdicts, "da");
     assert!((force(0.4) / force(0.2) - 2.0).abs() < 1e-6, "{} {}", force(0.2), force(0.4));
     let scaled = fit.study(&[0.5]).unwrap();
-    let amplitudes = scaled.scenes().next().map(|(_, scene)| both.map(|at| scene.resolved().pointer(at).unwrap().as_f64().unwrap()));
+    let amplitudes =
+        scaled.scenes().next().map(|(_, scene)| both.map(|at| scene.resolved().pointer(at).unwrap().as_f64().unwrap()));
     assert_eq!(amplitudes, Some([1.5e-6, 5e-8]));
 }
 

@@ -78,6 +78,18 @@ fn a_preset_is_the_stage_it_names() {
     assert_eq!(Scene::reference().and_then(|s| s.build()).expect("reference").spec, stage("reference-light"));
 }
 
+/// A number in a list that a preset brings is changed in place; the rest of the list stays.
+#[test]
+fn a_number_in_a_list_of_a_preset_is_changed_alone() {
+    let scene = Scene::reference().expect("reference");
+    let pointer = "/train/sun_mesh/error/1/amplitude_m";
+    let mut wanted = scene.resolved().clone();
+    *wanted.pointer_mut(pointer).expect("second harmonic") = json!(1e-6);
+    let changed = scene.with(pointer, json!(1e-6)).expect("changed");
+    assert_eq!(changed.resolved(), &wanted);
+    assert!(scene.with("/train/sun_mesh/error/2/amplitude_m", json!(1e-6)).is_err());
+}
+
 #[test]
 fn keys_beside_a_preset_replace_its_own() {
     let train = json!({

@@ -252,14 +252,26 @@ impl Scene {
         let mut lost = Vec::new();
         for (pointer, value) in values {
             let keys = pointer.split('/').skip(1).map(|key| key.replace("~1", "/").replace("~0", "~"));
-            let place = keys.into_iter().try_fold(&mut given, |place, key| match place {
-                // What a preset or a default brings is not written yet.
-                Value::Object(object) => Some(object.entry(key).or_insert_with(|| Value::Object(Map::new()))),
-                Value::Array(items) => key.parse::<usize>().ok().and_then(|i| items.get_mut(i)),
-                _ => None,
+            let start = (&mut given, Some(&self.resolved));
+            let place = keys.into_iter().try_fold(start, |(place, resolved), key| {
+                let index = key.parse::<usize>();
+                let resolved = resolved.and_then(|all| match all {
+                    Value::Array(items) => items.get(index.clone().ok()?),
+                    all => all.get(&key),
+                });
+                let place = match place {
+                    // What a preset or a default brings is not written yet: a list whole, of an object what is asked for.
+                    Value::Object(object) => Some(object.entry(key).or_insert_with(|| match resolved {
+                        Some(list @ Value::Array(_)) => list.clone(),
+                        _ => Value::Object(Map::new()),
+                    })),
+                    Value::Array(items) => index.ok().and_then(|i| items.get_mut(i)),
+                    _ => None,
+                };
+                Some((place?, resolved))
             });
             match place {
-                Some(place) => *place = value,
+                Some((place, _)) => *place = value,
                 None => {
                     let fault = Fault::new(pointer, "a pointer that leads nowhere", "a place in the scene");
                     lost.push(fault.remedy("check the pointer against the resolved scene"));

@@ -149,7 +149,7 @@ impl Claims {
             kind,
             number,
             place: claim.place.clone(),
-            quantity: claim.quantity.clone(),
+            quantity: claim.name(),
             is_held_out: claim.held_out,
         })
     }
@@ -192,6 +192,15 @@ impl Group {
 }
 
 impl Claim {
+    /// Its quantity without values.
+    fn name(&self) -> String {
+        let parts = self.quantity.split('{').enumerate();
+        parts
+            .map(|(i, part)| if i == 0 { part } else { part.split_once('}').map_or("", |(_, rest)| rest) })
+            .collect::<Vec<_>>()
+            .join("…")
+    }
+
     /// The row, unless the claim says nothing here.
     fn compare(&self, names: &Map<String, Value>) -> Result<Option<Comparison>, String> {
         if !truth(self.when.as_deref(), names)?.unwrap_or(true) {

@@ -237,7 +237,7 @@ impl Plan {
                 figure,
                 scene: [format!("{}{}{words}", scene.name(), if words.is_empty() { "" } else { ", " }), scene.hash()],
                 listing: None,
-                comparisons: self.claims.compare(kind.id(), self.with_coarse(facts))?,
+                comparisons: self.compared(kind, facts)?,
             })
         };
         let listed = |listing: Table, words: &str| {
@@ -283,7 +283,8 @@ impl Plan {
                 entry(Some(figure), "load varied", facts)?
             }
             Kind::ApartVsSpeed => {
-                let (mut figure, curves) = figures::apart(context, scene, (kind.id(), self.is_coarse), (&self.speed(scene)?, &values))?;
+                let (mut figure, curves) =
+                    figures::apart(context, scene, (kind.id(), self.is_coarse), (&self.speed(scene)?, &values))?;
                 self.publish(&mut figure, &last_family(scene)?);
                 entry(Some(figure), "speed varied", figures::facts(&curves, &values))?
             }
@@ -321,20 +322,27 @@ impl Plan {
         })
     }
 
-    /// Facts that a claim may ask about, with `coarse` where a fit tries numbers.
-    fn with_coarse(&self, facts: Value) -> Value {
-        match facts {
-            Value::Object(mut facts) => {
-                facts.insert("coarse".to_owned(), self.is_coarse.into());
-                facts.into()
-            }
-            facts => facts,
+    /// What is claimed about a plot beside what it measured. Claims see `coarse` in a trial of a fit. In a study with numbers to
+    /// find those are fitted to which a trial judges.
+    fn compared(&self, kind: Kind, mut facts: Value) -> Result<Vec<Comparison>, StudyError> {
+        if let Value::Object(facts) = &mut facts {
+            facts.insert("coarse".to_owned(), self.is_coarse.into());
         }
+        let mut rows = self.claims.compare(kind.id(), facts)?;
+        if let Some(question) = &self.question {
+            let is_fitted = |row: &Comparison| {
+                let mut keys = self.claims.keys(kind);
+                question.makes(kind) && keys.any(|key| key.number == row.number && !key.is_held_out)
+            };
+            rows.iter_mut().for_each(|row| row.fitted = is_fitted(row));
+        }
+        Ok(rows)
     }
 
     fn by_load(&self, context: &Context<'_>, scene: &Scene, loads: &[f64]) -> Result<(Figure, Value), StudyError> {
         let load = self.load(scene)?;
-        let (mut figure, curves) = figures::apart(context, scene, (Kind::ApartVsLoad.id(), self.is_coarse), (&load, loads))?;
+        let (mut figure, curves) =
+            figures::apart(context, scene, (Kind::ApartVsLoad.id(), self.is_coarse), (&load, loads))?;
         let stem = last_family(scene)?;
         // The grid has found where to look: between its last load at which contact is lost and the next one.
         let find = |by: By, time: fn(&ContactSteady) -> f64| {

@@ -85,12 +85,14 @@ impl<'p> Fit<'p> {
     /// trials lie within `spread` of the scenes' own numbers, a share of the ranges > 0.
     ///
     /// # Errors
-    /// [`StudyError::File`] if the study seeks no number or claims nothing, or if a number is in none of its scenes.
+    /// [`StudyError::File`] if the study seeks no number or claims nothing, or if a number is in none of its scenes;
+    /// [`StudyError::Simulation`] if its own numbers, within their ranges, make no train.
     pub fn new(plan: &'p Plan, jitter: (usize, f64), seed: u64, spread: f64) -> Result<Self, StudyError> {
         let refused = |why: &str| StudyError::File(why.to_owned());
         let question = plan.question.as_ref().ok_or_else(|| refused("it has no \"fit\" with the numbers to find"))?;
         question.check(plan)?;
         let (plan, whole) = (question.coarse(plan), plan);
+        question.put(&plan, &question.values(&question.start(&plan, 0)))?;
         let claims: Vec<ClaimKey> = plan.kinds().into_iter().flat_map(|kind| plan.claims.keys(kind)).collect();
         if claims.iter().all(|claim| claim.is_held_out) {
             return Err(refused("it has no claim that is not held out: nothing to fit to"));
@@ -168,7 +170,7 @@ impl<'p> Fit<'p> {
     /// Loss and verdicts of the claims.
     fn judged(&self, values: &[f64], task: Task<'_>) -> Result<(f64, Vec<char>), StudyError> {
         let mut verdicts = vec!['-'; self.claims.len()];
-        let Some(plan) = self.question.put(&self.plan, values) else {
+        let Ok(plan) = self.question.put(&self.plan, values) else {
             return Ok((NO_TRAIN * self.claims.len() as f64, verdicts));
         };
         let mut kinds: Vec<Kind> = self.claims.iter().map(|claim| claim.kind).collect();

@@ -4,6 +4,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::super::{Kind, StudyError, file, plan::Plan};
+use crate::scene::SceneError;
 
 /// Octaves by which an implausible number pays at most: zero is infinitely many below a plausible range.
 const MOST_OCTAVES: f64 = 8.0;
@@ -144,6 +145,11 @@ impl Question {
         (0..self.numbers.len()).map(|j| (0.5 + search as f64 * phi.powi(-(j as i32 + 1))).fract()).collect()
     }
 
+    /// Tells that a trial makes this plot.
+    pub(in super::super) fn makes(&self, kind: Kind) -> bool {
+        self.plots.is_empty() || self.plots.iter().any(|plot| plot.kind == kind)
+    }
+
     /// The study with the plots of a trial alone.
     pub(super) fn coarse(&self, plan: &Plan) -> Plan {
         let mut plan = plan.clone();
@@ -151,7 +157,7 @@ impl Question {
             return plan;
         }
         for section in &mut plan.sections {
-            section.plots.retain(|plot| self.plots.iter().any(|own| own.kind == plot.kind));
+            section.plots.retain(|plot| self.makes(plot.kind));
             for plot in &mut section.plots {
                 let own = self.plots.iter().find(|own| own.kind == plot.kind);
                 plot.values = own.and_then(|own| own.values.clone()).or_else(|| plot.values.take());
@@ -161,8 +167,11 @@ impl Question {
         plan
     }
 
-    /// The study with the numbers in its scenes; `None` where they make no train.
-    pub(in super::super) fn put(&self, plan: &Plan, values: &[f64]) -> Option<Plan> {
+    /// The study with the numbers in its scenes.
+    ///
+    /// # Errors
+    /// Faults of the first scene in which they make no train.
+    pub(in super::super) fn put(&self, plan: &Plan, values: &[f64]) -> Result<Plan, SceneError> {
         let mut plan = plan.clone();
         for i in 0..plan.scenes.len() {
             let (name, scene) = &plan.scenes[i];
@@ -171,14 +180,13 @@ impl Question {
                 let own = scene.resolved().pointer(at).and_then(Value::as_f64);
                 json!(if number.is_factor { own.unwrap_or_default() * value } else { value })
             };
-            let places: Vec<(&str, Value)> = own
-                .flat_map(|(n, v)| n.pointers.iter().map(move |at| (at.as_str(), value(n, at, *v))))
-                .collect();
+            let places: Vec<(&str, Value)> =
+                own.flat_map(|(n, v)| n.pointers.iter().map(move |at| (at.as_str(), value(n, at, *v)))).collect();
             if !places.is_empty() {
-                plan.scenes[i].1 = scene.with_all(places).ok()?;
+                plan.scenes[i].1 = scene.with_all(places)?;
             }
         }
-        Some(plan)
+        Ok(plan)
     }
 
     /// Penalty of implausible values.

@@ -193,6 +193,6 @@ impl Fit<'_> {
     /// The study with a set of numbers in its scenes; `None` where they make no train.
     #[must_use]
     pub fn study(&self, values: &[f64]) -> Option<Plan> {
-        self.question.put(self.whole, values)
+        self.question.put(self.whole, values).ok()
     }
 }
