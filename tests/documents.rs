@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 #[test]
 fn every_scene_in_the_documents_builds_and_starts() {
     let mut found = 0;
-    for page in ["README.md", "docs/SCENE.md"] {
+    for page in ["README.md", "docs/TUTORIAL.md", "docs/SCENE.md"] {
         let Ok(text) = fs::read_to_string(format!("{}/{page}", env!("CARGO_MANIFEST_DIR"))) else {
             panic!("{page} cannot be read");
         };
@@ -21,7 +21,7 @@ fn every_scene_in_the_documents_builds_and_starts() {
             found += 1;
         }
     }
-    assert_eq!(found, 12);
+    assert_eq!(found, 13);
 }
 
 /// The places of all values of `value`, as `contacts[].name`.
@@ -72,4 +72,29 @@ fn every_field_of_a_run_is_listed_with_its_unit_and_no_other() {
             "{title}: not listed {unlisted:?}, not written {unwritten:?}"
         );
     }
+}
+
+/// Each command of the tutorial prints the lines below it.
+#[cfg(feature = "cli")]
+#[test]
+fn the_tutorial_prints_what_it_says() {
+    let page = fs::read_to_string(format!("{}/docs/TUTORIAL.md", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let scene = page.split("```json\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+    fs::write(folder.path().join("my-pair.json"), scene).unwrap();
+    let mut lines = 0;
+    for block in page.split("```sh\n").skip(1) {
+        let (command, rest) = block.split_once("\n```").unwrap();
+        let Some(arguments) = command.strip_prefix("flank ") else { continue };
+        let mut flank = std::process::Command::new(env!("CARGO_BIN_EXE_flank"));
+        let output = flank.args(arguments.split(' ')).current_dir(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{command}: {}", String::from_utf8_lossy(&output.stderr));
+        let printed = String::from_utf8(output.stdout).unwrap();
+        let said = rest.split("```text\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+        for line in said.lines() {
+            assert!(printed.lines().any(|own| own == line), "{command} does not print\n{line}\n{printed}");
+            lines += 1;
+        }
+    }
+    assert_eq!(lines, 8);
 }
