@@ -65,10 +65,9 @@ fn hidden_numbers_are_found_and_exclusions_told() {
     let truth = study(&pair(1.3e-6, 2.1e-7), claims(1.0, 1.0));
     let entry = truth
         .make(flank::study::Kind::Forces, &flank::study::Context { rule: Default::default(), task: Task::default() });
-    let found: Vec<f64> = entry.unwrap().comparisons[..2]
-        .iter()
-        .map(|row| row.found.split(' ').next().unwrap().parse().unwrap())
-        .collect();
+    let rows = entry.unwrap().comparisons;
+    assert_eq!(rows.iter().map(|row| row.fitted).collect::<Vec<_>>(), [true, true, true, true, false]);
+    let found: Vec<f64> = rows[..2].iter().map(|row| row.found.split(' ').next().unwrap().parse().unwrap()).collect();
     let plan = study(&pair(3e-6, 1e-7), claims(found[0], found[1]));
     let (trials, result) = search(&plan, 400, Vec::new());
     assert_eq!(trials.len(), 400);

@@ -78,7 +78,7 @@ impl Plan {
     /// The same with one set of numbers for all figures, preset `reference`, and the ranges in which `flank fit` found them.
     ///
     /// # Errors
-    /// As [`Self::reference`].
+    /// [`StudyError`] never in fact.
     pub fn one_set() -> Result<Self, StudyError> {
         StudyFile::one_set()?.plan()
     }
@@ -322,8 +322,8 @@ impl Plan {
         })
     }
 
-    /// What is claimed about a plot beside what it measured. Claims see `coarse` in a trial of a fit. In a study with numbers to
-    /// find those are fitted to which a trial judges.
+    /// Claims about a plot beside what it measured. They see `coarse` in a trial of a fit. In a study with numbers to find,
+    /// a claim is fitted to if a trial judges it.
     fn compared(&self, kind: Kind, mut facts: Value) -> Result<Vec<Comparison>, StudyError> {
         if let Value::Object(facts) = &mut facts {
             facts.insert("coarse".to_owned(), self.is_coarse.into());
